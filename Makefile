@@ -1,0 +1,67 @@
+# Every verb works as the first command on a machine with make, Python >= 3.11 and a package index.
+# `make PYTHON=python3.12 test` chooses the interpreter.
+
+ifndef PYTHON
+PYTHON := $(shell for python in python3 python3.13 python3.12 python3.11; do \
+	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && break; \
+	done; echo $$python)
+endif
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO_RUN := demo-run
+TEST_WORKERS ?= 2
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup setup-test demo test check format bench docs FORCE
+
+help:  ## Say what each verb does.
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
+
+setup: $(VENV)/.installed  ## Make the virtual environment and install the package.
+
+demo: setup  ## Evaluate the scripted experts, five episodes a task; leaves demo-run/ with a report.
+	rm -rf $(DEMO_RUN)
+	$(BIN)/duobench eval --policy expert --suite demo --workers 2 --videos 1 --out $(DEMO_RUN)
+
+test: check  ## Check format, lint and types, then run the tests.
+	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope
+
+check: setup-test  ## Check format, lint and types.
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
+
+format: setup-test  ## Format the code and fix what the linter can fix.
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: setup-test  ## Measure speed, as ratios and against the bars.
+	$(BIN)/python -m benchmarks
+
+setup-test: $(VENV)/.installed-test
+
+# The environment belongs to one interpreter and one folder: scripts in it name both. The file
+# is rewritten only when either changes, and everything else follows from it.
+define IDENTITY
+import sys; print(sys.version, sys.base_prefix, "$(CURDIR)", sep="\n")
+endef
+
+$(VENV)/.identity: FORCE
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "DuoBench needs Python 3.11 or newer, but $(PYTHON) is not; try: make PYTHON=python3.12" >&2; \
+		exit 1; }
+	@identity="$$($(PYTHON) -c '$(IDENTITY)')"; \
+	if [ "$$identity" != "$$(cat $@ 2>/dev/null)" ]; then \
+		$(PYTHON) -m venv --clear $(VENV) || { \
+			echo "On Debian and Ubuntu: apt-get install python3-venv" >&2; exit 1; }; \
+		echo "$$identity" > $@; \
+	fi
+
+$(VENV)/.installed: $(VENV)/.identity pyproject.toml constraints.txt
+	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@
