@@ -1,0 +1,190 @@
+"""Imports point down: every room of the package may use the rooms below it and none above.
+
+The rules are data (`FLOORS`, `FORBIDDEN`); `violations` reads the source of a package, never runs
+it, and so sees imports inside functions and under `TYPE_CHECKING` as well.
+"""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import duobench
+
+# Rooms from the ground up. A room may import the rooms of every line above its own here, and
+# itself; rooms of one line are siblings, which never import each other.
+FLOORS = (
+    ("errors",),
+    ("spatial",),
+    ("types", "randomness"),
+    ("assets",),
+    ("solids",),
+    ("scene",),
+    ("sim",),
+    ("stages",),
+    ("tasks",),
+    ("envs",),
+    ("experts", "data", "policy", "hardware", "fabrication"),
+    ("evaluation", "teleop"),
+    ("cli", "__main__"),
+)
+RANK = {room: rank for rank, rooms in enumerate(FLOORS) for room in rooms}
+BASE = ("errors", "spatial", "types", "randomness")
+
+# Modules that a room may not name, apart from what the floors already say.
+EVERYWHERE = ("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy")
+GYMNASIUM = ("gymnasium", "gym")
+FORBIDDEN = {
+    **dict.fromkeys(BASE, ("mujoco", *GYMNASIUM)),
+    "assets": ("mujoco", *GYMNASIUM),
+    "solids": GYMNASIUM,
+    "scene": (*GYMNASIUM, "mujoco.mj_step", "mujoco.mj_step1", "mujoco.mj_step2"),
+    "sim": GYMNASIUM,
+    "stages": (
+        *GYMNASIUM,
+        "duobench.randomness",
+        "duobench.sim.rendering",
+        "numpy.random",
+        "random",
+        "mujoco.Renderer",
+    ),
+    "tasks": GYMNASIUM,
+    "envs": ("http", "pathlib", "requests", "shutil", "socket", "tempfile", "urllib", "websockets"),
+}
+
+# What a room may take from the package itself, which stands above all rooms.
+OF_THE_ROOT = frozenset({"duobench.__version__"})
+
+
+def imports(node: ast.AST, package: list[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield (imported name, local name, what that is bound to) for one import statement."""
+    if isinstance(node, ast.Import):
+        for alias in node.names:
+            root = alias.name.split(".")[0]
+            yield (alias.name, alias.asname or root, alias.name if alias.asname else root)
+    elif isinstance(node, ast.ImportFrom):
+        above = package[: len(package) - node.level + 1] if node.level else []
+        origin = ".".join([*above, *([node.module] if node.module else [])])
+        for alias in node.names:
+            name = f"{origin}.{alias.name}"
+            yield name, alias.asname or alias.name, name
+
+
+def named(tree: ast.Module, module: str, *, is_package: bool) -> Iterator[str]:
+    """Yield the dotted name of everything that a module imports or reaches by attribute."""
+    package = module.split(".") if is_package else module.split(".")[:-1]
+    bound = {}
+    for node in ast.walk(tree):
+        for name, local, target in imports(node, package):
+            bound[local] = target
+            yield name
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute):
+            start, _, rest = ast.unparse(node).partition(".")
+            if start in bound:
+                yield f"{bound[start]}.{rest}"
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            yield from (str(a.value) for a in node.args[:1] if isinstance(a, ast.Constant))
+
+
+def names_one_of(name: str, prefixes: tuple[str, ...]) -> bool:
+    return any(name == prefix or name.startswith(prefix + ".") for prefix in prefixes)
+
+
+def objection(room: str, name: str) -> str | None:
+    """Say why code in a room may not name something, or None where it may."""
+    if names_one_of(name, EVERYWHERE):
+        return "is no dependency of the core"
+    if names_one_of(name, FORBIDDEN.get(room, ())):
+        return f"is forbidden in {room}"
+    if not names_one_of(name, ("duobench",)) or name in OF_THE_ROOT:
+        return None
+    other = name.split(".")[1] if "." in name else name
+    if other not in RANK:
+        return "is no room, and the package itself stands above every room"
+    if other != room and RANK[other] >= RANK[room]:
+        return f"is a sibling of {room}" if RANK[other] == RANK[room] else f"lies above {room}"
+    return None
+
+
+def violations(package: Path) -> set[str]:
+    """Return one sentence for every import under a package folder that breaks a rule."""
+    found = set()
+    for path in sorted(package.rglob("*.py")):
+        parts = [package.name, *path.relative_to(package).with_suffix("").parts]
+        is_package = parts[-1] == "__init__"
+        module = ".".join(parts[:-1] if is_package else parts)
+        if module == package.name:
+            continue
+        room = parts[1]
+        if room not in RANK:
+            found.add(f"{module}: {room} has no floor")
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for name in named(tree, module, is_package=is_package):
+            reason = objection(room, name)
+            if reason is not None:
+                found.add(f"{module}: {name} {reason}")
+    return found
+
+
+def test_imports_of_the_package_point_down() -> None:
+    package = Path(duobench.__file__).parent
+    assert len(list(package.rglob("*.py"))) > len(RANK) / 2, "the package was not found"
+    assert violations(package) == set()
+
+
+@pytest.mark.parametrize(
+    ("path", "source", "complaint"),
+    [
+        ("sim/a.py", "from duobench.tasks import catalog", "duobench.tasks.catalog lies above sim"),
+        ("sim/a.py", "from ..envs.spaces import x", "duobench.envs.spaces.x lies above sim"),
+        ("sim/__init__.py", "from ..envs import x", "duobench.envs.x lies above sim"),
+        ("envs/wrappers/a.py", "from ...cli import x", "duobench.cli.x lies above envs"),
+        ("errors.py", "import duobench.spatial", "duobench.spatial lies above errors"),
+        ("spatial.py", "from duobench import assets", "duobench.assets lies above spatial"),
+        ("experts/a.py", "import duobench.policy", "duobench.policy is a sibling of experts"),
+        ("policy/a.py", "from duobench.experts import x", "duobench.experts.x is a sibling"),
+        ("types.py", "from duobench.randomness import x", "duobench.randomness.x is a sibling"),
+        ("assets/a.py", "import mujoco", "mujoco is forbidden in assets"),
+        ("sim/a.py", "def f():\n    import gymnasium.spaces", "gymnasium.spaces is forbidden"),
+        ("tasks/a.py", "if TYPE_CHECKING:\n    import gymnasium", "gymnasium is forbidden"),
+        ("scene/a.py", "import mujoco as mj\nmj.mj_step(m, d)", "mujoco.mj_step is forbidden"),
+        ("scene/a.py", "import mujoco.viewer\nmujoco.mj_step(m, d)", "mujoco.mj_step is forbidden"),
+        ("stages/a.py", "import numpy as np\nnp.random.rand()", "numpy.random.rand is forbidden"),
+        ("stages/a.py", "from duobench.sim import rendering", "sim.rendering is forbidden"),
+        ("envs/a.py", "import urllib.request", "urllib.request is forbidden in envs"),
+        ("cli/a.py", "import torch.nn", "torch.nn is no dependency of the core"),
+        ("cli/a.py", "import_module('torch')", "torch is no dependency of the core"),
+        ("sim/a.py", "import duobench", "duobench is no room"),
+        ("sim/a.py", "from duobench import make", "duobench.make is no room"),
+        ("attic/a.py", "", "attic has no floor"),
+    ],
+)
+def test_a_violation_is_found(tmp_path: Path, path: str, source: str, complaint: str) -> None:
+    module = tmp_path / "duobench" / path
+    module.parent.mkdir(parents=True)
+    module.write_text(source)
+    found = violations(tmp_path / "duobench")
+    assert any(complaint in sentence for sentence in found), found
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("__init__.py", "from duobench.envs import registration"),
+        ("sim/a.py", "from duobench.scene import compose\nfrom . import b\nimport mujoco"),
+        ("sim/a.py", "from duobench import __version__"),
+        ("sim/a.py", "import duobench.errors\nraise duobench.errors.LayoutError"),
+        ("envs/a.py", "import gymnasium\nfrom ..tasks.task import Task"),
+        ("evaluation/a.py", "from duobench.experts import x\nfrom duobench.policy import y"),
+        ("scene/a.py", "import mujoco\nmujoco.mj_stepping_stone"),
+        ("stages/a.py", "import numpy as np\nnp.randomly"),
+    ],
+)
+def test_what_is_allowed_is_not_reported(tmp_path: Path, path: str, source: str) -> None:
+    module = tmp_path / "duobench" / path
+    module.parent.mkdir(parents=True, exist_ok=True)
+    module.write_text(source)
+    assert violations(tmp_path / "duobench") == set()
