@@ -1,0 +1,85 @@
+"""`import duobench` registers the environments and does nothing else."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+# Runs in a child process. Everything that the import does to the outside is seen by an audit
+# hook; byte code is not written, so that every file opened for writing is the package's own doing.
+PROBE = """
+import json, os, sys
+import numpy, gymnasium
+import logging
+touched = []
+def watch(event, arguments):
+    if event == "open":
+        mode, flags = arguments[1], arguments[2]
+        writes = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+        if (flags or 0) & writes or any(letter in (mode or "") for letter in "wax+"):
+            touched.append(f"open {arguments[0]}")
+    elif event.split(".")[0] in {"socket", "subprocess", "tempfile", "shutil", "urllib"}:
+        touched.append(event)
+    elif event.startswith("os.") and event not in {"os.listdir", "os.scandir"}:
+        touched.append(event)
+before = set(sys.modules)
+environment = dict(os.environ)
+handlers = len(logging.getLogger().handlers)
+level = logging.getLogger().level
+sys.addaudithook(watch)
+import duobench
+done = list(touched)
+print(json.dumps({
+    "modules": sorted(set(sys.modules) - before),
+    "touched": done,
+    "environment": dict(os.environ) == environment,
+    "handlers": [str(handler) for handler in logging.getLogger("duobench").handlers
+                 if not isinstance(handler, logging.NullHandler)],
+    "root": (len(logging.getLogger().handlers), logging.getLogger().level) == (handlers, level),
+    "ids": sorted(name for name in gymnasium.registry if name.startswith("duobench/")),
+    "entry_points": [str(spec.entry_point) for name, spec in gymnasium.registry.items()
+                     if name.startswith("duobench/") and not isinstance(spec.entry_point, str)],
+}))
+"""
+HEAVY = ("mujoco", "OpenGL", "glfw", "matplotlib", "trimesh", "manifold3d", "mink", "PIL", "av")
+
+
+@pytest.fixture(scope="module")
+def probed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """Import the package in a fresh process, with an empty home, and report what happened."""
+    folder = tmp_path_factory.mktemp("home")
+    result = subprocess.run(
+        [sys.executable, "-B", "-W", "error", "-c", PROBE],
+        cwd=folder,
+        env={**os.environ, "HOME": str(folder), "XDG_CACHE_HOME": str(folder)},
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    assert list(folder.iterdir()) == []
+    return json.loads(result.stdout)
+
+
+@pytest.mark.parametrize("name", HEAVY)
+def test_import_leaves_heavy_packages_alone(probed: dict[str, list[str]], name: str) -> None:
+    assert "duobench" in probed["modules"]
+    assert [m for m in probed["modules"] if m.split(".")[0] == name] == []
+
+
+def test_import_leaves_the_simulation_alone(probed: dict[str, list[str]]) -> None:
+    rooms = {module.split(".")[1] for module in probed["modules"] if module.startswith("duobench.")}
+    assert rooms.isdisjoint({"assets", "scene", "sim", "stages", "tasks", "experts", "evaluation"})
+
+
+def test_import_touches_no_file_process_or_network(probed: dict[str, list[str]]) -> None:
+    assert probed["touched"] == []
+
+
+def test_import_changes_no_setting_of_the_process(probed: dict[str, list[str]]) -> None:
+    assert probed["environment"]
+    assert probed["handlers"] == []
+    assert probed["root"]

@@ -1,0 +1,118 @@
+"""What holds for the tracked files as a whole, read from git, so a clone is enough."""
+
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MEGABYTE = 1_000_000
+MODULE_LINES = 400
+
+# Where packages are fetched from is for the machine to say. Put together here, so that this file
+# does not name what it looks for.
+REGISTRIES = re.compile(
+    "|".join(
+        re.escape(".".join(parts))
+        for parts in [
+            ("pypi", "org"),
+            ("pythonhosted", "org"),
+            ("npmjs", "org"),
+            ("npmjs", "com"),
+            ("conda", "anaconda", "org"),
+            ("ghcr", "io"),
+            ("docker", "io"),
+            ("crates", "io"),
+            ("proxy", "golang", "org"),
+        ]
+    )
+)
+MACHINE_PATH = re.compile(r"(?<![\w.~}$-])/(?:root|home|work|tmp|Users|opt|mnt)/[\w.$-]")
+
+
+def tracked(*patterns: str) -> list[Path]:
+    """List the tracked files that match git's path patterns; a file just deleted is left out."""
+    listing = subprocess.run(
+        ["git", "ls-files", "-z", "--", *patterns],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    return [path for name in listing.split("\0") if name and (path := ROOT / name).is_file()]
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a file, or nothing where it is no text."""
+    data = path.read_bytes()
+    return "" if b"\0" in data else data.decode("utf-8")
+
+
+def lines_of(path: Path) -> int:
+    return len(path.read_text(encoding="utf-8").splitlines())
+
+
+def findings(pattern: re.Pattern[str], paths: list[Path]) -> list[str]:
+    return [
+        f"{path.relative_to(ROOT)}:{number}: {match.group()}"
+        for path in paths
+        for number, line in enumerate(text_of(path).splitlines(), start=1)
+        if (match := pattern.search(line))
+    ]
+
+
+def test_no_large_file_is_tracked() -> None:
+    paths = tracked()
+    assert ROOT / "pyproject.toml" in paths
+    large = {str(path.relative_to(ROOT)): path.stat().st_size for path in paths}
+    assert {name: size for name, size in large.items() if size > MEGABYTE} == {}
+
+
+def test_no_package_registry_is_named() -> None:
+    assert findings(REGISTRIES, tracked()) == []
+
+
+def test_no_path_of_a_machine_is_named() -> None:
+    assert findings(MACHINE_PATH, tracked()) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "is_one"),
+    [
+        ("cd /" + "home/ada/duobench", True),
+        ('open("/' + 'tmp/x")', True),
+        ("https://host.example/" + "home/ada", False),
+        ("src/data/x", False),
+        ("runs/work/x", False),
+    ],
+)
+def test_a_path_of_a_machine_is_recognized(line: str, *, is_one: bool) -> None:
+    assert bool(MACHINE_PATH.search(line)) is is_one
+
+
+def test_modules_stay_short() -> None:
+    modules = tracked("src/*.py")
+    assert ROOT / "src/duobench/errors.py" in modules
+    lengths = {str(path.relative_to(ROOT)): lines_of(path) for path in modules}
+    assert {name: length for name, length in lengths.items() if length > MODULE_LINES} == {}
+
+
+def test_constraints_hold_names_and_versions_only() -> None:
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line for line in lines if not line.startswith("#")]
+    assert pins
+    assert [pin for pin in pins if not re.fullmatch(r"[A-Za-z0-9_.-]+==[0-9][\w.]*", pin)] == []
+
+
+def test_wheel_carries_everything_of_the_package(tmp_path: Path) -> None:
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        packed = set(archive.namelist())
+    expected = {path.relative_to(ROOT / "src").as_posix() for path in tracked("src/duobench")}
+    assert expected <= packed
+    assert any(name.endswith("licenses/LICENSE") for name in packed)
