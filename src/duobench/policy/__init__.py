@@ -1,1 +1,6 @@
-"""TODO."""
+"""Policies: the protocol that every policy speaks, baselines, and how a name becomes a policy."""
+
+from duobench.policy.protocol import Policy, PolicyMetadata, as_chunk
+from duobench.policy.registry import BASELINES, make
+
+__all__ = ["BASELINES", "Policy", "PolicyMetadata", "as_chunk", "make"]

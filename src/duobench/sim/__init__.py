@@ -1,1 +1,1 @@
-"""TODO."""
+"""The simulation: runs a compiled scene and answers questions about it."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Parametric objects: one description gives collision geometry, picture, printable mesh, mass."""

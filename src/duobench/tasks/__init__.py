@@ -1,1 +1,1 @@
-"""TODO."""
+"""Tasks: data and a few pure functions, one file each."""

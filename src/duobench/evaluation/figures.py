@@ -1,0 +1,156 @@
+"""The figures of a report, as SVG whose bytes follow from the results alone."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from duobench.evaluation.metrics import TIME_POINTS, Results, TaskResult
+from duobench.evaluation.palette import ink_on, stage_colours
+from duobench.evaluation.table import percent
+
+INK = "#1c2024"
+"""Colour of text and axes."""
+CURVE = "#2a6f98"
+"""Colour of curves."""
+_FAINT = "#8a9299"
+"""Colour of grid lines, which works on a light and on a dark page."""
+_STYLE = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "duobench",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.edgecolor": INK,
+    "axes.facecolor": "none",
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+}
+_WIDTH = 7.6
+"""Width of every figure in inches."""
+_SHORTEST_LABELLED = 0.035
+"""Share of a bar below which a segment is too short for its stage's number."""
+
+
+def stage_bars(results: Results) -> Figure:
+    """One bar a task: the shares of episodes by last stage, the success rate written beside it."""
+    tasks = [one for one in results.tasks if one.score.episodes]
+    figure = Figure(figsize=(_WIDTH, 0.75 + 0.34 * len(tasks)), layout="constrained")
+    axes = figure.add_subplot()
+    for row, one in enumerate(tasks):
+        _stage_bar(axes, row, one)
+        axes.annotate(
+            f"{percent(one.score.success_rate)} %",
+            (1.0, row),
+            xytext=(6, 0),
+            textcoords="offset points",
+            va="center",
+            weight="bold",
+        )
+    axes.set_yticks(range(len(tasks)), [one.task.title for one in tasks])
+    axes.set_ylim(max(1, len(tasks)) - 0.5, -0.5)
+    axes.set_xlim(0.0, 1.09)
+    axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25", "50", "75", "100 %"])
+    axes.set_xlabel("Share of episodes by last stage; success rate at the right")
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
+    axes.spines["bottom"].set_bounds(0.0, 1.0)
+    return figure
+
+
+def _stage_bar(axes: Axes, row: int, result: TaskResult) -> None:
+    """Draw the segments of one task's bar, with the number of each stage."""
+    left = 0.0
+    colours = stage_colours(result.task.max_stage)
+    for stage, count in enumerate(result.last_stage_counts):
+        share = count / result.score.episodes
+        if not count:
+            continue
+        axes.barh(row, share, left=left, height=0.68, color=colours[stage], linewidth=0)
+        if left:
+            axes.plot([left, left], [row - 0.34, row + 0.34], color="white", linewidth=0.8)
+        if share >= _SHORTEST_LABELLED:
+            label = "✓" if stage == result.task.max_stage else str(stage)
+            axes.text(
+                left + share / 2,
+                row,
+                label,
+                ha="center",
+                va="center",
+                color=ink_on(colours[stage]),
+                fontsize=8,
+            )
+        left += share
+
+
+def progress_over_time(results: Results) -> Figure:
+    """One panel a task: the mean progress over the share of the horizon that has passed."""
+    tasks = [one for one in results.tasks if one.score.episodes]
+    columns = min(4, max(1, len(tasks)))
+    rows = max(1, math.ceil(len(tasks) / columns))
+    figure = Figure(figsize=(_WIDTH, 0.5 + 1.5 * rows), layout="constrained")
+    time = [100 * point / (TIME_POINTS - 1) for point in range(TIME_POINTS)]
+    for index, one in enumerate(tasks):
+        axes = figure.add_subplot(rows, columns, index + 1)
+        for stage in range(1, one.task.max_stage + 1):
+            level = stage / one.task.max_stage
+            axes.axhline(level, color=_FAINT, linewidth=0.5, alpha=0.6, zorder=0)
+        axes.fill_between(time, one.progress, step="post", color=CURVE, alpha=0.25, linewidth=0)
+        axes.step(time, one.progress, where="post", color=CURVE, linewidth=1.6)
+        axes.set_title(one.task.title, fontsize=9, loc="left")
+        axes.set_xlim(0, 100)
+        axes.set_ylim(0, 1.04)
+        axes.set_xticks([0, 50, 100])
+        axes.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
+        axes.tick_params(labelleft=index % columns == 0, labelsize=8)
+    figure.supxlabel("Time / % of the horizon", fontsize=9)
+    figure.supylabel("Mean progress", fontsize=9)
+    return figure
+
+
+FIGURES: Mapping[str, Callable[[Results], Figure]] = MappingProxyType(
+    {"stages": stage_bars, "progress": progress_over_time}
+)
+"""Every figure by its name."""
+
+
+def draw(name: str, results: Results) -> str:
+    """One of the figures as an SVG document; the same results always give the same text."""
+    with mpl.rc_context(_STYLE):
+        figure = FIGURES[name](results)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def for_page(svg: str) -> str:
+    """The `<svg>` element of a figure, for a page: without a background, in the page's colours.
+
+    Args:
+        svg: A document that `draw` gave.
+
+    Returns:
+        The element, scalable, its ink in the colour of the text around it, and without the names
+        of its groups, which would not be unique on a page with several figures.
+    """
+    element = svg[svg.index("<svg") :]
+    element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
+    element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
+    element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
+    element = re.sub(r'<g id="patch_1">.*?</g>', "", element, count=1, flags=re.DOTALL)
+    element = re.sub(r'<g id="[^"]*"', "<g", element)
+    return element.replace(INK, "currentColor").replace(CURVE, "var(--accent)")

@@ -1,0 +1,45 @@
+"""Writing files so that a reader, or a restart after a kill, never meets half of one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+TEMPORARY_SUFFIX = ".tmp"
+"""Ending of a file that is being written; whatever still carries it after a crash is rubbish."""
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Write a file under a temporary name, and give it its name only once it is complete.
+
+    Args:
+        path: Where the file will be; missing parent folders are made.
+
+    Yields:
+        The temporary path beside it. When the block ends well the bytes are flushed to the disk
+        and the file appears under its name at once; when it raises, nothing appears.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    try:
+        yield temporary
+        with temporary.open("rb") as written:
+            os.fsync(written.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file (UTF-8, line feeds) in one atomic step."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(text.encode())
+
+
+def remove_temporary(folder: Path) -> None:
+    """Remove what interrupted writers left anywhere under a folder."""
+    for path in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
+        path.unlink(missing_ok=True)

@@ -1,0 +1,141 @@
+"""What records add up to: success rates, progress, and where episodes ended.
+
+The quantities are those of the paper: the share of episodes whose last stage is k, the success
+rate as the share that reached the last one, the mean final progress, and the mean progress over
+time. Everything is computed from records alone, in whatever order they come.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from duobench.evaluation.records import EpisodeRecord
+from duobench.evaluation.run import TaskInfo
+from duobench.evaluation.statistics import wilson_interval
+
+TIME_POINTS = 101
+"""Samples of the progress curve: 0 %, 1 %, ..., 100 % of the horizon."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Score:
+    """What a number of episodes add up to."""
+
+    label: str
+    """Whose episodes: a task's title, a category, or all of them."""
+    episodes: int
+    """How many finished."""
+    successes: int
+    """How many reached the last stage."""
+    errors: int
+    """How many broke; they count as failed."""
+    mean_final_progress: float | None
+    """Mean of last stage over the task's number of stages; None without episodes."""
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successes; None without episodes."""
+        return self.successes / self.episodes if self.episodes else None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % Wilson interval of the success rate."""
+        return wilson_interval(self.successes, self.episodes)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskResult:
+    """Results of one task."""
+
+    task: TaskInfo
+    """The task."""
+    score: Score
+    """Successes and progress."""
+    last_stage_counts: tuple[int, ...]
+    """How many episodes ended with stage 0, 1, ..., last as their highest."""
+    progress: tuple[float, ...]
+    """Mean progress 0..1 after 0 %, 1 %, ..., 100 % of the horizon; empty without episodes.
+
+    An episode that is over keeps its last stage, so that the curve ends at the mean final progress.
+    """
+    records: tuple[EpisodeRecord, ...]
+    """The episodes, by index."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Results:
+    """Results of a run."""
+
+    tasks: tuple[TaskResult, ...]
+    """Task by task, in the order of the run."""
+    categories: tuple[Score, ...]
+    """Category by category, in the order in which they first appear; episodes are pooled."""
+    overall: Score
+    """All episodes pooled; with equally many of each task this is the mean over the tasks."""
+
+
+def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
+    """Add up episodes, of one task or of several."""
+    return Score(
+        label=label,
+        episodes=len(records),
+        successes=sum(record.success for record in records),
+        errors=sum(record.error is not None for record in records),
+        mean_final_progress=(
+            math.fsum(record.progress for record in records) / len(records) if records else None
+        ),
+    )
+
+
+def progress_curve(records: Sequence[EpisodeRecord], horizon: int) -> tuple[float, ...]:
+    """Mean progress over normalized time.
+
+    Args:
+        records: Episodes of one task.
+        horizon: Control steps that make 100 % of the time.
+
+    Returns:
+        `TIME_POINTS` numbers 0..1, or none without records.
+    """
+    if not records:
+        return ()
+    last = TIME_POINTS - 1
+    curve = []
+    for point in range(TIME_POINTS):
+        step = point * horizon // last
+        stages = sum(record.stage_after(step) for record in records)
+        curve.append(stages / (len(records) * records[0].max_stage))
+    return tuple(curve)
+
+
+def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
+    """Results of one task from its records, in any order; records of other tasks are left out."""
+    own = sorted((r for r in records if r.task == task.id), key=lambda record: record.episode)
+    counts = [0] * (task.max_stage + 1)
+    for record in own:
+        counts[record.final_stage] += 1
+    return TaskResult(
+        task=task,
+        score=score(task.title, own),
+        last_stage_counts=tuple(counts),
+        progress=progress_curve(own, task.horizon),
+        records=tuple(own),
+    )
+
+
+def results(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Results:
+    """Results of a run.
+
+    Args:
+        tasks: Its tasks.
+        records: Its finished episodes, in any order.
+    """
+    each = tuple(task_result(task, records) for task in tasks)
+    categories = tuple(
+        score(category, [r for one in each if one.task.category == category for r in one.records])
+        for category in dict.fromkeys(task.category for task in tasks)
+    )
+    overall = score("All tasks", [record for one in each for record in one.records])
+    return Results(tasks=each, categories=categories, overall=overall)

@@ -1,0 +1,152 @@
+"""The report of a run: one page, its figures and a summary, computed from the records alone.
+
+No file written here depends on a clock, a folder or an order: the same records give the same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+from urllib.parse import quote
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from duobench.evaluation import figures, table
+from duobench.evaluation.files import write_text
+from duobench.evaluation.folder import RunFolder
+from duobench.evaluation.metrics import Results, Score, TaskResult, results
+from duobench.evaluation.palette import ink_on, stage_colours
+from duobench.evaluation.records import EpisodeRecord
+from duobench.evaluation.run import Run, TaskInfo
+from duobench.policy.protocol import CONTROL_RATE_HZ
+
+SUMMARY_SCHEMA = 1
+"""Version of the summary's fields."""
+
+
+def write_report(folder: RunFolder) -> Results:
+    """Compute everything from the records in a folder, and write it beside them.
+
+    Args:
+        folder: The folder of a run, finished or not.
+
+    Returns:
+        What the records add up to.
+
+    Raises:
+        EvaluationError: If the folder holds no run, or a record cannot be read.
+    """
+    run = folder.read_run()
+    found = results(run.tasks, folder.read_records(run))
+    drawn = {name: figures.draw(name, found) for name in figures.FIGURES}
+    for name, svg in drawn.items():
+        write_text(folder.figure(name), svg)
+    write_text(folder.summary, summary_json(run, found))
+    write_text(folder.page, _page(folder, run, found, drawn))
+    return found
+
+
+def summary_json(run: Run, found: Results) -> str:
+    """The results as JSON text: per task, per category and overall."""
+    document = {
+        "schema": SUMMARY_SCHEMA,
+        "policy": run.policy,
+        "suite_version": run.suite_version,
+        "versions": run.versions,
+        "first_episode": run.first_episode,
+        "expected_episodes": run.episodes * len(run.tasks),
+        "tasks": {
+            one.task.id: {
+                **_score(one.score),
+                "max_stage": one.task.max_stage,
+                "last_stage_counts": list(one.last_stage_counts),
+            }
+            for one in found.tasks
+        },
+        "categories": {category.label: _score(category) for category in found.categories},
+        "overall": _score(found.overall),
+    }
+    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+
+
+def _score(score: Score) -> dict[str, Any]:
+    """A score for the summary."""
+    return {
+        "episodes": score.episodes,
+        "successes": score.successes,
+        "success_rate": score.success_rate,
+        "wilson_95": list(score.interval),
+        "mean_final_progress": score.mean_final_progress,
+        "errors": score.errors,
+    }
+
+
+def _page(folder: RunFolder, run: Run, found: Results, drawn: dict[str, str]) -> str:
+    """The page as HTML text."""
+    environment = Environment(
+        loader=PackageLoader("duobench.evaluation"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+    )
+
+    def video(record: EpisodeRecord) -> str:
+        return quote(folder.video(record.task, record.episode).relative_to(folder.path).as_posix())
+
+    def filmed(one: TaskResult) -> list[EpisodeRecord]:
+        return [r for r in one.records if folder.video(r.task, r.episode).exists()]
+
+    return environment.get_template("report.html.j2").render(
+        run=run,
+        results=found,
+        expected=run.episodes * len(run.tasks),
+        versions=_set_ups(found),
+        figures={name: Markup(figures.for_page(svg)) for name, svg in drawn.items()},
+        control_rate_hz=CONTROL_RATE_HZ,
+        colours=stage_colours,
+        ink_on=ink_on,
+        percent=table.percent,
+        interval_percent=table.interval_percent,
+        progress_text=table.progress_text,
+        whisker=_whisker,
+        task_link=_task_link,
+        instructions=_instructions,
+        broken=lambda one: [record for record in one.records if record.error],
+        filmed=filmed,
+        video=video,
+    )
+
+
+def _set_ups(found: Results) -> list[dict[str, str | None]]:
+    """The different sets of versions that the records were made with, in order of appearance."""
+    different: list[dict[str, str | None]] = []
+    for one in found.tasks:
+        for record in one.records:
+            if record.versions not in different:
+                different.append(record.versions)
+    return different
+
+
+def _instructions(one: TaskResult) -> list[str]:
+    """What the policy was told in the episodes of a task, each wording once."""
+    return list(dict.fromkeys(record.instruction for record in one.records if record.instruction))
+
+
+def _task_link(task: TaskInfo) -> Markup:
+    """A link to the task's section."""
+    return Markup('<a href="#task-{}">{}</a>').format(quote(task.id), task.title)
+
+
+def _whisker(score: Score) -> Markup:
+    """A small picture of the success rate and its interval on a line from 0 to 100 %."""
+    low, high = (100 * end for end in score.interval)
+    rate = 100 * (score.success_rate or 0.0)
+    return Markup(
+        '<svg class="whisker" viewBox="-5 0 110 12" aria-hidden="true">'
+        '<path d="M0 6H100" stroke="currentColor" stroke-opacity=".25"/>'
+        '<path d="M{:.2f} 6H{:.2f}" stroke="currentColor" stroke-width="2.5"/>'
+        '<circle cx="{:.2f}" cy="6" r="3.4" fill="currentColor"/></svg>'
+    ).format(low, high, rate)

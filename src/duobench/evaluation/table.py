@@ -1,0 +1,75 @@
+"""The results as a table for a terminal."""
+
+from __future__ import annotations
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from duobench.evaluation.metrics import Results, Score, TaskResult
+
+
+def percent(share: float | None) -> str:
+    """A share as per cent with one digit; a dash where there is none."""
+    return "–" if share is None else f"{100 * share:.1f}"
+
+
+def interval_percent(score: Score) -> str:
+    """The Wilson interval as per cent."""
+    low, high = score.interval
+    return f"{100 * low:.1f}–{100 * high:.1f}"
+
+
+def progress_text(score: Score) -> str:
+    """Mean final progress with three digits; a dash where there is none."""
+    return "–" if score.mean_final_progress is None else f"{score.mean_final_progress:.3f}"
+
+
+def results_table(results: Results, expected_episodes: int) -> Table:
+    """One row a task, grouped by category, with a row a category and one for everything.
+
+    Args:
+        results: What the records add up to.
+        expected_episodes: How many episodes of each task the run asked for.
+
+    Returns:
+        A table that rich prints.
+    """
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
+    table.add_column("Task", no_wrap=True)
+    broken = ("Broken",) if results.overall.errors else ()
+    for heading in ("Episodes", *broken, "Success %", "95 % interval", "Final progress"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("Episodes by last stage")
+    for category in results.categories:
+        members = [one for one in results.tasks if one.task.category == category.label]
+        for one in members:
+            cells = _cells(one.task.id, one.score, expected_episodes, bool(broken))
+            table.add_row(*cells, _stages(one))
+        if len(members) > 1:
+            expected = expected_episodes * len(members)
+            cells = _cells(category.label, category, expected, bool(broken))
+            table.add_row(*cells, style="italic")
+        table.add_section()
+    expected = expected_episodes * len(results.tasks)
+    cells = _cells(results.overall.label, results.overall, expected, bool(broken))
+    table.add_row(*cells, style="bold")
+    return table
+
+
+def _cells(name: str, score: Score, expected: int, with_broken: bool) -> list[str]:
+    """The cells that every row has; a run that is not finished says how far it is."""
+    episodes = str(score.episodes) if score.episodes == expected else f"{score.episodes}/{expected}"
+    broken = [str(score.errors)] if with_broken else []
+    rate = percent(score.success_rate)
+    return [name, episodes, *broken, rate, interval_percent(score), progress_text(score)]
+
+
+def _stages(result: TaskResult) -> Text:
+    """Counts by last stage, `stage:count`, the last stage bold."""
+    text = Text()
+    for stage, count in enumerate(result.last_stage_counts):
+        style = "dim" if count == 0 else "bold" if stage == result.task.max_stage else ""
+        text.append(f"{stage}:{count}  ", style=style)
+    text.rstrip()
+    return text

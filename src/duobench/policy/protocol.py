@@ -1,0 +1,103 @@
+"""What a policy is: two methods, and a note of what it expects to see and to control."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duobench.errors import PolicyError
+from duobench.types import FLAT_SIZE, Array
+
+CONTROL_RATE_HZ = 30.0
+"""Actions a second in the evaluation protocol."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyMetadata:
+    """What a policy expects of the environment that it acts in."""
+
+    name: str
+    """How the policy calls itself, for people."""
+    cameras: tuple[str, ...] = ()
+    """Cameras that must be in the observation; the others are not rendered."""
+    image_size: tuple[int, int] | None = None
+    """Height and width of every image in pixels; None takes the environment's default."""
+    action_mode: str = "joint"
+    """The environment's action mode that the actions are meant for."""
+    control_rate_hz: float = CONTROL_RATE_HZ
+    """Actions a second that the policy was made for."""
+
+    def __post_init__(self) -> None:
+        """Refuse values that no environment could meet."""
+        if self.control_rate_hz <= 0:
+            raise PolicyError(f"A control rate is positive, got {self.control_rate_hz} Hz.")
+        if self.image_size is not None and (
+            len(self.image_size) != 2 or min(self.image_size) < 1  # noqa: PLR2004 - an image's axes
+        ):
+            raise PolicyError(f"An image size is (height, width) in pixels, got {self.image_size}.")
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """Anything that turns observations into chunks of actions."""
+
+    @property
+    def metadata(self) -> PolicyMetadata:
+        """What the policy expects of the environment."""
+        ...
+
+    def reset(self, instruction: str, seed: int) -> None:
+        """Begin an episode and forget the last one.
+
+        Args:
+            instruction: What to do, in words.
+            seed: Seed of the episode; whatever the policy draws follows from it alone.
+        """
+        ...
+
+    def act(self, observation: Mapping[str, Any]) -> ArrayLike:
+        """Decide on the next actions.
+
+        Args:
+            observation: The environment's observation: `agent_pos` (16,), `tool_pose` (14,) and
+                `pixels` with one HWC uint8 image per camera.
+
+        Returns:
+            Actions (H, n) with H at least 1, executed in order before the next call; n is 16 in
+            joint mode: left joints 1-7 in radians, left opening 0..1, then the same on the right.
+        """
+        ...
+
+
+def as_chunk(actions: ArrayLike, width: int = FLAT_SIZE) -> Array:
+    """The actions that a policy returned, as a checked array.
+
+    Args:
+        actions: What `Policy.act` returned.
+        width: Numbers of one action.
+
+    Returns:
+        Array (H, width) of float64 with H at least 1.
+
+    Raises:
+        PolicyError: If the shape is another one, or a number is NaN or infinite.
+    """
+    try:
+        chunk = np.asarray(actions, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise PolicyError(f"A policy returns an array of numbers, got {actions!r}.") from error
+    if chunk.ndim != 2 or chunk.shape[0] < 1 or chunk.shape[1] != width:  # noqa: PLR2004 - (H, n)
+        raise PolicyError(
+            f"A policy returns a chunk of actions of shape (H, {width}) with H at least 1, got "
+            f"{chunk.shape}. A single action is a chunk of one: actions[None, :]."
+        )
+    if not np.isfinite(chunk).all():
+        row, column = map(int, np.argwhere(~np.isfinite(chunk))[0])
+        raise PolicyError(
+            f"A policy returned {chunk[row, column]} in action {row} of its chunk, number {column}."
+        )
+    return chunk

@@ -1,0 +1,64 @@
+"""From a name to a policy: the baselines, or anything importable as `module:attribute`."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from duobench.errors import PolicyError, UnknownNameError
+from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
+from duobench.policy.protocol import Policy, PolicyMetadata
+
+BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
+    {"hold": HoldPolicy, "random": RandomPolicy, "zero": ZeroPolicy}
+)
+"""Factories of the policies that come with the package."""
+
+
+def make(name: str) -> Policy:
+    """Make a policy.
+
+    Args:
+        name: A baseline's name, or `module:attribute` where the attribute is a class or a function
+            that gives a policy when called without arguments.
+
+    Returns:
+        A policy that has not been reset yet.
+
+    Raises:
+        UnknownNameError: If there is no baseline of that name.
+        PolicyError: If the module or its attribute is missing, or gives something else.
+    """
+    if ":" in name:
+        policy = _factory(name)()
+    elif name in BASELINES:
+        policy = BASELINES[name]()
+    else:
+        raise UnknownNameError("policy", name, [*BASELINES, "module:attribute"])
+    if not isinstance(policy, Policy) or not isinstance(policy.metadata, PolicyMetadata):
+        raise PolicyError(
+            f"{name} gave a {type(policy).__name__}, which is no policy. A policy has `metadata` "
+            "(a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and `act(observation)`."
+        )
+    return policy
+
+
+def _factory(name: str) -> Callable[[], object]:
+    """What `module:attribute` names."""
+    module_name, _, attribute = name.partition(":")
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        raise PolicyError(
+            f"Policy {name!r}: no module named {error.name!r}. Install it, or put its folder on "
+            "PYTHONPATH."
+        ) from error
+    factory = getattr(module, attribute, None)
+    if not callable(factory):
+        callables = [key for key, value in vars(module).items() if callable(value)]
+        raise PolicyError(
+            f"Policy {name!r}: module {module_name!r} has no class or function {attribute!r}. "
+            f"It has: {', '.join(sorted(callables)) or '(none)'}."
+        )
+    return factory

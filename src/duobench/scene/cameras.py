@@ -1,0 +1,142 @@
+"""The cameras: where they sit, what they see, and the housings that others see.
+
+A camera is given by its intrinsics, so an image of any size shows the whole native field of view:
+it equals the native 1280x720 image resized to that size.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from duobench.scene.filters import collide_as, distal
+from duobench.spatial import SE3
+from duobench.types import SIDES, Side
+
+NATIVE_HEIGHT, NATIVE_WIDTH = 720, 1280
+"""Native image size of all three cameras in pixels."""
+
+HEAD = "head"
+OVERVIEW = "overview"
+"""A view of the whole scene for people; not part of any observation."""
+
+
+def wrist_name(side: Side) -> str:
+    """Name of the camera on an arm's wrist."""
+    return f"{side}_wrist"
+
+
+POLICY_CAMERAS = (HEAD, *(wrist_name(side) for side in SIDES))
+"""The cameras that a policy may see."""
+
+HEAD_POSITION = (0.0113, 0.001, 0.695)
+"""Left lens of the ZED Mini in the table frame, in metres [manufacturer's camera holder]."""
+HEAD_PITCH = math.radians(41.0)
+"""How far the head camera looks down."""
+HEAD_FOCAL = 740.0
+"""Focal length of the head camera in native pixels; 51.9 degrees vertically."""
+WRIST_POSITION = (0.050, 0.0, 0.067)
+"""Wrist camera in the flange frame, in metres [manufacturer's camera mount]."""
+WRIST_TILT = math.radians(20.0)
+"""How far a wrist camera is tilted from the flange's z towards the fingertips."""
+WRIST_FOCAL = 650.0
+"""Focal length of a wrist camera in native pixels; 58 degrees vertically."""
+
+_PIXEL = 1e-5
+"""Side of one pixel on the sensor in metres; only ratios matter."""
+_HOUSING = (0.13, 0.13, 0.14, 1.0)
+_ALUMINIUM = (0.72, 0.73, 0.75, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class View:
+    """A camera for people: eye and target in the table frame (metres), vertical field of view."""
+
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    fovy_deg: float
+
+
+OVERVIEW_VIEW = View(eye=(1.75, -0.85, 1.05), target=(0.32, 0.0, 0.16), fovy_deg=40.0)
+
+
+def looking(eye: np.ndarray, direction: np.ndarray, up: np.ndarray) -> SE3:
+    """Pose of a MuJoCo camera (x right, y up, looking along -z).
+
+    Args:
+        eye: Position (3,) in the parent frame.
+        direction: Viewing direction (3,), any length.
+        up: A direction (3,) that shall point upwards in the image.
+    """
+    back = -direction / np.linalg.norm(direction)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    return SE3(np.column_stack([right, np.cross(back, right), back]), eye)
+
+
+def _add_camera(body: mujoco.MjsBody, name: str, pose: SE3, focal: float) -> None:
+    body.add_camera(
+        name=name,
+        pos=pose.translation,
+        quat=pose.wxyz,
+        resolution=(NATIVE_WIDTH, NATIVE_HEIGHT),
+        sensor_size=(NATIVE_WIDTH * _PIXEL, NATIVE_HEIGHT * _PIXEL),
+        focal_length=(focal * _PIXEL, focal * _PIXEL),
+    )
+
+
+def add_head_camera(world: mujoco.MjsBody) -> None:
+    """Add the ZED Mini above the mount: housing (124 x 30 x 26 mm), lenses, and the camera."""
+    direction = np.array([math.cos(HEAD_PITCH), 0.0, -math.sin(HEAD_PITCH)])
+    pose = looking(np.array(HEAD_POSITION), direction, np.array([0.0, 0.0, 1.0]))
+    _add_camera(world, HEAD, pose, HEAD_FOCAL)
+    # The left lens is half a baseline (31.5 mm) to the left of the housing's middle.
+    housing = pose @ SE3(np.eye(3), np.array([0.0315, 0.0, 0.014]))
+    _add_box(world, housing, (0.0622, 0.0152, 0.0130), _HOUSING)
+
+
+def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) -> None:
+    """Add a RealSense D405 (42 x 42 x 23 mm) in front of the gripper, its bracket and its camera.
+
+    Args:
+        flange: Body that carries the flange.
+        flange_from_body: Pose of the flange in that body.
+        side: Whose wrist it is.
+    """
+    direction = np.array([-math.sin(WRIST_TILT), 0.0, math.cos(WRIST_TILT)])
+    pose = flange_from_body @ looking(
+        np.array(WRIST_POSITION), direction, np.array([1.0, 0.0, 0.0])
+    )
+    _add_camera(flange, wrist_name(side), pose, WRIST_FOCAL)
+    housing = _add_box(
+        flange, pose @ SE3(np.eye(3), np.array([0, 0, 0.0125])), (0.021, 0.021, 0.0115), _HOUSING
+    )
+    collide_as(housing, distal(side))
+    bracket = flange_from_body @ SE3(np.eye(3), np.array([0.046, 0.0, 0.020]))
+    _add_box(flange, bracket, (0.004, 0.016, 0.026), _ALUMINIUM)
+
+
+def add_overview_camera(world: mujoco.MjsBody, view: View = OVERVIEW_VIEW) -> None:
+    """Add the camera for people."""
+    eye, target = np.array(view.eye), np.array(view.target)
+    pose = looking(eye, target - eye, np.array([0.0, 0.0, 1.0]))
+    world.add_camera(name=OVERVIEW, pos=eye, quat=pose.wxyz, fovy=view.fovy_deg)
+
+
+def _add_box(
+    body: mujoco.MjsBody, pose: SE3, half_size: tuple[float, float, float], rgba: tuple[float, ...]
+) -> mujoco.MjsGeom:
+    return body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=half_size,
+        pos=pose.translation,
+        quat=pose.wxyz,
+        rgba=rgba,
+        contype=0,
+        conaffinity=0,
+        density=0.0,
+        group=1,
+    )

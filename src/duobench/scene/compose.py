@@ -1,0 +1,76 @@
+"""Compose the whole model: options, station, robot, cameras, and a task's props."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import mujoco
+
+from duobench.errors import DuoBenchError
+from duobench.scene.cameras import (
+    NATIVE_HEIGHT,
+    NATIVE_WIDTH,
+    add_head_camera,
+    add_overview_camera,
+)
+from duobench.scene.props import add_prop
+from duobench.scene.robot import add_robot
+from duobench.scene.station import SCENE_CENTRE, SCENE_EXTENT, add_station
+from duobench.solids.prop import Prop
+
+SUBSTEPS = 16
+"""Physics steps in one control step."""
+CONTROL_HZ = 30.0
+"""Control rate, that of the published demonstrations [paper, data sets]."""
+TIMESTEP = 1.0 / (CONTROL_HZ * SUBSTEPS)
+"""Physics time step in seconds, 1/480."""
+MEMORY_BYTES = 32 * 2**20
+"""Arena for contacts and constraints; twenty marbles in a cup need about a tenth of it."""
+SHADOW_MAP_SIZE = 1024
+"""Side of the shadow map in texels: a finer one costs more time than the rest of the frame."""
+
+
+def compose(props: Iterable[Prop] = ()) -> mujoco.MjSpec:
+    """Build the model's specification.
+
+    Args:
+        props: The task's objects, each with a unique name.
+
+    Returns:
+        A specification that is ready to be compiled. Body, joint and geom names are those of
+        `scene.naming` and of the props.
+
+    Raises:
+        DuoBenchError: Two props share a name.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = "duobench"
+    spec.compiler.degree = False
+    spec.memory = MEMORY_BYTES
+    spec.option.timestep = TIMESTEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Elliptic cones with a high impedance ratio keep grasped objects from creeping out of the
+    # pads; they are also what the published gripper model asks for.
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10.0
+    # A diverged simulation must be reported, not silently reset by the engine.
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    spec.stat.center, spec.stat.extent = SCENE_CENTRE, SCENE_EXTENT
+    spec.visual.quality.shadowsize = SHADOW_MAP_SIZE
+    spec.visual.quality.offsamples = 0
+    # Properties of the off-screen buffer, large enough for a native image.
+    getattr(spec.visual, "global").offwidth = NATIVE_WIDTH
+    getattr(spec.visual, "global").offheight = NATIVE_HEIGHT
+    spec.visual.map.znear = 0.01
+    spec.visual.map.zfar = 5.0
+    add_station(spec)
+    add_robot(spec)
+    add_head_camera(spec.worldbody)
+    add_overview_camera(spec.worldbody)
+    seen: set[str] = set()
+    for prop in props:
+        if prop.name in seen:
+            raise DuoBenchError(f"Two props are called {prop.name!r}; give each its own name.")
+        seen.add(prop.name)
+        add_prop(spec, prop)
+    return spec

@@ -1,0 +1,113 @@
+"""A task's props as bodies of the model."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from duobench.scene.filters import (
+    COLLISION_GEOM_GROUP,
+    VISUAL_GEOM_GROUP,
+    Group,
+    collide_as,
+    visual_only,
+)
+from duobench.solids.prop import Hinge, Prop
+from duobench.solids.shapes import Shape, ShapeKind
+from duobench.solids.solid import Solid, SolidMesh, mass_properties, printable
+
+CONTACT_SOLREF = (0.005, 1.0)
+"""Contact time constant just above two time steps, the stiffest that MuJoCo keeps stable."""
+CONTACT_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
+
+_GEOM_TYPES = {
+    ShapeKind.BOX: mujoco.mjtGeom.mjGEOM_BOX,
+    ShapeKind.CYLINDER: mujoco.mjtGeom.mjGEOM_CYLINDER,
+    ShapeKind.SPHERE: mujoco.mjtGeom.mjGEOM_SPHERE,
+    ShapeKind.HULL: mujoco.mjtGeom.mjGEOM_MESH,
+}
+
+
+def add_prop(spec: mujoco.MjSpec, prop: Prop) -> None:
+    """Add a prop: free on the table, or, where fixed, a body that only a layout moves."""
+    root = spec.worldbody.add_body(name=prop.name, mocap=prop.fixed)
+    if not prop.fixed:
+        root.add_freejoint(name=prop.name)
+    _fill(spec, root, prop.solid, prop)
+    for part in prop.parts:
+        name = prop.part_name(part.name)
+        body = root.add_body(name=name, pos=part.pose.translation, quat=part.pose.wxyz)
+        if part.hinge is not None:
+            _add_hinge(body, name, part.hinge)
+        _fill(spec, body, part.solid, prop, moving=part.hinge is not None)
+
+
+def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
+    body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=hinge.axis,
+        pos=hinge.position,
+        range=hinge.limits,
+        limited=True,
+        stiffness=[hinge.stiffness, 0, 0],
+        springref=hinge.rest,
+        damping=[hinge.damping, 0, 0],
+        frictionloss=hinge.friction,
+        armature=hinge.armature,
+    )
+
+
+def _fill(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, prop: Prop, *, moving: bool = False
+) -> None:
+    """Give a body its mass, its collision shapes and its picture."""
+    properties = mass_properties(solid)
+    body.explicitinertial = True
+    body.mass = properties.mass
+    body.ipos = properties.centre
+    i = properties.inertia
+    body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
+    group = Group.FIXTURE if prop.fixed and not moving else Group.OBJECT
+    for number, shape in enumerate(solid.shapes):
+        geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
+        geom.rgba = shape.rgba or solid.rgba
+        geom.friction = solid.friction
+        geom.condim = solid.condim
+        geom.solref, geom.solimp = CONTACT_SOLREF, CONTACT_SOLIMP
+        geom.group = VISUAL_GEOM_GROUP if solid.mesh is None else COLLISION_GEOM_GROUP
+        collide_as(geom, group)
+    if solid.mesh is not None:
+        picture = body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=_add_mesh(spec, f"{body.name}:picture", printable(solid)),
+            rgba=solid.rgba,
+        )
+        visual_only(picture)
+
+
+def _add_shape(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, shape: Shape
+) -> mujoco.MjsGeom:
+    size = np.zeros(3)
+    if shape.kind is ShapeKind.BOX:
+        size[:] = np.array(shape.size) / 2
+    elif shape.kind is ShapeKind.CYLINDER:
+        size[:2] = shape.size[0], shape.size[1] / 2
+    elif shape.kind is ShapeKind.SPHERE:
+        size[0] = shape.size[0]
+    else:
+        spec.add_mesh(name=name, uservert=np.array(shape.points).ravel())
+    return body.add_geom(
+        name=name,
+        type=_GEOM_TYPES[shape.kind],
+        size=size,
+        pos=shape.pose.translation,
+        quat=shape.pose.wxyz,
+        meshname=name if shape.kind is ShapeKind.HULL else "",
+    )
+
+
+def _add_mesh(spec: mujoco.MjSpec, name: str, mesh: SolidMesh) -> str:
+    spec.add_mesh(name=name, uservert=mesh.vertices.ravel(), userface=mesh.faces.ravel())
+    return name

@@ -1,0 +1,322 @@
+"""One Robotiq 2F-85 gripper with its closed linkage.
+
+Link frames, inertias, linkage constraints and contact parameters of the pads are those of MuJoCo
+Menagerie's `robotiq_2f85_v4` (BSD-2-Clause). In the gripper's own frame z points out of the flange
+and the fingers open along x; it is mounted turned by +90 degrees, so that they open along the
+tool's y.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+
+from duobench.assets import meshes
+from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
+from duobench.scene.fr3 import Inertial, Vector, add_mesh
+from duobench.scene.naming import gripper_name
+from duobench.spatial import SE3
+from duobench.types import Side
+
+MOUNT = SE3.about((0.0, 0.0, 1.0), math.pi / 2)
+"""Flange from gripper."""
+TCP_OFFSET = 0.1493
+"""Tool centre point beyond the flange along z, in metres [facts of the platform]."""
+STROKE = 0.085
+"""Opening between the pads when fully open, in metres [Robotiq data sheet]."""
+DRIVER_CLOSED = 0.8
+"""Driver joint angle at which the fingers meet, in radians [Menagerie robotiq_2f85_v4]."""
+CTRL_CLOSED = 255.0
+"""Actuator input for closed; 0 is open."""
+DRIVER_GAIN = 0.3137255
+"""Actuator gain, 0.8 rad * 100 N·m/rad / 255 [Menagerie robotiq_2f85_v4]."""
+DRIVER_STIFFNESS, DRIVER_DAMPING = 100.0, 10.0
+"""Actuator bias terms in N·m/rad and N·m·s/rad [Menagerie robotiq_2f85_v4]."""
+DRIVER_FORCE = 100.0
+"""Force range of the actuator, in the tendon's units."""
+TENDON_SHARE = 0.485
+"""Part of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
+
+METAL = (0.58, 0.58, 0.58, 1.0)
+BLACK = (0.149, 0.149, 0.149, 1.0)
+PAD_COLOUR = (0.45, 0.45, 0.45, 1.0)
+
+_STIFF_SOLREF = (0.005, 1.0)
+_STIFF_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
+_LINKAGE_ANCHOR = (-0.0179014, -0.00651468, 0.0044)
+PAD_SOLREF = (0.004, 1.0)
+PAD_SIZE = (0.002, 0.011, 0.009375)
+"""Half sizes of one of the two boxes of a pad, in metres."""
+PADS = ((0.12, 0.7), (0.13875, 0.6))
+"""Height in the pad's frame and sliding friction of the two boxes of a pad."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Part:
+    """One body of the linkage on either side of the gripper."""
+
+    name: str
+    parent: str
+    position: Vector
+    wxyz: Vector
+    inertial: Inertial
+    joint: dict[str, object] | None
+    mesh_position: Vector
+    mesh_wxyz: Vector
+    visuals: tuple[tuple[str, Vector], ...]
+
+
+_DRIVER_JOINT: dict[str, object] = {"range": (0.0, 0.9), "armature": 0.005, "damping": [0.1, 0, 0]}
+_FOLLOWER_JOINT: dict[str, object] = {"range": (-0.872664, 0.9), "armature": 0.001}
+_SPRING_JOINT: dict[str, object] = {
+    "range": (-0.29670597283, 0.9),
+    "armature": 0.001,
+    "stiffness": [0.05, 0, 0],
+    "springref": 2.62,
+    "damping": [0.00125, 0, 0],
+}
+
+
+def _finger(*, mirrored: bool) -> tuple[Part, ...]:
+    """The four moving bodies of one finger; the mirrored one is turned by half a turn about z."""
+    sign = -1.0 if mirrored else 1.0
+    root_wxyz = (0.0, 0.0, -1.0, 1.0) if mirrored else (1.0, -1.0, 0.0, 0.0)
+    return (
+        Part(
+            name="driver",
+            parent="base",
+            position=(-0.0306011 * sign, 0.00475 * sign, 0.0657045),
+            wxyz=root_wxyz,
+            inertial=Inertial(
+                mass=0.00899563,
+                position=(-0.0175297, 0.00165308, -0.00469625),
+                wxyz=(-0.469642, 0.469642, -0.528617, 0.528617),
+                diagonal=(1.72352e-06, 1.60906e-06, 3.22006e-07),
+            ),
+            joint=_DRIVER_JOINT,
+            mesh_position=(0.0306011, 0.0549045, -0.0047),
+            mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
+            visuals=(("driver", METAL),),
+        ),
+        Part(
+            name="coupler",
+            parent="driver",
+            position=(-0.0314249, 0.00453223, -0.0102),
+            wxyz=(0.0, 0.0, 0.0, 1.0),
+            inertial=Inertial(
+                mass=0.0140974,
+                position=(0.00367747, 0.01986, 0.0055),
+                wxyz=(0.701447, -0.701447, 0.0892884, -0.0892884),
+                diagonal=(4.16206e-06, 3.52216e-06, 8.88131e-07),
+            ),
+            joint=None,
+            mesh_position=(-0.062026, -0.0503723, 0.0055),
+            mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
+            visuals=(("coupler", BLACK),),
+        ),
+        Part(
+            name="spring_link",
+            parent="base",
+            position=(-0.0127 * sign, -0.012 * sign, 0.07222),
+            wxyz=root_wxyz,
+            inertial=Inertial(
+                mass=0.0221642,
+                position=(-0.0183, -0.0205732, 0.01205),
+                wxyz=(0.660941, 0.660941, -0.251309, -0.251309),
+                diagonal=(8.96853e-06, 6.71733e-06, 2.63931e-06),
+            ),
+            joint=_SPRING_JOINT,
+            mesh_position=(0.0127, 0.06142, 0.01205),
+            mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
+            visuals=(("spring_link", BLACK),),
+        ),
+        Part(
+            name="follower",
+            parent="spring_link",
+            position=(-0.0382079, -0.0425003, 0.00295),
+            wxyz=(0.0, -1.0, 0.0, 0.0),
+            inertial=Inertial(
+                mass=0.0125222,
+                position=(-0.00852976, -0.0014822, -0.00910001),
+                wxyz=(0.359439, 0.359439, 0.608937, 0.608937),
+                diagonal=(2.67415e-06, 2.4559e-06, 6.02031e-07),
+            ),
+            joint=_FOLLOWER_JOINT,
+            mesh_position=(0.0509079, -0.10392, -0.0091),
+            mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
+            visuals=(("follower", BLACK), ("tongue", METAL)),
+        ),
+    )
+
+
+FINGERS = {"left": _finger(mirrored=False), "right": _finger(mirrored=True)}
+"""The two fingers, by their names within the gripper."""
+_BASE_INERTIAL = Inertial(
+    mass=0.777441,
+    position=(7.77116e-05, 8.42713e-05, 0.0311656),
+    wxyz=(0.704758, -0.00373684, -0.00570287, 0.709415),
+    diagonal=(0.000260285, 0.000225381, 0.000152708),
+)
+_BASE_VISUALS: tuple[tuple[str, Vector, Vector, Vector], ...] = (
+    ("base", (0, 0, 0.0108), (0, 0, 0, 1), BLACK),
+    ("base_coupling", (0, 0, 0.004), (1, -1, 0, 0), BLACK),
+    ("c-a01-85-open", (0, 0, 0.0108), (1, 0, 0, 0), METAL),
+)
+_PAD_POSITION = (-0.0377897, -0.103916, -0.0091)
+_PAD_WXYZ = (1.0, -1.0, 0.0, 0.0)
+_PAD_OFFSET = 0.043258
+_PAD_MASS = 0.00175
+
+
+def add_gripper(spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_z: float) -> None:
+    """Hang a gripper with its linkage, constraints and actuator on a flange.
+
+    Args:
+        spec: The model under construction.
+        side: Whose gripper it is; its names start with `<side>/gripper`.
+        flange: The body that carries the flange.
+        flange_z: Height of the flange in that body, in metres.
+    """
+    prefix = gripper_name(side)
+    base = flange.add_body(
+        name=f"{prefix}/base", pos=(0, 0, flange_z), quat=MOUNT.wxyz, gravcomp=1.0
+    )
+    _set_inertial(base, _BASE_INERTIAL)
+    for name, position, wxyz, rgba in _BASE_VISUALS:
+        _add_visual(spec, base, name, position, wxyz, rgba)
+    _add_hull(spec, side, base, "base", (0, 0, 0.0108), (0, 0, 0, 1))
+    for finger, parts in FINGERS.items():
+        _add_finger(spec, side, finger, parts, base)
+    _add_constraints(spec, prefix)
+
+
+def _add_finger(
+    spec: mujoco.MjSpec,
+    side: Side,
+    finger: str,
+    parts: tuple[Part, ...],
+    base: mujoco.MjsBody,
+) -> None:
+    prefix = gripper_name(side)
+    bodies = {"base": base}
+    for part in parts:
+        body = bodies[part.parent].add_body(
+            name=f"{prefix}/{finger}_{part.name}",
+            pos=part.position,
+            quat=part.wxyz,
+            gravcomp=1.0,
+        )
+        _set_inertial(body, part.inertial)
+        if part.joint is not None:
+            body.add_joint(
+                name=f"{prefix}/{finger}_{part.name}",
+                axis=(0, 0, 1),
+                limited=True,
+                solref_limit=_STIFF_SOLREF,
+                solimp_limit=_STIFF_SOLIMP,
+                **part.joint,
+            )
+        for mesh, rgba in part.visuals:
+            _add_visual(spec, body, mesh, part.mesh_position, part.mesh_wxyz, rgba)
+            _add_hull(spec, side, body, mesh, part.mesh_position, part.mesh_wxyz)
+        bodies[part.name] = body
+    pad = bodies["follower"].add_body(
+        name=f"{prefix}/{finger}_pad", pos=_PAD_POSITION, quat=_PAD_WXYZ, gravcomp=1.0
+    )
+    for height, friction in PADS:
+        geom = pad.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=PAD_SIZE,
+            pos=(_PAD_OFFSET, 0, height),
+            mass=_PAD_MASS,
+            friction=(friction, 0.005, 0.0001),
+            solref=PAD_SOLREF,
+            solimp=_STIFF_SOLIMP,
+            priority=1,
+            rgba=PAD_COLOUR,
+            group=COLLISION_GEOM_GROUP,
+        )
+        collide_as(geom, distal(side))
+
+
+def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
+    body.explicitinertial = True
+    body.mass = inertial.mass
+    body.ipos, body.iquat, body.inertia = inertial.position, inertial.wxyz, inertial.diagonal
+
+
+def _add_visual(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    name: str,
+    position: Vector,
+    wxyz: Vector,
+    rgba: Vector,
+) -> None:
+    geom = body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=add_mesh(spec, f"robotiq_2f85/{name}", meshes.visual),
+        pos=position,
+        quat=wxyz,
+        rgba=rgba,
+    )
+    visual_only(geom)
+
+
+def _add_hull(
+    spec: mujoco.MjSpec,
+    side: Side,
+    body: mujoco.MjsBody,
+    name: str,
+    position: Vector,
+    wxyz: Vector,
+) -> None:
+    geom = body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=add_mesh(spec, f"robotiq_2f85/{name}", meshes.hull, suffix="hull"),
+        pos=position,
+        quat=wxyz,
+        density=0.0,
+        group=COLLISION_GEOM_GROUP,
+    )
+    collide_as(geom, distal(side))
+
+
+def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:
+    """Close the two four-bar linkages, couple the drivers, and drive both through one tendon."""
+    for finger in FINGERS:
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_CONNECT,
+            objtype=mujoco.mjtObj.mjOBJ_BODY,
+            name1=f"{prefix}/{finger}_follower",
+            name2=f"{prefix}/{finger}_coupler",
+            data=[*_LINKAGE_ANCHOR, *[0.0] * 9],
+            solref=_STIFF_SOLREF,
+            solimp=_STIFF_SOLIMP,
+        )
+    spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        objtype=mujoco.mjtObj.mjOBJ_JOINT,
+        name1=f"{prefix}/right_driver",
+        name2=f"{prefix}/left_driver",
+        data=[0.0, 1.0, *[0.0] * 10],
+        solref=_STIFF_SOLREF,
+        solimp=_STIFF_SOLIMP,
+    )
+    tendon = spec.add_tendon(name=prefix)
+    for finger in FINGERS:
+        tendon.wrap_joint(f"{prefix}/{finger}_driver", TENDON_SHARE)
+    spec.add_actuator(
+        name=prefix,
+        target=prefix,
+        trntype=mujoco.mjtTrn.mjTRN_TENDON,
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+        gainprm=[DRIVER_GAIN, *[0.0] * 9],
+        biasprm=[0.0, -DRIVER_STIFFNESS, -DRIVER_DAMPING, *[0.0] * 7],
+        ctrlrange=(0.0, CTRL_CLOSED),
+        ctrllimited=True,
+        forcerange=(-DRIVER_FORCE, DRIVER_FORCE),
+        forcelimited=True,
+    )

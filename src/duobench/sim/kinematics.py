@@ -1,0 +1,134 @@
+"""Inverse kinematics of both arms, differential, by `mink` on a model of the arms alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mink
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.scene.compose import CONTROL_HZ
+from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.scene.naming import arm_joint_names, tcp_name
+from duobench.scene.robot import kinematic_model
+from duobench.spatial import SE3
+from duobench.types import ARM_JOINTS, SIDES, Side
+
+Array = NDArray[np.float64]
+
+POSITION_COST, ORIENTATION_COST = 1.0, 0.3
+"""Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""
+POSTURE_COST = 2e-3
+"""Pull of the redundant joint towards the home posture; weak enough not to show at the tool."""
+VELOCITY_SHARE = 0.9
+"""Part of the arm's velocity limits that a solution may use."""
+LM_DAMPING = 1e-3
+SOLVER = "daqp"
+
+
+class Kinematics:
+    """Solves for joint targets that bring the tools towards poses; holds no state between calls."""
+
+    def __init__(self) -> None:
+        """Build the kinematic model and the tasks."""
+        model = kinematic_model()
+        self._configuration = mink.Configuration(model)
+        self._tasks = {
+            side: mink.FrameTask(
+                tcp_name(side),
+                "site",
+                position_cost=POSITION_COST,
+                orientation_cost=ORIENTATION_COST,
+                lm_damping=LM_DAMPING,
+            )
+            for side in SIDES
+        }
+        self._posture = mink.PostureTask(model, cost=POSTURE_COST)
+        self._range = mink.ConfigurationLimit(model)
+        speeds = np.array(VELOCITY_LIMITS) * VELOCITY_SHARE
+        self._speed = mink.VelocityLimit(
+            model,
+            {
+                name: float(speed)
+                for side in SIDES
+                for name, speed in zip(arm_joint_names(side), speeds, strict=True)
+            },
+        )
+
+    def forward(self, joints: Array) -> dict[Side, SE3]:
+        """Tool poses in the table frame at joint positions (2, 7)."""
+        self._configuration.update(np.asarray(joints).ravel())
+        return {side: self._tool(side) for side in SIDES}
+
+    def step(
+        self,
+        joints: Array,
+        targets: Mapping[Side, SE3],
+        *,
+        dt: float = 1.0 / CONTROL_HZ,
+        posture: Array = HOME_JOINTS,
+    ) -> Array:
+        """One step towards tool poses, within joint ranges and velocity limits.
+
+        Args:
+            joints: Where the arms are (2, 7), in radians.
+            targets: Tool pose wanted for each side; a side that is missing stays.
+            dt: Duration of the step in seconds.
+            posture: What the redundant joint is drawn to (2, 7).
+
+        Returns:
+            Joint targets (2, 7).
+        """
+        start = np.asarray(joints, dtype=np.float64)
+        self._configuration.update(start.ravel())
+        tasks: list[mink.Task] = [self._posture]
+        self._posture.set_target(np.asarray(posture).ravel())
+        for side, pose in targets.items():
+            task = self._tasks[side]
+            task.set_target(mink.SE3(np.concatenate([pose.wxyz, pose.translation])))
+            tasks.append(task)
+        velocity = mink.solve_ik(
+            self._configuration,
+            tasks,
+            dt,
+            SOLVER,
+            limits=[self._range, self._speed],
+        )
+        result = start + (velocity * dt).reshape(2, ARM_JOINTS)
+        for side in SIDES:
+            if side not in targets:
+                result[side.index] = start[side.index]
+        return result
+
+    def solve(
+        self,
+        joints: Array,
+        targets: Mapping[Side, SE3],
+        *,
+        tolerance: float = 1e-4,
+        max_steps: int = 100,
+    ) -> tuple[Array, bool]:
+        """Steps until the tools are at their targets.
+
+        Args:
+            joints: Start (2, 7), in radians; the solution nearest to it is found.
+            targets: Tool pose wanted for each side.
+            tolerance: Error allowed, metres and radians.
+            max_steps: Steps after which it gives up.
+
+        Returns:
+            Joint targets (2, 7), and whether the tolerance was met.
+        """
+        current = np.asarray(joints, dtype=np.float64)
+        for _ in range(max_steps):
+            poses = self.forward(current)
+            errors = [max(poses[side].distance(pose)) for side, pose in targets.items()]
+            if max(errors, default=0.0) < tolerance:
+                return current, True
+            current = self.step(current, targets, dt=1.0, posture=current)
+        return current, False
+
+    def _tool(self, side: Side) -> SE3:
+        pose = self._configuration.get_transform_frame_to_world(tcp_name(side), "site")
+        return SE3(pose.rotation().as_matrix(), pose.translation())

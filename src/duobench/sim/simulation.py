@@ -1,0 +1,222 @@
+"""One compiled model and its state: stepping, saving, restoring, placing, and asking."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.errors import SimulationError, UnknownNameError
+from duobench.scene.compose import CONTROL_HZ, compose
+from duobench.sim.contacts import Contacts
+from duobench.sim.duo import HOME, Duo
+from duobench.sim.handles import resolve
+from duobench.solids.prop import Prop
+from duobench.solids.solid import corner_points
+from duobench.spatial import SE3
+from duobench.types import DuoCommand, DuoState
+
+Array = NDArray[np.float64]
+
+STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+"""Everything that the next physics step depends on, warm start and controls included."""
+
+STILL_SPEED = 0.05
+STILL_TURN = 0.5
+"""An object slower than this is still: m/s and rad/s."""
+SETTLE_SPEED = 0.005
+"""Every object is slower than this (m/s, rad/s) when a reset ends."""
+MAX_SETTLE_STEPS = 45
+"""A reset waits at most this many control steps for objects to come to rest."""
+
+
+class Simulation:
+    """The FR3 Duo and a task's props, stepping at the control rate."""
+
+    def __init__(self, props: Iterable[Prop] = ()) -> None:
+        """Compose and compile the model.
+
+        Args:
+            props: The task's objects.
+        """
+        self.props = {prop.name: prop for prop in props}
+        self.model: mujoco.MjModel = compose(self.props.values()).compile()
+        self.data = mujoco.MjData(self.model)
+        self.duo = Duo(self.model, self.data)
+        self.contacts = Contacts(self.model, self.data)
+        self._bodies = {
+            self.model.body(number).name: number for number in range(self.model.nbody)
+        }
+        self._corners = {name: corner_points(prop.solid) for name, prop in self.props.items()}
+        self._state_size = mujoco.mj_stateSize(self.model, STATE)
+        self._free = np.array(
+            [
+                self.model.joint(name).dofadr[0] + np.arange(6)
+                for name, prop in self.props.items()
+                if not prop.fixed
+            ],
+            dtype=np.int64,
+        )
+        self.clear()
+        self.refresh()
+
+    # --- state ---------------------------------------------------------------------------------
+
+    def clear(self) -> None:
+        """Forget everything: time, velocities, controls, warm start; arms home, grippers open."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.duo.hold(HOME)
+
+    def refresh(self) -> None:
+        """Bring poses, velocities and contacts up to date with the state, without moving time."""
+        mujoco.mj_step1(self.model, self.data)
+        self.contacts.update()
+
+    def save(self) -> Array:
+        """The full state (n,); continuing from it is bit-exact."""
+        state = np.empty(self._state_size)
+        mujoco.mj_getState(self.model, self.data, state, STATE)
+        return state
+
+    def restore(self, state: Array) -> None:
+        """Continue from a saved state of the same model.
+
+        Raises:
+            SimulationError: The state has another size, so it belongs to another model.
+        """
+        if np.shape(state) != (self._state_size,):
+            raise SimulationError(
+                f"A state of this model has {self._state_size} numbers, got shape "
+                f"{np.shape(state)}: it was saved by another task or version."
+            )
+        # Residues of what was simulated before must not survive: the engine keeps the contact
+        # list and solver statistics of the last step beside the state.
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, np.asarray(state, dtype=np.float64), STATE)
+        self.refresh()
+
+    def fingerprint(self) -> str:
+        """SHA-256 of the full state's bytes; equal states, equal fingerprints."""
+        return hashlib.sha256(self.save().tobytes()).hexdigest()
+
+    # --- motion --------------------------------------------------------------------------------
+
+    def step(self, command: DuoCommand) -> DuoState:
+        """Advance one control step (1/30 s, 16 physics steps) towards a command.
+
+        The targets move linearly over the step. Afterwards poses, velocities and contacts are those
+        of the new state: each physics step is run as its second half (forces, integration) and
+        the next one's first half (kinematics, collisions), at no extra cost.
+
+        Raises:
+            SimulationError: The physics diverged or a buffer overflowed.
+        """
+        model, data = self.model, self.data
+        actuators = self.duo.handles.actuators
+        for controls in self.duo.ramp(command):
+            data.ctrl[actuators] = controls
+            mujoco.mj_step2(model, data)
+            mujoco.mj_step1(model, data)
+        self._raise_on_warning()
+        self.contacts.update()
+        return self.duo.read()
+
+    def settle(self) -> int:
+        """Hold the arms still until every object is at rest.
+
+        Returns:
+            The control steps it took, at most `MAX_SETTLE_STEPS`. Time is zero afterwards.
+        """
+        command = self.duo.command()
+        steps = 0
+        while steps < MAX_SETTLE_STEPS:
+            self.step(command)
+            steps += 1
+            if not self._free.size or np.abs(self.data.qvel[self._free]).max() < SETTLE_SPEED:
+                break
+        self.data.time = 0.0
+        return steps
+
+    def _raise_on_warning(self) -> None:
+        counts = self.data.warning.number
+        if not counts.any():
+            return
+        names = [
+            f"{mujoco.mjtWarning(kind).name.removeprefix('mjWARN_').lower()} x{count}"
+            for kind, count in enumerate(counts)
+            if count
+        ]
+        raise SimulationError(
+            f"The physics engine warned at t = {self.data.time:.3f} s: {', '.join(names)}. The "
+            "episode is not valid; reset the environment."
+        )
+
+    # --- props ---------------------------------------------------------------------------------
+
+    def place(self, name: str, pose: SE3) -> None:
+        """Put a prop at a pose in the table frame, at rest; call `refresh` after the last one."""
+        prop = self.props.get(name)
+        if prop is None:
+            raise UnknownNameError("object", name, self.props)
+        if prop.fixed:
+            number = self.model.body(name).mocapid[0]
+            self.data.mocap_pos[number] = pose.translation
+            self.data.mocap_quat[number] = pose.wxyz
+        else:
+            joint = self.model.joint(name)
+            start = joint.qposadr[0]
+            self.data.qpos[start : start + 3] = pose.translation
+            self.data.qpos[start + 3 : start + 7] = pose.wxyz
+            self.data.qvel[joint.dofadr[0] : joint.dofadr[0] + 6] = 0.0
+
+    def body_id(self, name: str) -> int:
+        """Id of a body.
+
+        Raises:
+            UnknownNameError: No body has the name.
+        """
+        number = self._bodies.get(name)
+        return resolve(self.model, mujoco.mjtObj.mjOBJ_BODY, name) if number is None else number
+
+    def position(self, body: str) -> Array:
+        """Origin (3,) of a body in the table frame; a view that the next step overwrites."""
+        return self.data.xpos[self.body_id(body)]
+
+    def rotation(self, body: str) -> Array:
+        """Rotation matrix (3, 3) of a body in the table frame; a view."""
+        return self.data.xmat[self.body_id(body)].reshape(3, 3)
+
+    def pose(self, body: str) -> SE3:
+        """Pose of a body in the table frame."""
+        return SE3(self.rotation(body), self.position(body))
+
+    def site_pose(self, site: str) -> SE3:
+        """Pose of a site in the table frame."""
+        number = resolve(self.model, mujoco.mjtObj.mjOBJ_SITE, site)
+        return SE3(self.data.site_xmat[number].reshape(3, 3), self.data.site_xpos[number])
+
+    def speed(self, prop: str) -> tuple[float, float]:
+        """Linear (m/s) and angular (rad/s) speed of a free prop; zero for a fixed one."""
+        if self.props[prop].fixed:
+            return 0.0, 0.0
+        start = self.model.joint(prop).dofadr[0]
+        velocity = self.data.qvel[start : start + 6]
+        return float(np.linalg.norm(velocity[:3])), float(np.linalg.norm(velocity[3:]))
+
+    def angle(self, hinge: str) -> float:
+        """Angle of a hinge in radians."""
+        number = resolve(self.model, mujoco.mjtObj.mjOBJ_JOINT, hinge)
+        return float(self.data.qpos[self.model.jnt_qposadr[number]])
+
+    def lowest(self, prop: str) -> float:
+        """Height of the lowest point of a prop's root part above the table top, in metres."""
+        up = self.rotation(prop)[2]
+        return float((self._corners[prop] @ up).min() + self.position(prop)[2])
+
+    @property
+    def control_hz(self) -> float:
+        """Control steps per second."""
+        return CONTROL_HZ

@@ -1,0 +1,23 @@
+"""Cubes and blocks."""
+
+from __future__ import annotations
+
+from duobench.solids.shapes import Colour, box
+from duobench.solids.solid import Solid
+
+BLACK = (0.07, 0.07, 0.08, 1.0)
+WHITE = (0.95, 0.95, 0.95, 1.0)
+RED = (0.80, 0.10, 0.09, 1.0)
+
+CUBE_EDGE = 0.032
+"""Edge of the small cubes in metres [task definitions]."""
+
+
+def block(x: float, y: float, z: float, rgba: Colour) -> Solid:
+    """A block with edges x, y, z in metres; its frame is at its centre."""
+    return Solid(shapes=(box(x, y, z),), rgba=rgba)
+
+
+def cube(rgba: Colour) -> Solid:
+    """A 32 mm cube."""
+    return block(CUBE_EDGE, CUBE_EDGE, CUBE_EDGE, rgba)

@@ -1,0 +1,46 @@
+"""A shallow round bowl."""
+
+from __future__ import annotations
+
+import math
+
+import manifold3d
+import numpy as np
+
+from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, box, cylinder
+from duobench.solids.solid import Solid, mesh_of
+from duobench.spatial import SE3
+
+RADIUS = 0.085
+"""Outer radius in metres [task definitions]."""
+RIM_HEIGHT = 0.030
+"""Height of the rim above the table in metres [task definitions]."""
+WALL = 0.004
+FLOOR = 0.004
+"""Thickness of wall and floor in metres: two and a half printed walls."""
+WALL_SEGMENTS = 16
+"""Boxes that make up the wall for collisions; a 32 mm cube cannot tell them from a circle."""
+
+
+def bowl(rgba: Colour) -> Solid:
+    """A bowl whose frame is at the middle of its underside, z up."""
+    inner = RADIUS - WALL
+    profile = manifold3d.CrossSection(
+        [[[0, 0], [RADIUS, 0], [RADIUS, RIM_HEIGHT], [inner, RIM_HEIGHT], [inner, FLOOR], [0, FLOOR]]]
+    )
+    exact = manifold3d.Manifold.revolve(profile, CIRCLE_SEGMENTS)
+    edge = 2 * RADIUS * math.tan(math.pi / WALL_SEGMENTS)
+    height = RIM_HEIGHT - FLOOR
+    walls = [
+        SE3.about((0, 0, 1), 2 * math.pi * k / WALL_SEGMENTS)
+        @ SE3(np.eye(3), np.array([RADIUS - WALL / 2, 0.0, FLOOR + height / 2]))
+        for k in range(WALL_SEGMENTS)
+    ]
+    return Solid(
+        shapes=(
+            cylinder(RADIUS, FLOOR, at=SE3.at(0, 0, FLOOR / 2)),
+            *(box(WALL, edge, height, at=pose) for pose in walls),
+        ),
+        rgba=rgba,
+        mesh=mesh_of(exact),
+    )

@@ -1,0 +1,121 @@
+"""Convex building blocks, given by full sizes in metres and a pose in their solid's frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.spatial import SE3
+
+Array = NDArray[np.float64]
+CIRCLE_SEGMENTS = 64
+"""Segments of a circle in pictures and prints."""
+
+
+class ShapeKind(StrEnum):
+    """What a shape is."""
+
+    BOX = "box"
+    CYLINDER = "cylinder"
+    SPHERE = "sphere"
+    HULL = "hull"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Shape:
+    """One convex block; made by `box`, `cylinder`, `sphere`, `prism` or `hull`."""
+
+    kind: ShapeKind
+    size: tuple[float, ...] = ()
+    """Box: x y z edges. Cylinder: radius, height. Sphere: radius. Metres."""
+    points: tuple[tuple[float, float, float], ...] = ()
+    """Corners of a hull, in its own frame."""
+    pose: SE3 = field(default_factory=SE3)
+    """Pose in the solid's frame."""
+    rgba: tuple[float, float, float, float] | None = None
+    """Colour, where it differs from the solid's."""
+
+    def corners(self) -> Array:
+        """Points (n, 3) whose convex hull is the shape, in the solid's frame.
+
+        Round shapes are sampled finely enough for a lowest point within 0.1 mm at these sizes.
+        """
+        if self.kind is ShapeKind.BOX:
+            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+            local = signs * np.array(self.size) / 2
+        elif self.kind is ShapeKind.CYLINDER:
+            radius, height = self.size
+            ring = radius * circle(CIRCLE_SEGMENTS)
+            local = np.vstack(
+                [np.column_stack([ring, np.full(len(ring), z)]) for z in (-height / 2, height / 2)]
+            )
+        elif self.kind is ShapeKind.SPHERE:
+            angles = np.linspace(0, math.pi, CIRCLE_SEGMENTS // 2 + 1)
+            local = np.vstack(
+                [
+                    np.column_stack(
+                        [math.sin(a) * circle(CIRCLE_SEGMENTS), [math.cos(a)] * CIRCLE_SEGMENTS]
+                    )
+                    for a in angles
+                ]
+            )
+            local = local * self.size[0]
+        else:
+            local = np.array(self.points)
+        return self.pose.apply(local)
+
+
+def circle(segments: int, phase: float = 0.0) -> Array:
+    """Points (segments, 2) on the unit circle, counter-clockwise from angle `phase`."""
+    angles = phase + 2 * math.pi * np.arange(segments) / segments
+    return np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+Colour = tuple[float, float, float, float]
+
+
+def box(
+    x: float, y: float, z: float, *, at: SE3 | None = None, rgba: Colour | None = None
+) -> Shape:
+    """A box with edges x, y, z, centred on its pose."""
+    return Shape(kind=ShapeKind.BOX, size=(x, y, z), pose=at or SE3(), rgba=rgba)
+
+
+def cylinder(
+    radius: float, height: float, *, at: SE3 | None = None, rgba: Colour | None = None
+) -> Shape:
+    """A cylinder about z, centred on its pose."""
+    return Shape(kind=ShapeKind.CYLINDER, size=(radius, height), pose=at or SE3(), rgba=rgba)
+
+
+def sphere(radius: float, *, at: SE3 | None = None, rgba: Colour | None = None) -> Shape:
+    """A ball."""
+    return Shape(kind=ShapeKind.SPHERE, size=(radius,), pose=at or SE3(), rgba=rgba)
+
+
+def hull(
+    points: Sequence[Sequence[float]], *, at: SE3 | None = None, rgba: Colour | None = None
+) -> Shape:
+    """The convex hull of points (n, 3)."""
+    rows = tuple((float(p[0]), float(p[1]), float(p[2])) for p in points)
+    return Shape(kind=ShapeKind.HULL, points=rows, pose=at or SE3(), rgba=rgba)
+
+
+def prism(
+    outline: Sequence[Sequence[float]],
+    height: float,
+    *,
+    at: SE3 | None = None,
+    rgba: Colour | None = None,
+    taper: float = 1.0,
+) -> Shape:
+    """A convex outline (n, 2) extruded along z, centred; its top is scaled by `taper`."""
+    flat = np.asarray(outline, dtype=np.float64)
+    low = np.column_stack([flat, np.full(len(flat), -height / 2)])
+    high = np.column_stack([flat * taper, np.full(len(flat), height / 2)])
+    return hull(np.vstack([low, high]).tolist(), at=at, rgba=rgba)

@@ -1,0 +1,120 @@
+"""A rigid solid: convex shapes that collide, and the exact mesh that is drawn, printed, weighed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import manifold3d
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
+
+Array = NDArray[np.float64]
+
+PLA_DENSITY = 1240.0
+"""Density of printed PLA, printed solid, in kg/m³ [filament data sheets]."""
+PLASTIC_FRICTION = 0.6
+"""Sliding friction of plastic on plastic."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SolidMesh:
+    """A watertight triangle mesh in metres."""
+
+    vertices: Array
+    """Vertices (n, 3)."""
+    faces: NDArray[np.int32]
+    """Triangles (m, 3), counter-clockwise from outside."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Solid:
+    """One rigid body's description."""
+
+    shapes: tuple[Shape, ...]
+    """What collides: convex, may overlap."""
+    rgba: Colour
+    """Colour."""
+    mesh: SolidMesh | None = None
+    """What is drawn and printed; the union of the shapes where it is not given."""
+    density: float = PLA_DENSITY
+    """Density in kg/m³."""
+    mass: float | None = None
+    """Mass in kg, where the volume does not decide it."""
+    friction: tuple[float, float, float] = (PLASTIC_FRICTION, 0.005, 0.0001)
+    """Sliding, torsional (metres) and rolling (metres) friction."""
+    condim: int = 3
+    """MuJoCo contact dimension: 3 sliding, 4 with torsion, 6 with rolling."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class MassProperties:
+    """Mass, centre and inertia of a solid in its own frame."""
+
+    mass: float
+    """Mass in kg."""
+    centre: Array
+    """Centre of mass (3,) in metres."""
+    inertia: Array
+    """Inertia matrix (3, 3) about the centre of mass in kg·m²."""
+
+
+def manifold_of(shape: Shape) -> manifold3d.Manifold:
+    """The shape as an exact solid for boolean operations."""
+    m = manifold3d.Manifold
+    if shape.kind is ShapeKind.BOX:
+        local = m.cube(shape.size, True)
+    elif shape.kind is ShapeKind.CYLINDER:
+        local = m.cylinder(shape.size[1], shape.size[0], shape.size[0], CIRCLE_SEGMENTS, True)
+    elif shape.kind is ShapeKind.SPHERE:
+        local = m.sphere(shape.size[0], CIRCLE_SEGMENTS)
+    else:
+        local = m.hull_points([list(p) for p in shape.points])
+    pose = np.column_stack([shape.pose.rotation, shape.pose.translation])
+    return local.transform(pose)
+
+
+def mesh_of(manifold: manifold3d.Manifold) -> SolidMesh:
+    """The triangles of an exact solid, in double precision."""
+    mesh = manifold.to_mesh64()
+    return SolidMesh(
+        vertices=np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3],
+        faces=np.asarray(mesh.tri_verts, dtype=np.int32),
+    )
+
+
+@lru_cache(maxsize=256)
+def printable(solid: Solid) -> SolidMesh:
+    """The watertight mesh of a solid: its own, or the union of its shapes."""
+    if solid.mesh is not None:
+        return solid.mesh
+    return mesh_of(
+        manifold3d.Manifold.batch_boolean(
+            [manifold_of(shape) for shape in solid.shapes], manifold3d.OpType.Add
+        )
+    )
+
+
+@lru_cache(maxsize=256)
+def mass_properties(solid: Solid) -> MassProperties:
+    """Mass properties of the printable mesh, with the solid's density, or scaled to its mass."""
+    mesh = printable(solid)
+    body = trimesh.Trimesh(vertices=mesh.vertices, faces=mesh.faces, process=False)
+    scale = solid.density if solid.mass is None else solid.mass / body.volume
+    return MassProperties(
+        mass=float(body.volume * scale),
+        centre=np.array(body.center_mass),
+        inertia=np.array(body.moment_inertia) * scale,
+    )
+
+
+@lru_cache(maxsize=256)
+def corner_points(solid: Solid) -> Array:
+    """Points (n, 3) of the solid that decide its lowest point at any orientation."""
+    points = np.vstack([shape.corners() for shape in solid.shapes])
+    rounded = np.unique(points.round(7), axis=0)
+    rounded.setflags(write=False)
+    return rounded

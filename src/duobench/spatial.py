@@ -1,0 +1,161 @@
+"""Rigid transforms: one frozen type, composed with `@`.
+
+A transform named `a_from_b` maps coordinates of frame b to frame a, so neighbours match:
+`world_from_cube = world_from_table @ table_from_cube`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def _frozen(values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != shape:
+        raise ValueError(f"Expected an array of shape {shape}, got {array.shape}.")
+    array.setflags(write=False)
+    return array
+
+
+def matrix_from_wxyz(wxyz: ArrayLike) -> Array:
+    """Rotation matrix (3, 3) of a unit quaternion in w x y z order."""
+    w, x, y, z = (float(v) for v in np.asarray(wxyz))
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def wxyz_from_matrix(matrix: ArrayLike) -> Array:
+    """Unit quaternion (4,), w x y z with w >= 0, of a rotation matrix (3, 3).
+
+    The largest of the four squared components is computed first (Shepperd's method), so that no
+    division by a small number happens.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    squares = np.array([m.trace(), m[0, 0], m[1, 1], m[2, 2]])
+    largest = int(squares.argmax())
+    if largest == 0:
+        q = [1 + m.trace(), m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]]
+    else:
+        i = largest - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q = [m[k, j] - m[j, k], 0.0, 0.0, 0.0]
+        q[1 + i] = 1 + m[i, i] - m[j, j] - m[k, k]
+        q[1 + j] = m[j, i] + m[i, j]
+        q[1 + k] = m[k, i] + m[i, k]
+    quat = np.array(q)
+    quat /= np.linalg.norm(quat)
+    return -quat if quat[0] < 0 else quat
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SE3:
+    """A rigid transform, as rotation matrix and translation."""
+
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    """Rotation matrix (3, 3)."""
+    translation: Array = field(default_factory=lambda: np.zeros(3))
+    """Translation (3,) in metres."""
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and check their shapes."""
+        object.__setattr__(self, "rotation", _frozen(self.rotation, (3, 3)))
+        object.__setattr__(self, "translation", _frozen(self.translation, (3,)))
+
+    @staticmethod
+    def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, *, yaw: float = 0.0) -> SE3:
+        """Upright pose at a position in metres, turned by `yaw` radians about z."""
+        return SE3(rotation_about((0.0, 0.0, 1.0), yaw), np.array([x, y, z]))
+
+    @staticmethod
+    def about(axis: ArrayLike, angle: float) -> SE3:
+        """Pure rotation by `angle` radians about `axis` (3,)."""
+        return SE3(rotation_about(axis, angle))
+
+    @staticmethod
+    def from_wxyz(wxyz: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> SE3:
+        """Transform from a quaternion (4,) in w x y z order, normalized here, and a position."""
+        quat = np.asarray(wxyz, dtype=np.float64)
+        return SE3(matrix_from_wxyz(quat / np.linalg.norm(quat)), np.asarray(translation))
+
+    @staticmethod
+    def from_tquat(tquat: ArrayLike) -> SE3:
+        """Transform from seven numbers x y z qx qy qz qw."""
+        t = np.asarray(tquat, dtype=np.float64)
+        return SE3.from_wxyz(t[[6, 3, 4, 5]], t[:3])
+
+    @property
+    def wxyz(self) -> Array:
+        """Unit quaternion (4,), w x y z, w >= 0."""
+        return wxyz_from_matrix(self.rotation)
+
+    @property
+    def tquat(self) -> Array:
+        """Seven numbers x y z qx qy qz qw."""
+        return np.concatenate([self.translation, self.wxyz[[1, 2, 3, 0]]])
+
+    @property
+    def yaw(self) -> float:
+        """Angle of the x axis about world z, in radians."""
+        return math.atan2(self.rotation[1, 0], self.rotation[0, 0])
+
+    def __matmul__(self, other: SE3) -> SE3:
+        """Composition: `a_from_b @ b_from_c` is `a_from_c`."""
+        return SE3(
+            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+        )
+
+    def inverse(self) -> SE3:
+        """The inverse transform: of `a_from_b`, `b_from_a`."""
+        return SE3(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Map points (..., 3) from the source frame to the target frame."""
+        return np.asarray(points) @ self.rotation.T + self.translation
+
+    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> SE3:
+        """Same orientation, shifted in the target frame by metres."""
+        return SE3(self.rotation, self.translation + np.array([x, y, z]))
+
+    def interpolate(self, other: SE3, fraction: float) -> SE3:
+        """Pose between this (0) and `other` (1): straight line, constant-axis rotation."""
+        relative = rotation_vector(self.rotation.T @ other.rotation)
+        angle = float(np.linalg.norm(relative))
+        turn = rotation_about(relative, fraction * angle) if angle > 0 else np.eye(3)
+        return SE3(
+            self.rotation @ turn,
+            (1 - fraction) * self.translation + fraction * other.translation,
+        )
+
+    def distance(self, other: SE3) -> tuple[float, float]:
+        """Distance in metres and angle in radians to another pose."""
+        angle = float(np.linalg.norm(rotation_vector(self.rotation.T @ other.rotation)))
+        return float(np.linalg.norm(other.translation - self.translation)), angle
+
+
+def rotation_about(axis: ArrayLike, angle: float) -> Array:
+    """Rotation matrix (3, 3) of `angle` radians about `axis` (3,), which need not be unit."""
+    unit = np.asarray(axis, dtype=np.float64)
+    unit = unit / np.linalg.norm(unit)
+    half = 0.5 * angle
+    return matrix_from_wxyz([math.cos(half), *(math.sin(half) * unit)])
+
+
+def rotation_vector(rotation: ArrayLike) -> Array:
+    """Rotation vector (3,), axis times angle in radians, of a rotation matrix (3, 3)."""
+    w, *xyz = wxyz_from_matrix(rotation)
+    vector = np.array(xyz)
+    sine = float(np.linalg.norm(vector))
+    if sine == 0.0:
+        return np.zeros(3)
+    return vector * (2.0 * math.atan2(sine, float(w)) / sine)

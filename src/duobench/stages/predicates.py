@@ -1,0 +1,237 @@
+"""The words that stages are written in: one implementation of each.
+
+A predicate is a pure question about one `Moment`. Predicates combine with `&`, `|` and `~`; the
+only memory is `ever(p)`, which `stages.progress` keeps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from duobench.scene.naming import TABLE
+from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
+from duobench.types import SIDES, Side
+
+HELD_HEIGHT = 0.010
+"""How far a held object is raised at least, in metres [task definitions]."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Moment:
+    """One control step as predicates see it."""
+
+    simulation: Simulation
+    """The simulation, whose contacts are those of this step."""
+    start_lowest: dict[str, float]
+    """Height of each prop's lowest point when the episode began, in metres."""
+    variants: Mapping[str, str]
+    """The layout's named choices."""
+    remembered: frozenset[Predicate]
+    """Predicates that held at an earlier step of this episode."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predicate:
+    """A named pure question about a moment."""
+
+    name: str
+    test: Callable[[Moment], bool]
+    parts: tuple[Predicate, ...] = field(default=())
+
+    def __call__(self, moment: Moment) -> bool:
+        """Whether it holds."""
+        return self.test(moment)
+
+    def __and__(self, other: Predicate) -> Predicate:
+        """Both hold."""
+        return Predicate(
+            f"({self.name} and {other.name})", lambda m: self(m) and other(m), (self, other)
+        )
+
+    def __or__(self, other: Predicate) -> Predicate:
+        """At least one holds."""
+        return Predicate(
+            f"({self.name} or {other.name})", lambda m: self(m) or other(m), (self, other)
+        )
+
+    def __invert__(self) -> Predicate:
+        """It does not hold."""
+        return Predicate(f"not {self.name}", lambda m: not self(m), (self,))
+
+    def __repr__(self) -> str:
+        """The predicate in words."""
+        return self.name
+
+    def walk(self) -> Iterator[Predicate]:
+        """This predicate and all it is made of, inner ones first."""
+        for part in self.parts:
+            yield from part.walk()
+        yield self
+
+
+class Ever(Predicate):
+    """A predicate that held at an earlier step of the episode."""
+
+    __slots__ = ()
+
+
+def ever(predicate: Predicate) -> Predicate:
+    """`predicate` held at some earlier step of this episode."""
+    return Ever(f"ever {predicate.name}", lambda m: predicate in m.remembered, (predicate,))
+
+
+def all_of(*predicates: Predicate) -> Predicate:
+    """All hold."""
+    name = " and ".join(p.name for p in predicates)
+    return Predicate(f"({name})", lambda m: all(p(m) for p in predicates), predicates)
+
+
+def any_of(*predicates: Predicate) -> Predicate:
+    """At least one holds."""
+    name = " or ".join(p.name for p in predicates)
+    return Predicate(f"({name})", lambda m: any(p(m) for p in predicates), predicates)
+
+
+def touches(arm: Side, body: str) -> Predicate:
+    """A finger or the palm of that gripper is in contact with the body."""
+    return Predicate(
+        f"{arm} touches {body}", lambda m: m.simulation.contacts.gripper(arm, body)
+    )
+
+
+def pinched(arm: Side, body: str) -> Predicate:
+    """Both pads of that gripper are in contact with the body."""
+    return Predicate(f"{arm} pinches {body}", lambda m: m.simulation.contacts.pads(arm, body))
+
+
+def clear(body: str, *supports: str) -> Predicate:
+    """In contact with neither the table nor any of the given fixed supports."""
+    names = (TABLE, *supports)
+    return Predicate(
+        f"{body} is clear of {', '.join(names)}",
+        lambda m: not any(m.simulation.contacts.between(body, s) for s in names),
+    )
+
+
+def raised(prop: str, height: float) -> Predicate:
+    """Its lowest point is at least `height` metres above where it was at the episode's start."""
+    return Predicate(
+        f"{prop} is raised by {height * 1000:.0f} mm",
+        lambda m: m.simulation.lowest(prop) >= m.start_lowest[prop] + height,
+    )
+
+
+def held(arm: Side, prop: str, *supports: str) -> Predicate:
+    """Pinched by that arm, clear of table and supports, and raised by 10 mm."""
+    whole = all_of(pinched(arm, prop), clear(prop, *supports), raised(prop, HELD_HEIGHT))
+    return Predicate(f"{arm} holds {prop}", whole.test, whole.parts)
+
+
+def held_by_any(prop: str, *supports: str) -> Predicate:
+    """Held by at least one arm."""
+    return any_of(*(held(side, prop, *supports) for side in SIDES))
+
+
+def free(body: str) -> Predicate:
+    """Neither gripper is in contact with it."""
+    return Predicate(
+        f"{body} is free",
+        lambda m: not any(m.simulation.contacts.gripper(side, body) for side in SIDES),
+    )
+
+
+def still(prop: str) -> Predicate:
+    """Slower than 0.05 m/s and 0.5 rad/s."""
+
+    def test(m: Moment) -> bool:
+        speed, turn = m.simulation.speed(prop)
+        return speed < STILL_SPEED and turn < STILL_TURN
+
+    return Predicate(f"{prop} is still", test)
+
+
+def upright(prop: str, angle: float) -> Predicate:
+    """Its up axis (z) is within `angle` radians of the world's."""
+    limit = math.cos(angle)
+    return Predicate(
+        f"{prop} is upright within {math.degrees(angle):.0f} degrees",
+        lambda m: float(m.simulation.rotation(prop)[2, 2]) >= limit,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BoxRegion:
+    """A box that is fixed to a body."""
+
+    body: str
+    """Body whose frame the box is given in."""
+    low: tuple[float, float, float]
+    """Lowest corner in metres."""
+    high: tuple[float, float, float]
+    """Highest corner in metres."""
+
+    def contains(self, point: np.ndarray) -> bool:
+        """Whether a point (3,) of the body's frame lies inside."""
+        return bool(np.all(point >= self.low) and np.all(point <= self.high))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CylinderRegion:
+    """An upright cylinder that is fixed to a body, about its z axis."""
+
+    body: str
+    """Body whose frame the cylinder is given in."""
+    radius: float
+    """Radius in metres."""
+    low: float
+    """Bottom in metres."""
+    high: float
+    """Top in metres."""
+
+    def contains(self, point: np.ndarray) -> bool:
+        """Whether a point (3,) of the body's frame lies inside."""
+        x, y, z = (float(v) for v in point)
+        return math.hypot(x, y) <= self.radius and self.low <= z <= self.high
+
+
+Region = BoxRegion | CylinderRegion
+
+
+def inside(prop: str, region: Region) -> Predicate:
+    """Its centre (the origin of its frame) lies in a region that is fixed to another body."""
+
+    def test(m: Moment) -> bool:
+        sim = m.simulation
+        offset = sim.position(prop) - sim.position(region.body)
+        return region.contains(offset @ sim.rotation(region.body))
+
+    return Predicate(f"{prop} is inside {region.body}", test)
+
+
+def touching(body: str, other: str) -> Predicate:
+    """Two bodies are in contact."""
+    return Predicate(
+        f"{body} touches {other}", lambda m: m.simulation.contacts.between(body, other)
+    )
+
+
+def rests_on(prop: str, support: str) -> Predicate:
+    """In contact with the support, not with the table, and still."""
+    whole = all_of(touching(prop, support), ~touching(prop, TABLE), still(prop))
+    return Predicate(f"{prop} rests on {support}", whole.test, whole.parts)
+
+
+def hinge_open(hinge: str, angle: float) -> Predicate:
+    """A hinge is open by at least `angle` radians."""
+    return Predicate(
+        f"{hinge} is open by {angle:.2f} rad", lambda m: m.simulation.angle(hinge) >= angle
+    )
+
+
+def variant(name: str, value: str) -> Predicate:
+    """The episode's layout chose this value, such as which cup is full."""
+    return Predicate(f"{name} is {value}", lambda m: m.variants.get(name) == value)

@@ -1,0 +1,96 @@
+"""From constraints to progress: the rule of the paper, with one owner of the memory.
+
+stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. The
+only memory that a constraint may use is `ever(p)`: whether p held at an earlier control step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from duobench.sim.simulation import Simulation
+from duobench.stages.predicates import Ever, Moment, Predicate
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Stage:
+    """One milestone of a task."""
+
+    name: str
+    """What is reached, in a few words: "both cubes held"."""
+    instruction: str
+    """What to do to reach it, in the imperative."""
+    holds: Predicate
+    """The conjunction of its constraints."""
+
+
+class Progress:
+    """The stage of one running episode. Evaluated once a control step, after physics."""
+
+    def __init__(self, stages: tuple[Stage, ...]) -> None:
+        """Collect what must be remembered.
+
+        Args:
+            stages: Stages 1 to n in order.
+        """
+        self._stages = stages
+        memories = [
+            part.parts[0]
+            for stage in stages
+            for part in stage.holds.walk()
+            if isinstance(part, Ever)
+        ]
+        # Inner memories come first, so that a nested `ever` sees only earlier steps.
+        self._memories = tuple(dict.fromkeys(memories))
+        self._remembered: frozenset[Predicate] = frozenset()
+        self._start_lowest: dict[str, float] = {}
+        self._variants: Mapping[str, str] = {}
+        self.stage = 0
+        """The highest stage so far."""
+        self.final_holds = False
+        """Whether the last stage's constraints hold right now."""
+
+    @property
+    def max_stage(self) -> int:
+        """Number of the last stage."""
+        return len(self._stages)
+
+    @property
+    def success(self) -> bool:
+        """Whether the last stage was reached."""
+        return self.stage == self.max_stage
+
+    def reset(self, simulation: Simulation, variants: Mapping[str, str]) -> None:
+        """Begin an episode at the simulation's current state.
+
+        Args:
+            simulation: Settled in the episode's layout.
+            variants: The layout's named choices.
+        """
+        self._variants = dict(variants)
+        self._remembered = frozenset()
+        self._start_lowest = {name: simulation.lowest(name) for name in simulation.props}
+        self.stage = 0
+        self.final_holds = False
+
+    def update(self, simulation: Simulation) -> int:
+        """Judge the current state of the simulation and return the stage."""
+        moment = Moment(
+            simulation=simulation,
+            start_lowest=self._start_lowest,
+            variants=self._variants,
+            remembered=self._remembered,
+        )
+        reached = [k for k, stage in enumerate(self._stages, 1) if stage.holds(moment)]
+        self.final_holds = bool(reached) and reached[-1] == self.max_stage
+        self.stage = max([self.stage, *reached])
+        new = [p for p in self._memories if p not in self._remembered and p(moment)]
+        if new:
+            self._remembered = self._remembered.union(new)
+        return self.stage
+
+    @property
+    def next_instruction(self) -> str:
+        """What to do next; the last instruction once the task is solved."""
+        return self._stages[min(self.stage, self.max_stage - 1)].instruction

@@ -1,0 +1,126 @@
+"""What a task is: objects, layout, stages, instruction, horizon. A task is data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import mujoco
+import numpy as np
+
+from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.randomness import Choice, Uniform, generator
+from duobench.sim.placement import Layout
+from duobench.solids.prop import Prop
+from duobench.spatial import SE3
+from duobench.stages.progress import Stage
+
+
+class Category(StrEnum):
+    """The four kinds of coordination [paper, bimanual task taxonomy]."""
+
+    ASYMMETRIC_SUPPORT = "asymmetric support"
+    BIMANUAL_MANIPULATION = "bimanual manipulation"
+    SEQUENTIAL_HANDOFF = "sequential handoff"
+    PARALLEL_EXECUTION = "parallel execution"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Placement:
+    """Where a prop starts: its frame's position on the table and its turn about the vertical."""
+
+    x: Uniform
+    """Metres in the table frame."""
+    y: Uniform
+    """Metres in the table frame."""
+    z: float = 0.0
+    """Height of the prop's origin above the table top, in metres."""
+    yaw: Uniform = Uniform(0.0, 0.0)
+    """Radians about the vertical."""
+    tilt: SE3 = field(default_factory=SE3)
+    """Orientation before the yaw, for props that lie."""
+
+    def draw(self, rng: np.random.Generator) -> SE3:
+        """One pose in the table frame."""
+        x, y, yaw = self.x.draw(rng), self.y.draw(rng), self.yaw.draw(rng)
+        return SE3.at(x, y, self.z, yaw=yaw) @ self.tilt
+
+
+def _always(_layout: Layout) -> bool:
+    return True
+
+
+def _as_drawn(layout: Layout) -> Layout:
+    return layout
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Task:
+    """One task of the benchmark."""
+
+    id: str
+    """Name in lower case with underscores."""
+    title: str
+    """Name as the paper writes it."""
+    category: Category
+    """Kind of coordination."""
+    instruction: str
+    """What a policy is told; `{name}` stands for a variant of the layout."""
+    horizon: int
+    """Control steps after which an episode is cut off."""
+    props: tuple[Prop, ...]
+    """The objects."""
+    placements: Mapping[str, Placement]
+    """Where each prop starts, unless `arrange` places it."""
+    variants: Mapping[str, Choice] = field(default_factory=dict)
+    """Named choices that belong to the layout."""
+    stages: tuple[Stage, ...]
+    """Stages 1 to n."""
+    accept: Callable[[Layout], bool] = _always
+    """Whether a drawn layout is wanted, beyond not overlapping."""
+    arrange: Callable[[Layout], Layout] = _as_drawn
+    """Adds the poses that follow from the drawn ones, such as marbles in a cup."""
+    configure: Callable[[mujoco.MjModel, Layout], None] | None = None
+    """Switches the compiled model to a layout's variants; must undo every other variant."""
+    printable: bool = False
+    """Whether its objects can be printed."""
+    real: bool = False
+    """Whether the paper rebuilt it on the real robot."""
+
+    def __post_init__(self) -> None:
+        """Refuse placements of props that do not exist, and a task without stages."""
+        names = [prop.name for prop in self.props]
+        for name in self.placements:
+            if name not in names:
+                raise UnknownNameError("prop in placements", name, names)
+        if not self.stages:
+            raise DuoBenchError(f"Task {self.id!r} needs at least one stage.")
+
+    @property
+    def max_stage(self) -> int:
+        """Number of the last stage."""
+        return len(self.stages)
+
+    def layouts(self, seed: int) -> Iterator[Layout]:
+        """Candidate layouts without end, a pure function of (task, suite version, seed)."""
+        rng = generator(self.id, seed)
+        while True:
+            drawn = Layout(
+                poses={name: p.draw(rng) for name, p in self.placements.items()},
+                variants={name: choice.draw(rng) for name, choice in self.variants.items()},
+            )
+            layout = self.arrange(drawn)
+            if self.accept(layout):
+                yield layout
+
+    def instruct(self, layout: Layout) -> str:
+        """The instruction for a layout."""
+        return self.instruction.format(**layout.variants)
+
+    def subinstructions(self, layout: Layout) -> dict[int, str]:
+        """What to do at each stage 0 to n-1 to reach the next one."""
+        return {
+            number: stage.instruction.format(**layout.variants)
+            for number, stage in enumerate(self.stages)
+        }

@@ -1,0 +1,76 @@
+"""Words that every floor shares: sides, what the two arms report and what they are told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+ARM_JOINTS = 7
+"""Joints of one arm."""
+SIDE_SIZE = ARM_JOINTS + 1
+"""Numbers of one side in a flat command: joints, then gripper opening."""
+FLAT_SIZE = 2 * SIDE_SIZE
+"""Numbers of a flat command or proprioception: left joints, left opening, right, right."""
+
+
+class Side(StrEnum):
+    """One of the robot's two arms; left and right are the robot's own."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+    @property
+    def other(self) -> Side:
+        """The opposite side."""
+        return Side.RIGHT if self is Side.LEFT else Side.LEFT
+
+    @property
+    def index(self) -> int:
+        """0 for left, 1 for right: the row in every array that holds both sides."""
+        return 0 if self is Side.LEFT else 1
+
+
+SIDES = (Side.LEFT, Side.RIGHT)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class DuoCommand:
+    """What the two arms are told for one control step."""
+
+    joints: Array
+    """Joint targets (2, 7) in radians, left then right."""
+    openings: Array
+    """Gripper openings (2,), 0 closed to 1 open."""
+
+    @staticmethod
+    def from_flat(flat: ArrayLike) -> DuoCommand:
+        """From 16 numbers: left joints 1-7, left opening, right joints 1-7, right opening."""
+        rows = np.asarray(flat, dtype=np.float64).reshape(2, SIDE_SIZE)
+        return DuoCommand(joints=rows[:, :ARM_JOINTS], openings=rows[:, ARM_JOINTS])
+
+    @property
+    def flat(self) -> Array:
+        """The 16 numbers of `from_flat`."""
+        return np.column_stack([self.joints, self.openings]).ravel()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class DuoState:
+    """What the two arms report after a control step."""
+
+    joints: Array
+    """Joint positions (2, 7) in radians, left then right."""
+    openings: Array
+    """Gripper openings (2,), 0 closed to 1 open."""
+    tool_poses: Array
+    """Tool centre points in the table frame (2, 7), x y z qx qy qz qw each."""
+
+    @property
+    def flat(self) -> Array:
+        """Proprioception (16,), in the order of `DuoCommand.flat`."""
+        return np.column_stack([self.joints, self.openings]).ravel()
