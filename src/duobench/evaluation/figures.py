@@ -144,12 +144,14 @@ def for_page(svg: str) -> str:
         svg: A document that `draw` gave.
 
     Returns:
-        The element, scalable, its ink in the colour of the text around it, and without the names
-        of its groups, which would not be unique on a page with several figures.
+        The element, scalable, its ink in the colour of the text around it, its curves in the page's
+        accent, without a style sheet, which would reach the whole page, and without the names of
+        its groups, which would not be unique on a page with several figures.
     """
     element = svg[svg.index("<svg") :]
     element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
     element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
+    element = re.sub(r"<style.*?</style>", "", element, flags=re.DOTALL)
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
     element = re.sub(r'<g id="patch_1">.*?</g>', "", element, count=1, flags=re.DOTALL)
     element = re.sub(r'<g id="[^"]*"', "<g", element)
