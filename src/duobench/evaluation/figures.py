@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -22,7 +23,7 @@ CURVE = "#2a6f98"
 """Colour of curves."""
 _FAINT = "#8a9299"
 """Colour of grid lines, which works on a light and on a dark page."""
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "duobench",
     "font.family": "sans-serif",

@@ -1,0 +1,259 @@
+"""The motion vocabulary that scripted experts are written in.
+
+A script is a generator: every `yield` is one control step. Scripts set tool poses and gripper
+openings; once a step, inverse kinematics turns the poses into the 16 joint-space numbers that
+every policy sends. Scripts may read the simulator's state, and act in no other way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.scene.fr3 import HOME_JOINTS
+from duobench.sim.kinematics import Kinematics
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.types import SIDES, DuoCommand, Side
+
+Array = NDArray[np.float64]
+Script = Generator[None, None, None]
+"""One control step for every `yield`."""
+
+CONTROL_STEP = 1.0 / 30.0
+"""Seconds in one control step."""
+SPEED = 0.45
+"""Mean speed of a free motion in m/s."""
+TURN_SPEED = 1.8
+"""Mean angular speed of a free motion in rad/s."""
+ARRIVED = 0.004
+"""Distance in metres at which a tool has arrived; the servo lags by a tenth of a second."""
+ARRIVED_TURN = 0.03
+"""Angle in radians at which a tool has arrived."""
+MAX_ARRIVAL_STEPS = 20
+"""Control steps that a motion waits for the tool to arrive."""
+OPEN, CLOSED = 1.0, 0.0
+FINGER_LENGTH = 0.024
+"""How far closed fingertips reach beyond the tool centre point, in metres (measured)."""
+PAD_HEIGHT = 0.0375
+"""Height of a pad along the tool, in metres."""
+
+
+class Arms:
+    """Both arms as a script moves them: tool targets, openings, and what the simulator shows."""
+
+    def __init__(self, simulation: Simulation, kinematics: Kinematics | None = None) -> None:
+        """Start at what the arms were last commanded.
+
+        Args:
+            simulation: Read only; a script never writes to it.
+            kinematics: Solver to share between episodes; a new one if not given.
+        """
+        self.sim = simulation
+        self.kinematics = kinematics or Kinematics()
+        command = simulation.duo.command()
+        self.joints: Array = command.joints.copy()
+        """Commanded joints (2, 7) in radians."""
+        self.openings: Array = command.openings.copy()
+        """Commanded openings (2,), 0 closed to 1 open."""
+        self.targets: dict[Side, SE3] = dict(self.kinematics.forward(self.joints))
+        """Tool pose that each arm is being led to, in the table frame."""
+        self.posture: Array = np.array(HOME_JOINTS)
+        """What the redundant joints are drawn to (2, 7)."""
+
+    def action(self) -> Array:
+        """The next 16 numbers: one step of inverse kinematics towards the targets."""
+        self.joints = self.kinematics.step(self.joints, self.targets, posture=self.posture)
+        return DuoCommand(joints=self.joints, openings=self.openings).flat
+
+    def tool(self, side: Side) -> SE3:
+        """Where a tool centre point really is, in the table frame."""
+        return self.sim.site_pose(f"{side}/tcp")
+
+    def opening(self, side: Side) -> float:
+        """How far a gripper really is open, 0 to 1."""
+        return float(self.sim.duo.read().openings[side.index])
+
+    def pinches(self, side: Side, body: str) -> bool:
+        """Whether both pads of a gripper touch a body."""
+        return self.sim.contacts.pads(side, body)
+
+
+def smooth(fraction: float) -> float:
+    """Minimum-jerk time scaling of [0, 1]."""
+    s = min(max(fraction, 0.0), 1.0)
+    return s * s * s * (10.0 + s * (6.0 * s - 15.0))
+
+
+def down(x: float, y: float, z: float, *, yaw: float = 0.0, lean: float = 0.0) -> SE3:
+    """Tool pose that points down: fingers open along y at yaw 0, camera in front.
+
+    Args:
+        x: Position in the table frame, in metres.
+        y: Position in the table frame, in metres.
+        z: Height of the tool centre point above the table top, in metres.
+        yaw: Turn about the vertical, in radians.
+        lean: Turn about the axis in which the fingers open, in radians; positive leans the gripper
+            back, so that the fingertips point away from the robot.
+    """
+    turn = SE3.about((0, 0, 1), yaw) @ SE3.about((1, 0, 0), math.pi) @ SE3.about((0, 1, 0), lean)
+    return SE3(turn.rotation, np.array([x, y, z]))
+
+
+def nearest_turn(yaw: float, period: float, around: float = 0.0) -> float:
+    """The angle equal to `yaw` modulo `period` (radians) that is nearest to `around`."""
+    return around + (yaw - around + period / 2) % period - period / 2
+
+
+def wait(steps: int) -> Script:
+    """Stay for some control steps."""
+    for _ in range(steps):
+        yield
+
+
+def wait_until(condition: Callable[[], bool], max_steps: int) -> Script:
+    """Stay until a condition holds, at most `max_steps` control steps."""
+    for _ in range(max_steps):
+        if condition():
+            return
+        yield
+
+
+def together(*scripts: Script) -> Script:
+    """Run scripts side by side until all have ended."""
+    running = list(scripts)
+    while running:
+        still = []
+        for script in running:
+            try:
+                next(script)
+            except StopIteration:
+                continue
+            still.append(script)
+        running = still
+        if running:
+            yield
+
+
+def follow(
+    arms: Arms, path: Callable[[float], Mapping[Side, SE3]], seconds: float
+) -> Script:
+    """Lead the tools along a path, with smooth timing.
+
+    Args:
+        arms: The arms to move.
+        path: Tool poses at a fraction in [0, 1].
+        seconds: How long it takes.
+    """
+    steps = max(1, math.ceil(seconds / CONTROL_STEP))
+    for number in range(1, steps + 1):
+        arms.targets.update(path(smooth(number / steps)))
+        yield
+
+
+def move(
+    arms: Arms,
+    goals: Mapping[Side, SE3],
+    *,
+    speed: float = SPEED,
+    turn_speed: float = TURN_SPEED,
+    tolerance: float = ARRIVED,
+    arrive: bool = True,
+) -> Script:
+    """Move tools along straight lines, arriving together.
+
+    Args:
+        arms: The arms to move.
+        goals: Tool pose for each side that moves.
+        speed: Mean speed in m/s of the tool with the longest way.
+        turn_speed: Mean angular speed in rad/s of the tool with the largest turn.
+        tolerance: Distance in metres at which a tool has arrived.
+        arrive: Whether to wait for the tools themselves; otherwise only for their targets.
+    """
+    starts = {side: arms.targets[side] for side in goals}
+    spans = [starts[side].distance(goal) for side, goal in goals.items()]
+    seconds = max(max(length / speed, angle / turn_speed) for length, angle in spans)
+    yield from follow(
+        arms,
+        lambda f: {side: starts[side].interpolate(goal, f) for side, goal in goals.items()},
+        seconds,
+    )
+    if arrive:
+        yield from wait_until(lambda: arrived(arms, goals, tolerance), MAX_ARRIVAL_STEPS)
+
+
+def arrived(arms: Arms, goals: Mapping[Side, SE3], tolerance: float = ARRIVED) -> bool:
+    """Whether the tools are at their goals."""
+    errors = [arms.tool(side).distance(goal) for side, goal in goals.items()]
+    return all(length <= tolerance and angle <= ARRIVED_TURN for length, angle in errors)
+
+
+def grip(arms: Arms, *sides: Side, opening: float = CLOSED, max_steps: int = 20) -> Script:
+    """Bring grippers to an opening and wait until their fingers have come to rest."""
+    for side in sides:
+        arms.openings[side.index] = opening
+    yield from wait(3)
+    last = np.array([arms.opening(side) for side in sides])
+    for _ in range(max_steps):
+        yield
+        now = np.array([arms.opening(side) for side in sides])
+        if np.abs(now - last).max() < 0.004:
+            return
+        last = now
+
+
+def release(arms: Arms, *sides: Side, opening: float = OPEN) -> Script:
+    """Open grippers and wait until they are open."""
+    yield from grip(arms, *sides, opening=opening)
+
+
+def pick(
+    arms: Arms,
+    side: Side,
+    grasp: SE3,
+    *,
+    above: float = 0.10,
+    lift: float = 0.10,
+    opening: float = OPEN,
+    speed: float = SPEED,
+) -> Script:
+    """Come from above, close on an object, lift it.
+
+    Args:
+        arms: The arms.
+        side: Which arm picks.
+        grasp: Tool pose at which the fingers close.
+        above: Height in metres from which the tool comes straight down.
+        lift: Height in metres by which it lifts.
+        opening: Opening on the way down.
+        speed: Mean speed in m/s of the approach.
+    """
+    arms.openings[side.index] = opening
+    yield from move(arms, {side: grasp.moved(z=above)}, speed=speed, tolerance=0.012)
+    yield from move(arms, {side: grasp}, speed=0.25)
+    yield from grip(arms, side)
+    yield from move(arms, {side: grasp.moved(z=lift)}, speed=0.3, arrive=False)
+
+
+def place(
+    arms: Arms,
+    side: Side,
+    goal: SE3,
+    *,
+    above: float = 0.08,
+    retreat: float = 0.08,
+    speed: float = SPEED,
+) -> Script:
+    """Carry to above a goal, lower, let go, retreat upwards."""
+    yield from move(arms, {side: goal.moved(z=above)}, speed=speed, tolerance=0.012)
+    yield from move(arms, {side: goal}, speed=0.25)
+    yield from release(arms, side)
+    yield from move(arms, {side: goal.moved(z=retreat)}, speed=speed, arrive=False)
+
+
+def both(goal: Callable[[Side], SE3]) -> dict[Side, SE3]:
+    """Goals for both sides from a function of the side."""
+    return {side: goal(side) for side in SIDES}
