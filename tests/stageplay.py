@@ -1,0 +1,92 @@
+"""A task on the bench: build a state or act through a script, and see which stage is reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from duobench.experts.motion import Arms, Script
+from duobench.sim import placement
+from duobench.sim.kinematics import Kinematics
+from duobench.sim.placement import Layout
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.stages.progress import Progress
+from duobench.tasks.task import Task
+from duobench.types import DuoCommand
+
+
+class Stageplay:
+    """One task with its simulation and its stage rule, without Gymnasium around it."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.sim = Simulation(task.props)
+        self.progress = Progress(task.stages)
+        self.history: list[int] = []
+        self._kinematics = Kinematics()
+        self.start(0)
+
+    def start(self, seed: int = 0, layout: Layout | None = None) -> Layout:
+        """Reset to a seed's layout, or to a given one."""
+        if layout is None:
+            layout = placement.first_valid(self.sim, self.task.layouts(seed), self.task.id)
+        self.sim.clear()
+        if self.task.configure is not None:
+            self.task.configure(self.sim.model, layout)
+        placement.apply(self.sim, layout)
+        self.sim.settle()
+        self.progress.reset(self.sim, layout.variants)
+        self.history = []
+        self.arms = Arms(self.sim, self._kinematics)
+        return layout
+
+    @property
+    def stage(self) -> int:
+        return self.progress.stage
+
+    def put(self, **poses: SE3) -> None:
+        """Build a state: props at poses, at rest, as no policy could; then judge it."""
+        for name, pose in poses.items():
+            self.sim.place(name, pose)
+        self.sim.refresh()
+        self.judge()
+
+    def judge(self) -> int:
+        """Evaluate the stage rule on the state as it is."""
+        self.history.append(self.progress.update(self.sim))
+        return self.progress.stage
+
+    def hold(self, steps: int) -> int:
+        """Let physics run with the arms where they were last told to be."""
+        command = self.sim.duo.command()
+        for _ in range(steps):
+            self.sim.step(command)
+            self.judge()
+        return self.progress.stage
+
+    def act(self, script: Callable[[Arms], Script], max_steps: int = 2000) -> int:
+        """Run a script through the action space, judging every control step."""
+        for steps, _ in enumerate(script(self.arms)):
+            self._send()
+            if steps >= max_steps:
+                raise AssertionError(f"The script did not end within {max_steps} steps.")
+        return self.progress.stage
+
+    def run_for(self, script: Callable[[Arms], Script], steps: int) -> int:
+        """Run a script for some control steps, or until the last stage."""
+        running = script(self.arms)
+        for _ in range(steps):
+            next(running, None)
+            self._send()
+            if self.progress.success:
+                break
+        return self.progress.stage
+
+    def _send(self) -> None:
+        flat = np.clip(self.arms.action(), self.sim.duo.low, self.sim.duo.high)
+        self.sim.step(DuoCommand.from_flat(flat))
+        self.judge()
+
+
