@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.errors import PolicyError
 from duobench.experts.motion import Arms, Script
 from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
@@ -36,7 +37,7 @@ class Expert:
     def act(self, observation: object) -> NDArray[np.float64]:  # noqa: ARG002
         """The next action as a chunk (1, 16)."""
         if self._arms is None:
-            raise RuntimeError("Call reset before act.")
+            raise PolicyError("An expert needs reset before act.")
         if self._running is not None:
             try:
                 next(self._running)
