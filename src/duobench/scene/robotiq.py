@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
 
 from duobench.assets import meshes
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
@@ -35,7 +36,8 @@ DRIVER_GAIN = 0.3137255
 DRIVER_STIFFNESS, DRIVER_DAMPING = 100.0, 10.0
 """Actuator bias terms in N·m/rad and N·m·s/rad [Menagerie robotiq_2f85_v4]."""
 DRIVER_FORCE = 100.0
-"""Force range of the actuator, in the tendon's units."""
+"""Force range of the actuator, in the tendon's units. A fully closed command presses about 215 N on
+a 32 mm cube (measured); the data sheet's upper limit is 235 N."""
 TENDON_SHARE = 0.485
 """Part of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
 
@@ -51,6 +53,11 @@ PAD_SIZE = (0.002, 0.011, 0.009375)
 """Half sizes of one of the two boxes of a pad, in metres."""
 PADS = ((0.12, 0.7), (0.13875, 0.6))
 """Height in the pad's frame and sliding friction of the two boxes of a pad."""
+FINGERTIP_SIZE = (0.0063, 0.0105, 0.0185)
+FINGERTIP_POSITION = (0.0349, 0.0, 0.129)
+"""Half size and centre, in the pad's frame and metres, of the box that stands for the metal tongue
+behind a pad. It keeps 4 mm behind the pad's face: the tongue's own hull is flush with the pad, and
+the two would compete for every grasped object."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -166,6 +173,7 @@ _BASE_VISUALS: tuple[tuple[str, Vector, Vector, Vector], ...] = (
 )
 _PAD_POSITION = (-0.0377897, -0.103916, -0.0091)
 _PAD_WXYZ = (1.0, -1.0, 0.0, 0.0)
+_FOLLOWER_FROM_PAD = SE3.from_wxyz(_PAD_WXYZ, _PAD_POSITION)
 _PAD_OFFSET = 0.043258
 _PAD_MASS = 0.00175
 
@@ -220,11 +228,21 @@ def _add_finger(
             )
         for mesh, rgba in part.visuals:
             _add_visual(spec, body, mesh, part.mesh_position, part.mesh_wxyz, rgba)
-            _add_hull(spec, side, body, mesh, part.mesh_position, part.mesh_wxyz)
+            if mesh != "tongue":
+                _add_hull(spec, side, body, mesh, part.mesh_position, part.mesh_wxyz)
         bodies[part.name] = body
     pad = bodies["follower"].add_body(
         name=f"{prefix}/{finger}_pad", pos=_PAD_POSITION, quat=_PAD_WXYZ, gravcomp=1.0
     )
+    fingertip = bodies["follower"].add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=FINGERTIP_SIZE,
+        pos=(_FOLLOWER_FROM_PAD @ SE3(np.eye(3), np.array(FINGERTIP_POSITION))).translation,
+        quat=_FOLLOWER_FROM_PAD.wxyz,
+        density=0.0,
+        group=COLLISION_GEOM_GROUP,
+    )
+    collide_as(fingertip, distal(side))
     for height, friction in PADS:
         geom = pad.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
