@@ -1,0 +1,54 @@
+"""The page on adding a task: its code runs as printed, and its task can be solved."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from stageplay import Stageplay
+
+import duobench
+from duobench.tasks import catalog
+
+PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
+MAX_LINES = 80
+
+
+def _blocks() -> list[str]:
+    return re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The task of the page, saved as a module that can be imported."""
+    (tmp_path / "stack_cube.py").write_text(_blocks()[0], encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return "stack_cube:TASK"
+
+
+def test_the_task_is_short() -> None:
+    assert len(_blocks()[0].splitlines()) < MAX_LINES
+
+
+def test_it_is_found_by_its_path(module: str) -> None:
+    assert catalog.get(module).id == "stack_cube"
+
+
+def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, Any] = {"TASK": catalog.get(module), "duobench": duobench}
+    exec(_blocks()[1], names)
+    assert "red cube" in capsys.readouterr().out
+    names["env"].close()
+
+
+def test_its_expert_solves_it(module: str) -> None:
+    names: dict[str, Any] = {}
+    exec(_blocks()[0] + _blocks()[2], names)
+    play = Stageplay(catalog.get(module))
+    script: Callable[..., Any] = names["script"]
+    for seed in (0, 1):
+        play.start(seed)
+        assert play.run_for(script, play.task.horizon) == play.task.max_stage, play.history
