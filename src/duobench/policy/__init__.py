@@ -1,6 +1,16 @@
 """Policies: the protocol that every policy speaks, baselines, and how a name becomes a policy."""
 
+from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.protocol import Policy, PolicyMetadata, as_chunk
 from duobench.policy.registry import BASELINES, make
 
-__all__ = ["BASELINES", "Policy", "PolicyMetadata", "as_chunk", "make"]
+__all__ = [
+    "BASELINES",
+    "HoldPolicy",
+    "Policy",
+    "PolicyMetadata",
+    "RandomPolicy",
+    "ZeroPolicy",
+    "as_chunk",
+    "make",
+]

@@ -56,9 +56,13 @@ def _factory(name: str) -> Callable[[], object]:
         ) from error
     factory = getattr(module, attribute, None)
     if not callable(factory):
-        callables = [key for key, value in vars(module).items() if callable(value)]
+        own = [
+            key
+            for key, value in vars(module).items()
+            if callable(value) and getattr(value, "__module__", None) == module_name
+        ]
         raise PolicyError(
             f"Policy {name!r}: module {module_name!r} has no class or function {attribute!r}. "
-            f"It has: {', '.join(sorted(callables)) or '(none)'}."
+            f"It has: {', '.join(sorted(own)) or '(none)'}."
         )
     return factory

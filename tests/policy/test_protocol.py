@@ -1,0 +1,39 @@
+import numpy as np
+import pytest
+
+from duobench.errors import PolicyError
+from duobench.policy import PolicyMetadata, as_chunk
+
+
+def test_chunk_is_returned_as_float64() -> None:
+    chunk = as_chunk([[0] * 16, [1] * 16])
+    assert chunk.shape == (2, 16)
+    assert chunk.dtype == np.float64
+
+
+@pytest.mark.parametrize("shape", [(16,), (0, 16), (1, 15), (1, 1, 16), ()])
+def test_wrong_shape_is_refused_with_the_right_one(shape: tuple[int, ...]) -> None:
+    with pytest.raises(PolicyError, match=r"\(H, 16\).*actions\[None, :\]"):
+        as_chunk(np.zeros(shape))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_number_that_is_not_finite_is_refused_with_its_place(bad: float) -> None:
+    actions = np.zeros((3, 16))
+    actions[2, 5] = bad
+    with pytest.raises(PolicyError, match="action 2 of its chunk, number 5"):
+        as_chunk(actions)
+
+
+@pytest.mark.parametrize("nonsense", ["left", None, [[0] * 16, [0] * 3], {"a": 1}])
+def test_what_is_no_array_is_refused(nonsense: object) -> None:
+    with pytest.raises(PolicyError):
+        as_chunk(nonsense)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    "fields", [{"control_rate_hz": 0.0}, {"image_size": (0, 224)}, {"image_size": (224,)}]
+)
+def test_metadata_that_no_environment_meets_is_refused(fields: dict) -> None:
+    with pytest.raises(PolicyError):
+        PolicyMetadata(name="mine", **fields)

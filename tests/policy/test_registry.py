@@ -1,0 +1,60 @@
+from pathlib import Path
+
+import pytest
+
+from duobench.errors import PolicyError, UnknownNameError
+from duobench.policy import HoldPolicy, make
+
+MODULE = """
+from duobench.policy import HoldPolicy, PolicyMetadata
+
+class Mine(HoldPolicy):
+    metadata = PolicyMetadata(name="mine")
+
+def make_policy():
+    return Mine()
+
+def make_nothing():
+    return object()
+
+A_NUMBER = 3
+"""
+
+
+@pytest.fixture
+def own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    (tmp_path / "own_policies.py").write_text(MODULE)
+    monkeypatch.syspath_prepend(tmp_path)
+    return "own_policies"
+
+
+@pytest.mark.parametrize("attribute", ["Mine", "make_policy"])
+def test_class_or_function_of_a_module_makes_a_policy(own_module: str, attribute: str) -> None:
+    policy = make(f"{own_module}:{attribute}")
+    assert isinstance(policy, HoldPolicy)
+    assert policy.metadata.name == "mine"
+
+
+def test_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(UnknownNameError, match=r"Did you mean 'random'\?.*hold, .*random, zero"):
+        make("randm")
+
+
+@pytest.mark.parametrize(
+    ("attribute", "message"),
+    [
+        ("Mein", "no class or function 'Mein'.*Mine, make_nothing, make_policy"),
+        ("A_NUMBER", "no class or function 'A_NUMBER'"),
+        ("make_nothing", "gave a object, which is no policy"),
+    ],
+)
+def test_attribute_that_makes_no_policy_is_refused(
+    own_module: str, attribute: str, message: str
+) -> None:
+    with pytest.raises(PolicyError, match=message):
+        make(f"{own_module}:{attribute}")
+
+
+def test_missing_module_is_named() -> None:
+    with pytest.raises(PolicyError, match="no module named 'nowhere_at_all'"):
+        make("nowhere_at_all:make")
