@@ -25,7 +25,6 @@ _FAINT = "#8a9299"
 """Colour of grid lines, which works on a light and on a dark page."""
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
-    "svg.hashsalt": "duobench",
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.0,
@@ -131,7 +130,8 @@ FIGURES: Mapping[str, Callable[[Results], Figure]] = MappingProxyType(
 
 def draw(name: str, results: Results) -> str:
     """One of the figures as an SVG document; the same results always give the same text."""
-    with mpl.rc_context(_STYLE):
+    # Identifiers inside are hashes; with a salt of its own, no two figures on a page share one.
+    with mpl.rc_context(_STYLE | {"svg.hashsalt": name}):
         figure = FIGURES[name](results)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})

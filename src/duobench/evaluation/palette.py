@@ -11,12 +11,13 @@ SUCCESS = "#2a6f97"
 """Colour of the last stage."""
 _RAMP = ((0x9B, 0x3A, 0x1E), (0xE0, 0x8A, 0x45), (0xF6, 0xDF, 0xB2))
 """Stops of the ramp for the stages before the last, evenly spaced, as RGB."""
-DARK_INK, LIGHT_INK = "#1b1d1f", "#ffffff"
+DARK_INK, LIGHT_INK = "#000000", "#ffffff"
 """Text on a light and on a dark stage colour."""
 _RED, _GREEN, _BLUE = 0.2126, 0.7152, 0.0722
 """Shares of the primaries in relative luminance [WCAG 2.2, ITU-R BT.709]."""
-_INK_CHANGE = 0.22
-"""Relative luminance above which dark text is easier to read than light text."""
+_INK_CHANGE = 0.179
+"""Relative luminance at which black and white text have the same contrast, sqrt(1.05 * 0.05) - 0.05
+[WCAG 2.2]; at least one of them always has more than 4.5."""
 
 
 def stage_colours(max_stage: int) -> tuple[str, ...]:
@@ -27,8 +28,8 @@ def stage_colours(max_stage: int) -> tuple[str, ...]:
 
 def ink_on(colour: str) -> str:
     """The text colour that is easier to read on a `#rrggbb` colour."""
-    linear = [(int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5)]
-    luminance = _RED * linear[0] + _GREEN * linear[1] + _BLUE * linear[2]
+    red, green, blue = ((int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5))
+    luminance = _RED * red + _GREEN * green + _BLUE * blue
     return DARK_INK if luminance > _INK_CHANGE else LIGHT_INK
 
 

@@ -38,9 +38,9 @@ def results_table(results: Results, expected_episodes: int) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
     table.add_column("Task", no_wrap=True)
     broken = ("Broken",) if results.overall.errors else ()
-    for heading in ("Episodes", *broken, "Success %", "95 % interval", "Final progress"):
+    for heading in ("Episodes", *broken, "Success\n%", "95 %\ninterval", "Final\nprogress"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("Episodes by last stage")
+    table.add_column("Episodes by\nlast stage")
     for category in results.categories:
         members = [one for one in results.tasks if one.task.category == category.label]
         for one in members:

@@ -1,0 +1,54 @@
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from duobench.evaluation.figures import FIGURES, INK, draw, for_page
+from duobench.evaluation.metrics import results
+from tests.evaluation.samples import TASKS, sample_records, sample_run
+
+RUN = sample_run(episodes=8)
+FOUND = results(RUN.tasks, sample_records(RUN))
+
+
+def words(svg: str) -> list[str]:
+    root = ET.fromstring(svg)
+    return ["".join(node.itertext()).strip() for node in root.iter() if node.tag.endswith("text")]
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_same_results_give_the_same_bytes(name: str) -> None:
+    assert draw(name, FOUND) == draw(name, FOUND)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figure_names_every_task(name: str) -> None:
+    assert {task.title for task in TASKS} <= set(words(draw(name, FOUND)))
+
+
+def test_bars_are_annotated_with_the_success_rate() -> None:
+    shown = words(draw("stages", FOUND))
+    for one in FOUND.tasks:
+        assert f"{100 * one.score.successes / one.score.episodes:.1f} %" in shown
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figure_carries_no_date(name: str) -> None:
+    assert "<dc:date>" not in draw(name, FOUND)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_element_for_a_page_brings_no_style_sheet_and_takes_the_pages_ink(name: str) -> None:
+    element = for_page(draw(name, FOUND))
+    root = ET.fromstring(element)
+    assert root.get("width") is None
+    assert root.get("viewBox")
+    assert "<style" not in element
+    assert INK not in element
+    assert "currentColor" in element
+    assert words(element) == words(draw(name, FOUND))
+    assert not [node for node in root.iter() if node.tag.endswith("}g") and node.get("id")]
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_run_without_records_can_be_drawn(name: str) -> None:
+    assert draw(name, results(TASKS, [])).rstrip().endswith("</svg>")

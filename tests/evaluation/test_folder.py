@@ -1,0 +1,125 @@
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from duobench.errors import EvaluationError
+from duobench.evaluation.folder import RunFolder
+from tests.evaluation.samples import (
+    LIFT,
+    TASKS,
+    sample_folder,
+    sample_record,
+    sample_records,
+    sample_run,
+)
+
+
+def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
+    folder, run = RunFolder(tmp_path / "new" / "run"), sample_run()
+    for _ in range(2):
+        folder.begin(run)
+        assert folder.read_run() == run
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"policy": "other"}, "policy: other instead of mine"),
+        ({"episodes": 5}, "episodes: 5 instead of 4"),
+        ({"first_episode": 4}, "first episode: 4 instead of 0"),
+        ({"tasks": TASKS[:2]}, r"tasks: lift.*instead of lift.*turn"),
+        ({"suite_version": "2"}, "suite version: 2 instead of 1"),
+        ({"versions": {"mujoco": "4.0.9"}}, "versions: mujoco 4.0.9 instead of .*mujoco 4.0.0"),
+        ({"videos": 0}, "videos: 0 instead of 1"),
+    ],
+)
+def test_other_run_is_refused_with_what_differs_and_what_to_do(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    folder = sample_folder(tmp_path / "run", sample_run(), [])
+    before = folder.description.read_bytes()
+    with pytest.raises(EvaluationError, match=rf"{message}.*--out.*duobench eval --policy mine"):
+        folder.begin(sample_run(**changes))
+    assert folder.description.read_bytes() == before
+
+
+def test_folder_with_strange_files_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(EvaluationError, match="not empty and holds no evaluation"):
+        RunFolder(tmp_path).begin(sample_run())
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_records_come_back_in_the_order_of_the_run(tmp_path: Path) -> None:
+    run = sample_run()
+    records = sample_records(run)
+    folder = sample_folder(tmp_path / "run", run, records[::-1])
+    assert folder.read_records(run) == records
+
+
+def test_missing_records_are_left_out(tmp_path: Path) -> None:
+    run = sample_run()
+    records = sample_records(run)[2:-1]
+    assert sample_folder(tmp_path / "run", run, records).read_records(run) == records
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"episode": 1}, {"policy": "other"}, {"suite_version": "0"}, {"task": "turn"}],
+)
+def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any]) -> None:
+    folder, run = sample_folder(tmp_path / "run", sample_run(), []), sample_run()
+    path = folder.record(LIFT.id, 0)
+    path.parent.mkdir(parents=True)
+    path.write_text(sample_record(**{"task": LIFT, "reached": (5, 9)}).to_json())
+    assert len(folder.read_records(run)) == 1
+    record = sample_record(LIFT, 0, (5, 9))
+    changed = {name: getattr(record, name) for name in record.__dataclass_fields__} | changes
+    path.write_text(type(record)(**changed).to_json())
+    with pytest.raises(EvaluationError, match=r"00000\.json does not belong"):
+        folder.read_records(run)
+
+
+def test_folder_without_a_run_says_how_to_make_one(tmp_path: Path) -> None:
+    with pytest.raises(EvaluationError, match=r"run\.json is missing.*duobench eval"):
+        RunFolder(tmp_path).read_run()
+
+
+def test_unreadable_description_is_named(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(EvaluationError, match=r"Cannot read .*run\.json"):
+        RunFolder(tmp_path).read_run()
+
+
+def test_strange_task_id_stays_inside_the_folder(tmp_path: Path) -> None:
+    path = RunFolder(tmp_path).record("../../etc/x y", 3)
+    assert path.parent.parent == tmp_path / "records"
+    assert path.name == "00003.json"
+
+
+def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> None:
+    script = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from duobench.evaluation.folder import RunFolder\n"
+        "with RunFolder(Path(sys.argv[1])).locked():\n"
+        "    print('locked', flush=True)\n"
+        "    sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script, str(tmp_path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as other:
+        assert other.stdout
+        assert other.stdout.readline() == "locked\n"
+        with pytest.raises(EvaluationError, match="Another process"), RunFolder(tmp_path).locked():
+            pass
+        other.kill()
+        other.wait()
+    with RunFolder(tmp_path).locked():
+        assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,80 @@
+import random
+
+import pytest
+
+from duobench.evaluation.metrics import TIME_POINTS, progress_curve, results, task_result
+from duobench.evaluation.statistics import wilson_interval
+from tests.evaluation.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
+
+
+def test_scores_of_a_task_are_counts_over_its_episodes() -> None:
+    records = [
+        sample_record(SORT, 0, (1, 2, 3)),
+        sample_record(SORT, 1, (4,)),
+        sample_record(SORT, 2, ()),
+        sample_record(SORT, 3, (5,), error="boom"),
+        sample_record(LIFT, 0, (5,)),
+    ]
+    result = task_result(SORT, records)
+    assert (result.score.episodes, result.score.successes, result.score.errors) == (4, 1, 1)
+    assert result.score.success_rate == 0.25
+    assert result.score.interval == wilson_interval(1, 4)
+    assert result.score.mean_final_progress == pytest.approx((1 + 1 / 3 + 0 + 1 / 3) / 4)
+    assert result.last_stage_counts == (1, 2, 0, 1)
+
+
+def test_broken_episode_that_reached_the_last_stage_is_no_success() -> None:
+    result = task_result(SORT, [sample_record(SORT, 0, (1, 2, 3), error="boom")])
+    assert result.score.successes == 0
+
+
+def test_curve_is_the_mean_stage_at_each_share_of_the_horizon() -> None:
+    records = [sample_record(LIFT, 0, (50, 100)), sample_record(LIFT, 1, (151,))]
+    curve = progress_curve(records, LIFT.horizon)
+    assert len(curve) == TIME_POINTS
+    assert curve[:25] == (0.0,) * 25
+    assert curve[25:50] == (0.25,) * 25
+    assert curve[50:76] == (0.5,) * 26
+    assert curve[76:] == (0.75,) * 25
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_curve_never_falls_and_ends_at_the_mean_final_progress(seed: int) -> None:
+    run = sample_run(episodes=7)
+    for one in results(run.tasks, sample_records(run, seed)).tasks:
+        assert list(one.progress) == sorted(one.progress)
+        assert one.progress[-1] == pytest.approx(one.score.mean_final_progress)
+        assert sum(one.last_stage_counts) == one.score.episodes
+
+
+def test_results_do_not_depend_on_the_order_of_the_records() -> None:
+    run = sample_run(episodes=9)
+    records = sample_records(run)
+    expected = results(run.tasks, records)
+    for seed in range(3):
+        random.Random(seed).shuffle(records)
+        assert results(run.tasks, records) == expected
+
+
+def test_categories_and_the_overall_row_pool_episodes() -> None:
+    run = sample_run(episodes=6)
+    found = results(run.tasks, sample_records(run))
+    by_id = {one.task.id: one.score for one in found.tasks}
+    assert [category.label for category in found.categories] == [
+        "bimanual manipulation",
+        "parallel execution",
+    ]
+    bimanual, parallel = found.categories
+    assert bimanual.episodes == 12
+    assert bimanual.successes == by_id["lift"].successes + by_id["turn"].successes
+    assert parallel.mean_final_progress == by_id["sort"].mean_final_progress
+    rates = [score.success_rate or 0.0 for score in by_id.values()]
+    assert found.overall.success_rate == pytest.approx(sum(rates) / len(rates))
+
+
+def test_run_without_records_has_no_rates() -> None:
+    found = results(TASKS, [])
+    assert found.overall.success_rate is None
+    assert found.overall.mean_final_progress is None
+    assert found.overall.interval == (0.0, 1.0)
+    assert [one.progress for one in found.tasks] == [(), (), ()]

@@ -1,0 +1,82 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from duobench.errors import EvaluationError
+from duobench.evaluation.records import EpisodeRecord, read_record, write_record
+from tests.evaluation.samples import LIFT, sample_record, sample_records, sample_run
+
+RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boom\n")]
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: f"{record.task}-{record.episode}")
+def test_record_survives_its_file(record: EpisodeRecord, tmp_path: Path) -> None:
+    write_record(tmp_path / "r.json", record)
+    assert read_record(tmp_path / "r.json") == record
+    assert (tmp_path / "r.json").read_text() == record.to_json()
+
+
+def test_text_has_a_field_a_line() -> None:
+    text = sample_record().to_json()
+    assert '\n  "stage_changes": [[10, 1], [20, 2], [30, 3]],\n' in text
+    assert json.loads(text)["schema"] == 1
+
+
+@pytest.mark.parametrize(
+    ("step", "stage"), [(0, 0), (9, 0), (10, 1), (19, 1), (20, 2), (30, 3), (90, 3)]
+)
+def test_stage_after_a_step_is_the_last_one_reached(step: int, stage: int) -> None:
+    assert sample_record().stage_after(step) == stage
+
+
+def test_progress_is_the_share_of_stages() -> None:
+    assert sample_record(LIFT, reached=(7,)).progress == 0.5
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"final_stage": 2}, "final_stage must be the last stage"),
+        ({"success": False}, "success must mean"),
+        ({"error": "boom", "success": True}, "success must mean"),
+        ({"stage_changes": ((20, 1), (10, 3))}, "rise"),
+        ({"stage_changes": ((10, 2), (20, 2), (30, 3))}, "rise"),
+        ({"stage_changes": ((10, 1), (30, 4)), "final_stage": 4}, "0..max_stage"),
+        ({"stage_changes": ((10, 1), (31, 3))}, "within the executed steps"),
+        ({"steps": 91}, "horizon"),
+    ],
+)
+def test_record_that_contradicts_itself_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(EvaluationError, match=message):
+        sample_record(**changes)
+
+
+def broken_texts() -> dict[str, str]:
+    whole = sample_record().to_json()
+    document = json.loads(whole)
+    return {
+        "truncated": whole[: len(whole) // 2],
+        "empty": "",
+        "list": "[]",
+        "another schema": json.dumps({**document, "schema": 99}),
+        "missing field": json.dumps({k: v for k, v in document.items() if k != "seed"}),
+        "unknown field": json.dumps({**document, "colour": "red"}),
+        "contradiction": json.dumps({**document, "final_stage": 1}),
+        "odd changes": json.dumps({**document, "stage_changes": [[1, 2, 3]]}),
+    }
+
+
+@pytest.mark.parametrize("kind", broken_texts())
+def test_broken_file_is_named_with_the_way_on(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "00003.json"
+    path.write_text(broken_texts()[kind])
+    with pytest.raises(EvaluationError, match=r"00003\.json: .*Delete the file"):
+        read_record(path)
+
+
+def test_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "r.json").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(EvaluationError, match="Delete the file"):
+        read_record(tmp_path / "r.json")

@@ -1,0 +1,165 @@
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from duobench.evaluation.report import write_report
+from tests.evaluation.samples import (
+    LIFT,
+    SORT,
+    TURN,
+    sample_folder,
+    sample_record,
+    sample_records,
+    sample_run,
+)
+
+OUTPUTS = ("index.html", "summary.json", "figures/stages.svg", "figures/progress.svg")
+
+
+class Page(HTMLParser):
+    """Collects what the tests ask about, and checks that every element is closed."""
+
+    VOID = frozenset({"meta", "path", "circle", "br", "use"})
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.links: list[str] = []
+        self.ids: list[str] = []
+        self.text: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.VOID:
+            self.open.append(tag)
+        self.note(attrs)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:  # noqa: ARG002 - the parser's signature
+        self.note(attrs)
+
+    def note(self, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if value and name in {"href", "src"}:
+                self.links.append(value)
+            if value and name == "id":
+                self.ids.append(value)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in self.VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+    @property
+    def words(self) -> str:
+        return " ".join(" ".join(self.text).split())
+
+
+def test_summary_has_the_numbers_of_each_task(tmp_path: Path) -> None:
+    run = sample_run(tasks=(SORT,), episodes=4)
+    records = [sample_record(SORT, episode, (1, 2, 3)) for episode in range(3)]
+    folder = sample_folder(tmp_path / "run", run, [*records, sample_record(SORT, 3, (5,))])
+    write_report(folder)
+    summary = json.loads(folder.summary.read_text())
+    task = summary["tasks"]["sort"]
+    assert task["episodes"] == 4
+    assert task["successes"] == 3
+    assert task["mean_final_progress"] == pytest.approx((3 + 1 / 3) / 4)
+    assert task["last_stage_counts"] == [0, 1, 0, 3]
+    assert task["wilson_95"] == pytest.approx([0.3006, 0.9544], abs=1e-4)
+    assert summary["overall"]["successes"] == 3
+    assert summary["policy"] == "mine"
+
+
+def test_same_records_give_the_same_bytes_in_any_folder(tmp_path: Path) -> None:
+    run = sample_run()
+    records = sample_records(run)
+    written = []
+    for name, ordered in (("one", records), ("two", records[::-1])):
+        folder = sample_folder(tmp_path / name, run, ordered)
+        write_report(folder)
+        written.append([(folder.path / output).read_bytes() for output in OUTPUTS])
+    assert written[0] == written[1]
+
+
+def test_page_is_whole_and_its_links_lead_somewhere(tmp_path: Path) -> None:
+    run = sample_run()
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    video = folder.video(LIFT.id, 0)
+    video.parent.mkdir(parents=True)
+    video.write_bytes(b"film")
+    write_report(folder)
+    page = Page(folder.page)
+    assert "videos/lift/00000.webm" in page.links
+    for link in page.links:
+        if link.startswith("#"):
+            assert link.removeprefix("#") in page.ids
+        else:
+            assert (folder.path / link).is_file()
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_page_tells_policy_stages_seeds_and_command(tmp_path: Path) -> None:
+    run = sample_run()
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    write_report(folder)
+    words = Page(folder.page).words
+    assert run.command in words
+    for task in run.tasks:
+        assert task.title in words
+        assert all(stage in words for stage in task.stages)
+    assert {str(1000 + episode) for episode in run.episode_indices} <= set(words.split())
+    assert "mujoco 4.0.0" in words
+    assert "not finished" not in words
+
+
+def test_text_from_outside_is_escaped(tmp_path: Path) -> None:
+    run = sample_run(tasks=(TURN,), episodes=1, policy="<script>alert(1)</script>")
+    record = sample_record(TURN, 0, (), error="<img src=x>\n", instruction="a & <b>")
+    record = type(record)(
+        **{name: getattr(record, name) for name in record.__dataclass_fields__}
+        | {"policy": run.policy}
+    )
+    folder = sample_folder(tmp_path / "run", run, [record])
+    write_report(folder)
+    html = folder.page.read_text()
+    for raw in ("<script>alert", "<img src=x>", "a & <b>"):
+        assert raw not in html
+    assert "<img src=x>" in Page(folder.page).words
+
+
+def test_broken_episode_is_shown_with_its_traceback(tmp_path: Path) -> None:
+    run = sample_run(tasks=(SORT,), episodes=2)
+    records = [
+        sample_record(SORT, 0),
+        sample_record(SORT, 1, (5,), error="Trace\nValueError: no\n"),
+    ]
+    folder = sample_folder(tmp_path / "run", run, records)
+    write_report(folder)
+    words = Page(folder.page).words
+    assert "1 episode broke off with an error and counts as failed" in words
+    assert "Trace ValueError: no" in words
+
+
+@pytest.mark.parametrize("kept", [0, 5])
+def test_unfinished_run_says_so(tmp_path: Path, kept: int) -> None:
+    run = sample_run()
+    folder = sample_folder(tmp_path / "run", run, sample_records(run)[:kept])
+    write_report(folder)
+    assert f"not finished: {kept} of 12 episodes" in Page(folder.page).words
+    assert json.loads(folder.summary.read_text())["overall"]["episodes"] == kept
+
+
+def test_mixed_set_ups_are_pointed_out(tmp_path: Path) -> None:
+    run = sample_run(tasks=(TURN,), episodes=2)
+    second = sample_record(TURN, 1, (3,), versions={"python": "3.13"})
+    folder = sample_folder(tmp_path / "run", run, [sample_record(TURN, 0, (3,)), second])
+    write_report(folder)
+    words = Page(folder.page).words
+    assert "2 different set-ups" in words
+    assert "python 3.13" in words

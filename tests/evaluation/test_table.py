@@ -1,0 +1,43 @@
+import io
+import re
+
+from rich.console import Console
+
+from duobench.evaluation.metrics import results
+from duobench.evaluation.table import results_table
+from tests.evaluation.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
+
+
+def printed(run_records: list, expected: int, width: int = 130) -> list[str]:
+    out = io.StringIO()
+    Console(file=out, width=width).print(results_table(results(TASKS, run_records), expected))
+    return [re.sub(r"\s{2,}", "|", line.strip()) for line in out.getvalue().splitlines()]
+
+
+def test_row_has_rate_interval_progress_and_distribution() -> None:
+    records = [sample_record(SORT, episode, (1, 2, 3)) for episode in range(3)]
+    records.append(sample_record(SORT, 3, (5,)))
+    lines = printed(records, expected=4)
+    assert "sort|4|75.0|30.1–95.4|0.833|0:0|1:1|2:0|3:3" in lines
+    assert "lift|0/4|–|0.0–100.0|–|0:0|1:0|2:0" in lines
+    assert "All tasks|4/12|75.0|30.1–95.4|0.833" in lines
+    assert not any("Broken" in line for line in lines)
+
+
+def test_category_of_several_tasks_has_a_row() -> None:
+    run = sample_run()
+    lines = printed(sample_records(run), run.episodes)
+    assert any(line.startswith("bimanual manipulation|8|") for line in lines)
+    assert not any(line.startswith("parallel execution") for line in lines)
+
+
+def test_broken_episodes_are_shown() -> None:
+    lines = printed([sample_record(LIFT, 0, (), error="boom")], expected=1)
+    assert any(line.startswith("Task|Episodes|Broken") for line in lines)
+    assert any(line.startswith("lift|1|1|0.0|") for line in lines)
+
+
+def test_narrow_terminal_still_shows_every_number() -> None:
+    run = sample_run()
+    text = "\n".join(printed(sample_records(run), run.episodes, width=80))
+    assert "…" not in text
