@@ -257,3 +257,32 @@ def place(
 def both(goal: Callable[[Side], SE3]) -> dict[Side, SE3]:
     """Goals for both sides from a function of the side."""
     return {side: goal(side) for side in SIDES}
+
+
+def carry(
+    arms: Arms,
+    body: str,
+    goal: SE3,
+    *sides: Side,
+    speed: float = SPEED,
+    turn_speed: float = TURN_SPEED,
+) -> Script:
+    """Move a grasped body in a straight line, with the tools rigid to it; does not wait to arrive.
+
+    Args:
+        arms: The arms.
+        body: Body that the grippers hold.
+        goal: Pose of the body in the table frame.
+        sides: The arms that hold it; both where none is given.
+        speed: Mean speed of the body in m/s.
+        turn_speed: Mean angular speed of the body in rad/s.
+    """
+    start = arms.sim.pose(body)
+    grasps = {side: start.inverse() @ arms.targets[side] for side in sides or SIDES}
+    length, angle = start.distance(goal)
+
+    def path(fraction: float) -> dict[Side, SE3]:
+        world_from_body = start.interpolate(goal, fraction)
+        return {side: world_from_body @ grasp for side, grasp in grasps.items()}
+
+    yield from follow(arms, path, max(length / speed, angle / turn_speed))
