@@ -260,6 +260,9 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
     """Add the pictures and the collision hulls of one arm to its bodies."""
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
         for name, rgba in link.visuals:
+            # The store leaves out buttons, screws and lettering: less than a pixel in any camera.
+            if f"fr3/{name}" not in meshes.VISUAL_NAMES:
+                continue
             geom = body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_MESH,
                 meshname=add_mesh(spec, f"fr3/{name}", meshes.visual),
