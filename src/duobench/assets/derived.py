@@ -8,17 +8,17 @@ import io
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
 from duobench.assets import recipes
 from duobench.assets.cache import write_atomic
-from duobench.assets.decimation import decimate
+from duobench.assets.decimation import Part, decimate
 from duobench.assets.geometry import Mesh, from_grid, read, to_grid
 from duobench.assets.hulls import convex_hull
 from duobench.assets.manifest import manifest
+from duobench.assets.progress import Report
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -45,36 +45,43 @@ class MeshSet:
         return total.hexdigest()
 
 
-def build(data: Mapping[str, bytes]) -> MeshSet:
+def build(data: Mapping[str, bytes], report: Report) -> MeshSet:
     """Make every mesh.
 
     Args:
         data: Bytes of all files of the manifest, by name.
+        report: Told how many of the meshes are made.
     """
-    visual = {
-        name: decimate(
-            read(recipe.file, data[recipe.file]),
-            cell=recipe.cell_mm * 1e-3,
-            triangles=recipe.triangles,
-        )
-        for name, recipe in recipes.VISUAL.items()
-    }
+    visual: dict[str, Mesh] = {}
+    for group in recipes.VISUAL_GROUPS:
+        report("reducing meshes", len(visual), len(recipes.VISUAL))
+        parts = [
+            Part(mesh=_read(recipes.VISUAL[name], data), fill=fill_mm * 1e-3)
+            for name, fill_mm in group.fills_mm.items()
+        ]
+        light = decimate(parts, triangles=group.triangles, cell=group.cell_mm * 1e-3)
+        visual |= zip(group.fills_mm, light, strict=True)
+    report("reducing meshes", len(visual), len(recipes.VISUAL))
     hull = {
-        name: convex_hull(read(file, data[file]).vertices, recipes.HULL_VERTICES)
+        name: convex_hull(_read(file, data).vertices, recipes.HULL_VERTICES)
         for name, file in recipes.HULL.items()
     }
     return MeshSet(visual=visual, hull=hull)
 
 
+def _read(file: str, data: Mapping[str, bytes]) -> Mesh:
+    return read(file, data[file])
+
+
 @functools.cache
 def path_in(cache: Path) -> Path:
-    """Return the file's path: its name covers the sources, the recipes and the simplifier."""
+    """Return the file's path: its name covers the sources and the recipes."""
+    files = {**recipes.VISUAL, **recipes.HULL}
     key = hashlib.sha256(f"{recipes.VERSION} {recipes.HULL_VERTICES}".encode())
-    key.update(metadata.version("fast-simplification").encode())
-    for name, recipe in sorted(recipes.VISUAL.items()):
-        key.update(f"{name} {recipe} {manifest().files[recipe.file].sha256}".encode())
-    for name, file in sorted(recipes.HULL.items()):
-        key.update(f"{name} {manifest().files[file].sha256}".encode())
+    for group in recipes.VISUAL_GROUPS:
+        key.update(f"{dict(group.fills_mm)} {group.cell_mm} {group.triangles}".encode())
+    for name, file in files.items():
+        key.update(f"{name} {file} {manifest().files[file].sha256}".encode())
     return cache / "derived" / f"meshes-{key.hexdigest()[:16]}.npz"
 
 

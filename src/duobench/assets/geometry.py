@@ -96,19 +96,14 @@ def canonical(points: NDArray[np.int64], faces: NDArray[np.integer]) -> Mesh:
         faces: Vertex indices, shape (m, 3).
     """
     merged, index = np.unique(points, axis=0, return_inverse=True)
-    faces = drop_degenerate(index.reshape(-1)[faces])
+    a, b, c = index.reshape(-1)[faces].T
+    faces = np.stack([a, b, c], axis=1)[(a != b) & (b != c) & (c != a)]
     used, faces = np.unique(faces, return_inverse=True)
-    return Mesh(vertices=from_grid(merged[used]), faces=sort_faces(faces.reshape(-1, 3)))
+    ordered = np.unique(turned(faces.reshape(-1, 3)), axis=0)
+    return Mesh(vertices=from_grid(merged[used]), faces=ordered.astype(np.int32))
 
 
-def drop_degenerate(faces: NDArray[np.integer]) -> NDArray[np.integer]:
-    """Drop triangles that name a vertex twice."""
-    a, b, c = faces.T
-    return faces[(a != b) & (b != c) & (c != a)]
-
-
-def sort_faces(faces: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Start every triangle at its smallest vertex, keeping its sense, and sort the triangles."""
+def turned(faces: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Return triangles that start at their smallest vertex, in the same sense."""
     start = faces.argmin(axis=1)
-    turned = np.stack([faces[np.arange(len(faces)), (start + k) % 3] for k in range(3)], axis=1)
-    return np.unique(turned, axis=0).astype(np.int32)
+    return np.stack([faces[np.arange(len(faces)), (start + k) % 3] for k in range(3)], axis=1)

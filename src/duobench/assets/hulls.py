@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from duobench.assets.geometry import Mesh, canonical, to_grid
 from duobench.errors import AssetError
 
+_OUTSIDE = 1.0
+"""Distance in grid steps from which on a point counts as outside of a hull."""
 _TETRAHEDRON = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
 
 
@@ -35,17 +37,16 @@ def convex_hull(vertices: NDArray[np.float64], max_vertices: int) -> Mesh:
     heights = [_heights(points, face) for face in faces]
     for _ in range(max_vertices - len(first)):
         above = np.array([_scaled(points, f, h) for f, h in zip(faces, heights, strict=True)])
-        # A distance of a thousandth of a grid step is rounding of the scale, not a point outside.
-        if above.max() < 1e-3:
+        if above.max() < _OUTSIDE:
             break
         apex = int(above.max(axis=0).argmax())
         # Faces in whose plane the apex lies are replaced too, so no empty triangle can arise.
-        hidden = [int(h[apex]) < 0 for h in heights]
-        kept = [face for face, keep in zip(faces, hidden, strict=True) if keep]
+        below = [int(h[apex]) < 0 for h in heights]
+        kept = [face for face, keep in zip(faces, below, strict=True) if keep]
         edges = {edge for face in kept for edge in _edges(face)}
         horizon = sorted((b, a) for a, b in edges if (b, a) not in edges)
         new = [(a, b, apex) for a, b in horizon]
-        heights = [h for h, keep in zip(heights, hidden, strict=True) if keep]
+        heights = [h for h, keep in zip(heights, below, strict=True) if keep]
         heights += [_heights(points, face) for face in new]
         faces = kept + new
     return canonical(points, np.array(faces))

@@ -119,7 +119,7 @@ def _make(path: Path, progress: bool) -> derived.MeshSet:
         if meshes is None:
             with shown(progress) as report:
                 data = resolve(manifest().files.values(), report)
-            meshes = derived.build(data)
+                meshes = derived.build(data, report)
             derived.save(path, meshes)
     return meshes
 

@@ -1,4 +1,4 @@
-"""Progress of a download on the error stream; nothing is shown before there is something."""
+"""Progress on the error stream; nothing is shown before there is something to wait for."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Iterator
 
 Report = Callable[[str, int, int], None]
-"""Called with a title, the bytes that arrived so far, and the bytes expected (0 if unknown)."""
+"""Called with a title, how much is done, and how much there is to do (0 if unknown)."""
 
 
 def silent(_title: str, _done: int, _total: int) -> None:
@@ -23,20 +23,17 @@ def shown(enabled: bool) -> Iterator[Report]:
     if not enabled:
         yield silent
         return
-    # Imported here because it is needed only when something is really fetched.
+    # Imported here because it is needed only when there is something to show.
     from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+    from rich.progress import Progress
 
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
     bars: dict[str, int] = {}
     with contextlib.ExitStack() as stack:
         display: list[Progress] = []
 
         def report(title: str, done: int, total: int) -> None:
             if not display:
-                console = Console(stderr=True)
-                progress = Progress(*columns, TransferSpeedColumn(), console=console)
-                display.append(stack.enter_context(progress))
+                display.append(stack.enter_context(Progress(console=Console(stderr=True))))
             if title not in bars:
                 bars[title] = display[0].add_task(title, total=None)
             display[0].update(bars[title], completed=done, total=total or None)

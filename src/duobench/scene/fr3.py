@@ -48,7 +48,6 @@ HOME_JOINTS.setflags(write=False)
 BLACK = (0.2, 0.2, 0.2, 1.0)
 WHITE = (1.0, 1.0, 1.0, 1.0)
 RED = (1.0, 0.072272, 0.039546, 1.0)
-GRAY = (0.863156, 0.863156, 0.863157, 1.0)
 
 Vector = tuple[float, ...]
 
@@ -88,11 +87,7 @@ class Link:
 LINKS = (
     Link(
         visuals=(
-            ("link0_0", BLACK),
-            ("link0_1", WHITE),
-            ("link0_2", WHITE),
             ("link0_3", WHITE),
-            ("link0_4", WHITE),
             ("link0_5", RED),
             ("link0_6", BLACK),
         ),
@@ -153,7 +148,7 @@ LINKS = (
             diagonal=(0.0579335, 0.0449144, 0.0130634),
         ),
         joint=Joint(limits=(-2.8065, 2.8065), torque=12, armature=0.074, friction=0.763, kp=2000),
-        visuals=(("link5_0", WHITE), ("link5_1", WHITE), ("link5_2", BLACK)),
+        visuals=(("link5_0", WHITE), ("link5_2", BLACK)),
     ),
     Link(
         wxyz=(1.0, 1.0, 0.0, 0.0),
@@ -168,8 +163,6 @@ LINKS = (
         visuals=(
             ("link6_1", WHITE),
             ("link6_2", WHITE),
-            ("link6_3", GRAY),
-            ("link6_5", WHITE),
             ("link6_6", BLACK),
         ),
     ),
@@ -184,7 +177,6 @@ LINKS = (
         ),
         joint=Joint(limits=(-3.0159, 3.0159), torque=12, armature=0.074, friction=0.248, kp=2000),
         visuals=(
-            ("link7_0", BLACK),
             ("link7_1", WHITE),
             ("link7_2", WHITE),
             ("link7_3", BLACK),
@@ -229,7 +221,9 @@ def add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
             _add_joint(spec, body, names[number - 1], link.joint)
         bodies.append(body)
         parent = body
-    bodies[_LAST_LINK].add_site(name=flange_name(side), pos=(0, 0, FLANGE_OFFSET), size=[0.001] * 3, group=4)
+    bodies[_LAST_LINK].add_site(
+        name=flange_name(side), pos=(0, 0, FLANGE_OFFSET), size=[0.001] * 3, group=4
+    )
     return bodies
 
 
