@@ -1,0 +1,110 @@
+"""Hinge-Chest: the right arm lifts the lid with closed fingertips while the left brings the cube.
+
+The right gripper comes from the right with its closed fingers along the chest's front, so that
+they act as a rod under the tab: the rod need not turn while it follows the lid's arc, and the
+hand stays out of the space above the cavity.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from duobench.experts.motion import (
+    CLOSED,
+    Arms,
+    Script,
+    down,
+    follow,
+    grip,
+    move,
+    nearest_turn,
+    pick,
+    release,
+    together,
+    wait_until,
+)
+from duobench.solids.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X, TAB
+from duobench.spatial import SE3
+from duobench.types import Side
+
+_HOLDER, _INSERTER = Side.RIGHT, Side.LEFT
+_SLOPE = 0.9
+"""Angle in radians between the lifting fingers and the vertical."""
+_ROD_Y = -0.052
+"""Where along the front the lifting tool is, in the chest's frame: at the tab's right end."""
+_START = (-OUTER_X / 2 - 0.024, 0.044)
+"""Rod under the tab: x and z in the chest's frame, 7 mm clear of the front and under the tab."""
+_OPEN_ANGLE = 1.3
+"""How far the lid is opened, in radians."""
+_ENOUGH = 1.1
+"""Angle in radians from which on the other arm goes in."""
+_ROD_DEPTH = 0.016
+"""From the lid's underside to the rod's axis, in metres."""
+_LIFT_SECONDS = 2.0
+
+_DROP = (-0.022, 0.058)
+"""Where the cube goes down, in the chest's frame."""
+_WAIT_BESIDE = 0.24
+"""How far to the left of the chest's centre the cube waits, in metres."""
+_CARRY_HEIGHT, _ABOVE_RIM, _DROP_HEIGHT = 0.20, 0.15, 0.045
+"""Heights of the tool in metres: carrying, over the open chest, letting go."""
+_TILT = SE3.about((1, 0, 0), -0.25)
+"""The inserting hand leans to its own side, away from the hand that holds the lid."""
+_GRASP_HEIGHT = 0.028
+_LET_GO = 0.75
+"""Opening that frees the cube and still fits between the walls."""
+
+
+def script(arms: Arms) -> Script:
+    """Open the chest, hold it open, put the cube in."""
+    yield from together(_open(arms), _insert(arms))
+
+
+def _lifting(chest: SE3, x: float, z: float) -> SE3:
+    """Tool pose of the rod at (x, z) of the chest's frame, camera towards the table."""
+    along = SE3.about((0, 0, 1), math.pi / 2) @ SE3.about((1, 0, 0), math.pi)
+    turn = along @ SE3.about((0, 1, 0), _SLOPE) @ SE3.about((0, 0, 1), math.pi)
+    return chest @ SE3(turn.rotation, np.array([x, _ROD_Y, z]))
+
+
+def _under_lid(chest: SE3, angle: float) -> SE3:
+    """Tool pose of the rod against the underside of the lid, open by `angle` radians."""
+    reach = LID_LENGTH + TAB[0] / 2 - 0.02 * angle / _OPEN_ANGLE
+    lid = SE3.about((0, 1, 0), angle).apply([-reach, 0.0, LID_UNDERSIDE - _ROD_DEPTH])
+    return _lifting(chest, HINGE[0] + lid[0], HINGE[2] + lid[2])
+
+
+def _open(arms: Arms) -> Script:
+    chest = arms.sim.pose("chest")
+    start = _lifting(chest, *_START)
+    back = start @ SE3.at(0.0, 0.0, -0.13)
+    arms.openings[_HOLDER.index] = CLOSED
+    yield from move(arms, {_HOLDER: back}, tolerance=0.012)
+    yield from grip(arms, _HOLDER)
+    yield from move(arms, {_HOLDER: start}, speed=0.2)
+    yield from move(arms, {_HOLDER: _under_lid(chest, 0.0)}, speed=0.1, arrive=False)
+    yield from follow(arms, lambda f: {_HOLDER: _under_lid(chest, f * _OPEN_ANGLE)}, _LIFT_SECONDS)
+
+
+def _insert(arms: Arms) -> Script:
+    side = _INSERTER
+    chest = arms.sim.pose("chest")
+    while not arms.pinches(side, "cube"):
+        pose = arms.sim.pose("cube")
+        x, y, _ = pose.translation
+        yaw = nearest_turn(pose.yaw, math.pi / 2)
+        yield from pick(arms, side, down(x, y, _GRASP_HEIGHT, yaw=yaw))
+    x, y, _ = chest.apply([_DROP[0], _DROP[1], 0.0])
+    turn = _TILT @ down(0.0, 0.0, 0.0, yaw=chest.yaw)
+
+    def at(y: float, height: float) -> SE3:
+        return SE3(turn.rotation, np.array([x, y, height]))
+
+    beside = at(chest.translation[1] + _WAIT_BESIDE, _CARRY_HEIGHT)
+    yield from move(arms, {side: beside}, tolerance=0.02)
+    yield from wait_until(lambda: arms.sim.angle("chest/lid") >= _ENOUGH, 300)
+    yield from move(arms, {side: at(y, _ABOVE_RIM)}, tolerance=0.01)
+    yield from move(arms, {side: at(y, _DROP_HEIGHT)}, speed=0.25)
+    yield from release(arms, side, opening=_LET_GO)

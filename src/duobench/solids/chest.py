@@ -1,0 +1,111 @@
+"""A small chest with a lid that a spring shuts, screwed to the table.
+
+The chest's frame is at the middle of its underside: x towards the hinge, z up. The lid's frame is
+on the hinge's axis, so that the shut lid reaches towards -x; the hinge turns about +y to open.
+"""
+
+from __future__ import annotations
+
+import manifold3d
+import numpy as np
+
+from duobench.solids.prop import Hinge, Part, Prop
+from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder
+from duobench.solids.solid import Solid, manifold_of, mesh_of
+from duobench.spatial import SE3
+
+CAVITY = (0.130, 0.230, 0.060)
+"""Depth, width and height of the cavity in metres [task definitions]."""
+WALL = 0.006
+"""Thickness of walls, floor and lid in metres [task definitions]."""
+RIM_HEIGHT = WALL + CAVITY[2]
+"""Height of the rim above the table in metres."""
+LID_LIMITS = (0.0, 1.55)
+"""Range of the lid in radians [task definitions]."""
+LID_STIFFNESS = 0.5
+"""Spring that shuts the lid in N·m/rad [task definitions]."""
+LID_DAMPING = 0.1
+"""Damping of the lid in N·m·s/rad: it falls shut in about a third of a second, without a bang."""
+
+GAP = 0.001
+"""Play between the shut lid and the rim, and between lid and lugs, in metres."""
+BARREL_RADIUS = 0.005
+"""Outer radius of the hinge's barrel in metres."""
+PIN_RADIUS = 0.0016
+"""Radius of the hole for a 3 mm hinge pin in metres."""
+TAB = (0.026, 0.110)
+"""How far the tab stands out of the front, and its width along the front, in metres: closed
+fingertips are 22 mm thick, and the hand that lifts must leave room for the one that inserts."""
+LUG = (0.016, 0.012)
+"""Length along x of a lug that carries the hinge, and how far it reaches above the rim."""
+
+OUTER_X, OUTER_Y = CAVITY[0] + 2 * WALL, CAVITY[1] + 2 * WALL
+"""Outer depth and width in metres."""
+LID_LENGTH = OUTER_X
+"""From the hinge's axis to the lid's front edge, tab aside, in metres."""
+LID_WIDTH = CAVITY[1] - 2 * GAP
+HINGE = (OUTER_X / 2, 0.0, RIM_HEIGHT + GAP + BARREL_RADIUS)
+"""The hinge's axis in the chest's frame, in metres."""
+LID_UNDERSIDE = -BARREL_RADIUS
+"""Underside of the lid in its own frame, in metres."""
+
+
+def chest(name: str, *, body: Colour, lid: Colour) -> Prop:
+    """A chest that stands where its layout puts it, with its lid as part `lid`."""
+    hinge = Hinge(
+        axis=(0.0, 1.0, 0.0),
+        limits=LID_LIMITS,
+        stiffness=LID_STIFFNESS,
+        damping=LID_DAMPING,
+    )
+    return Prop(
+        name=name,
+        solid=chest_box(body),
+        parts=(Part(name="lid", solid=chest_lid(lid), pose=SE3.at(*HINGE), hinge=hinge),),
+        fixed=True,
+    )
+
+
+def chest_box(rgba: Colour) -> Solid:
+    """The open box with two lugs for the hinge's pin."""
+    depth, width, height = CAVITY
+    wall_z = WALL + height / 2
+    lug_height = RIM_HEIGHT + LUG[1]
+    shapes = [box(OUTER_X, OUTER_Y, WALL, at=SE3.at(0, 0, WALL / 2))]
+    for sign in (-1, 1):
+        shapes += [
+            box(WALL, OUTER_Y, height, at=SE3.at(sign * (depth + WALL) / 2, 0, wall_z)),
+            box(depth, WALL, height, at=SE3.at(0, sign * (width + WALL) / 2, wall_z)),
+            box(
+                LUG[0],
+                WALL,
+                lug_height,
+                at=SE3.at(HINGE[0], sign * (width + WALL) / 2, lug_height / 2),
+            ),
+        ]
+    return _drilled(tuple(shapes), rgba, SE3.at(*HINGE))
+
+
+def chest_lid(rgba: Colour) -> Solid:
+    """The lid with the barrel of its hinge and the tab at its front."""
+    plate_z = LID_UNDERSIDE + WALL / 2
+    along_y = SE3.about((1, 0, 0), np.pi / 2)
+    shapes = (
+        box(LID_LENGTH, LID_WIDTH, WALL, at=SE3.at(-LID_LENGTH / 2, 0, plate_z)),
+        box(*TAB, WALL, at=SE3.at(-LID_LENGTH - TAB[0] / 2, 0, plate_z)),
+        cylinder(BARREL_RADIUS, LID_WIDTH, at=along_y),
+    )
+    return _drilled(shapes, rgba, SE3())
+
+
+def _drilled(shapes: tuple[Shape, ...], rgba: Colour, axis: SE3) -> Solid:
+    """The union of shapes with a hole for the hinge's pin along y through `axis`."""
+    whole = manifold3d.Manifold.batch_boolean(
+        [manifold_of(shape) for shape in shapes], manifold3d.OpType.Add
+    )
+    pin = manifold3d.Manifold.cylinder(
+        2 * OUTER_Y, PIN_RADIUS, PIN_RADIUS, CIRCLE_SEGMENTS // 2, True
+    )
+    turn = axis @ SE3.about((1, 0, 0), np.pi / 2)
+    hole = pin.transform(np.column_stack([turn.rotation, turn.translation]))
+    return Solid(shapes=shapes, rgba=rgba, mesh=mesh_of(whole - hole))
