@@ -35,7 +35,7 @@ class Solid:
     """One rigid body's description."""
 
     shapes: tuple[Shape, ...]
-    """What collides: convex, may overlap."""
+    """What collides: convex, may overlap. None at all for a mark on the table."""
     rgba: Colour
     """Colour."""
     mesh: SolidMesh | None = None
@@ -114,6 +114,8 @@ def mass_properties(solid: Solid) -> MassProperties:
 @lru_cache(maxsize=256)
 def corner_points(solid: Solid) -> Array:
     """Points (n, 3) of the solid that decide its lowest point at any orientation."""
+    if not solid.shapes:
+        return printable(solid).vertices
     points = np.vstack([shape.corners() for shape in solid.shapes])
     rounded = np.unique(points.round(7), axis=0)
     rounded.setflags(write=False)

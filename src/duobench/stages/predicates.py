@@ -7,7 +7,7 @@ only memory is `ever(p)`, which `stages.progress` keeps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -210,6 +210,16 @@ def inside(prop: str, region: Region) -> Predicate:
         return region.contains(offset @ sim.rotation(region.body))
 
     return Predicate(f"{prop} is inside {region.body}", test)
+
+
+def at_least_inside(count: int, props: Sequence[str], region: Region) -> Predicate:
+    """At least `count` of several props have their centres in a region of another body."""
+    members = tuple(inside(prop, region) for prop in props)
+    return Predicate(
+        f"at least {count} of {len(props)} are inside {region.body}",
+        lambda m: sum(member(m) for member in members) >= count,
+        members,
+    )
 
 
 def touching(body: str, other: str) -> Predicate:

@@ -1,0 +1,92 @@
+"""An eight-sided cup, and marbles to fill it."""
+
+from __future__ import annotations
+
+import math
+
+import manifold3d
+import numpy as np
+
+from duobench.solids.shapes import Colour, box, prism, sphere
+from duobench.solids.solid import Solid, mesh_of
+from duobench.spatial import SE3
+
+SIDES = 8
+INNER_RADIUS = 0.030
+"""Distance from the axis to the inside of a wall, in metres [task definitions]."""
+WALL = 0.004
+"""Thickness of walls and floor in metres [task definitions]."""
+HEIGHT = 0.075
+"""Height in metres [task definitions]."""
+OUTER_RADIUS = INNER_RADIUS + WALL
+"""Distance from the axis to the outside of a wall; twice it fits the gripper's 85 mm stroke."""
+MARK_HEIGHT = 0.0004
+"""Thickness of a mark in metres."""
+
+MARBLE_RADIUS = 0.005
+"""Radius of a marble in metres [task definitions]."""
+GLASS_DENSITY = 2500.0
+"""Density of glass in kg/m³."""
+
+
+def _octagon(apothem: float) -> list[list[float]]:
+    corner = apothem / math.cos(math.pi / SIDES)
+    angles = [math.pi / SIDES + 2 * math.pi * k / SIDES for k in range(SIDES)]
+    return [[corner * math.cos(a), corner * math.sin(a)] for a in angles]
+
+
+def cup(rgba: Colour) -> Solid:
+    """A cup whose frame is at the middle of its underside, z up, walls facing x and y."""
+    outer = manifold3d.CrossSection([_octagon(OUTER_RADIUS)]).extrude(HEIGHT)
+    inner = manifold3d.CrossSection([_octagon(INNER_RADIUS)]).extrude(HEIGHT)
+    hollow = outer - inner.translate((0.0, 0.0, WALL))
+    edge = 2 * OUTER_RADIUS * math.tan(math.pi / SIDES)
+    walls = [
+        SE3.about((0, 0, 1), 2 * math.pi * k / SIDES)
+        @ SE3(np.eye(3), np.array([OUTER_RADIUS - WALL / 2, 0.0, (WALL + HEIGHT) / 2]))
+        for k in range(SIDES)
+    ]
+    return Solid(
+        shapes=(
+            prism(_octagon(OUTER_RADIUS), WALL, at=SE3.at(0, 0, WALL / 2)),
+            *(box(WALL, edge, HEIGHT - WALL, at=pose) for pose in walls),
+        ),
+        rgba=rgba,
+        mesh=mesh_of(hollow),
+    )
+
+
+def square_mark(edge: float, rgba: Colour) -> Solid:
+    """A coloured square on the table, thinner than paint and without contacts."""
+    mark = manifold3d.Manifold.cube((edge, edge, MARK_HEIGHT), True)
+    return Solid(shapes=(), rgba=rgba, mesh=mesh_of(mark))
+
+
+def marble(rgba: Colour) -> Solid:
+    """A glass marble; rolling friction lets a heap of them come to rest."""
+    return Solid(
+        shapes=(sphere(MARBLE_RADIUS),),
+        rgba=rgba,
+        density=GLASS_DENSITY,
+        friction=(0.3, 0.001, 0.0003),
+        condim=6,
+    )
+
+
+def _heap() -> tuple[tuple[float, float, float], ...]:
+    """Where twenty marbles lie in a cup: rings of one, six and twelve on the floor, one on top."""
+    pitch = 2.08 * MARBLE_RADIUS
+    floor = WALL + MARBLE_RADIUS
+    rings = [(0.0, 1), (pitch, 6), (2 * pitch, 12)]
+    places = [
+        (radius * math.cos(math.tau * k / count), radius * math.sin(math.tau * k / count), floor)
+        for radius, count in rings
+        for k in range(count)
+    ]
+    hollow = pitch / math.sqrt(3.0)
+    top = (hollow * math.cos(math.pi / 6), hollow * math.sin(math.pi / 6), floor + 0.82 * pitch)
+    return (*places, top)
+
+
+HEAP = _heap()
+"""Positions of the twenty marbles in the frame of a full cup, in metres."""
