@@ -138,9 +138,7 @@ def together(*scripts: Script) -> Script:
             yield
 
 
-def follow(
-    arms: Arms, path: Callable[[float], Mapping[Side, SE3]], seconds: float
-) -> Script:
+def follow(arms: Arms, path: Callable[[float], Mapping[Side, SE3]], seconds: float) -> Script:
     """Lead the tools along a path, with smooth timing.
 
     Args:

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import math
 
-import manifold3d
-import numpy as np
-
 from duobench.solids.prop import Part, Prop
-from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, box, cylinder
-from duobench.solids.solid import Solid, mesh_of
+from duobench.solids.shapes import CIRCLE_SEGMENTS, box, circle, cylinder, prism
+from duobench.solids.solid import Solid, mass_properties
 from duobench.spatial import SE3
 
 RADIUS = 0.110
 HEIGHT = 0.110
 """Outer radius and height in metres [task definitions]."""
-WALL = 0.004
-FLOOR = 0.004
-"""Thickness of wall and floor in metres, as of a cast aluminium pot."""
+LID_HEIGHT = 0.018
+LID_TAPER = 0.62
+"""Height of the lid in metres, and its upper radius as a part of the lower one. The lid stays on: a
+gripper could carry an open pot alone, by its wall."""
+MASS = 1.2
+"""Mass of the whole pot in kg [task definitions]."""
 ALUMINIUM_DENSITY = 2700.0
-"""Density of aluminium in kg/m³; it makes the whole pot weigh 1.2 kg [task definitions]."""
-WALL_SEGMENTS = 16
-"""Boxes that make up the wall for collisions."""
+"""Density of the handles in kg/m³."""
 
 HANDLE_OFFSET = 0.150
 """Distance in metres of a handle's bar from the pot's axis: a finger fits between bar and wall."""
@@ -36,8 +34,12 @@ BAR_LENGTH = 0.080
 STAY = 0.010
 """Edge in metres of the square stays that carry a bar."""
 
-STEEL = (0.70, 0.71, 0.73, 1.0)
-HANDLE_COLOUR = (0.09, 0.09, 0.10, 1.0)
+_ROOT = 0.002
+"""How deep the stays reach into the wall, in metres: so that they end inside it."""
+
+_STEEL = (0.66, 0.68, 0.71, 1.0)
+_LID_COLOUR = (0.76, 0.77, 0.79, 1.0)
+_HANDLE_COLOUR = (0.09, 0.09, 0.10, 1.0)
 
 PLATE = (0.35, 0.28, 0.02)
 """Edges of the stove plate in metres [task definitions]."""
@@ -50,7 +52,7 @@ def pot(name: str) -> Prop:
     """A pot with the parts `left_handle` (+y) and `right_handle`; its frame is at its centre."""
     return Prop(
         name=name,
-        solid=_vessel(STEEL),
+        solid=_vessel(),
         parts=(
             Part(name="left_handle", solid=_handle(), pose=SE3.at(z=HANDLE_Z)),
             Part(name="right_handle", solid=_handle(), pose=SE3.at(z=HANDLE_Z, yaw=math.pi)),
@@ -58,53 +60,35 @@ def pot(name: str) -> Prop:
     )
 
 
-def _vessel(rgba: Colour) -> Solid:
-    """The pot without its handles."""
-    inner, bottom, top = RADIUS - WALL, -HEIGHT / 2, HEIGHT / 2
-    profile = manifold3d.CrossSection(
-        [
-            [
-                [0, 0],
-                [RADIUS, 0],
-                [RADIUS, HEIGHT],
-                [inner, HEIGHT],
-                [inner, FLOOR],
-                [0, FLOOR],
-            ]
-        ]
+def _vessel() -> Solid:
+    """The pot with its lid, without its handles."""
+    body = HEIGHT - LID_HEIGHT
+    lid = prism(
+        (RADIUS * circle(CIRCLE_SEGMENTS)).tolist(),
+        LID_HEIGHT,
+        at=SE3.at(z=(HEIGHT - LID_HEIGHT) / 2),
+        rgba=_LID_COLOUR,
+        taper=LID_TAPER,
     )
-    exact = manifold3d.Manifold.revolve(profile, CIRCLE_SEGMENTS).translate([0, 0, bottom])
-    edge = 2 * RADIUS * math.tan(math.pi / WALL_SEGMENTS)
-    walls = [
-        SE3.about((0, 0, 1), 2 * math.pi * k / WALL_SEGMENTS)
-        @ SE3(np.eye(3), np.array([RADIUS - WALL / 2, 0.0, (bottom + FLOOR + top) / 2]))
-        for k in range(WALL_SEGMENTS)
-    ]
     return Solid(
-        shapes=(
-            cylinder(RADIUS, FLOOR, at=SE3.at(z=bottom + FLOOR / 2)),
-            *(box(WALL, edge, HEIGHT - FLOOR, at=pose) for pose in walls),
-        ),
-        rgba=rgba,
-        mesh=mesh_of(exact),
-        density=ALUMINIUM_DENSITY,
+        shapes=(cylinder(RADIUS, body, at=SE3.at(z=-LID_HEIGHT / 2)), lid),
+        rgba=_STEEL,
+        mass=MASS - 2 * mass_properties(_handle()).mass,
     )
 
 
 def _handle() -> Solid:
     """A bar along x on the +y side of the pot's axis, with a stay at either end."""
-    reach = HANDLE_OFFSET - RADIUS + WALL / 2
+    corner = BAR_LENGTH / 2 + STAY
+    inner, outer = math.sqrt(RADIUS**2 - corner**2) - _ROOT, HANDLE_OFFSET + BAR_RADIUS
     bar = SE3.at(y=HANDLE_OFFSET) @ SE3.about((0, 1, 0), math.pi / 2)
-    stays = [
-        SE3.at(x=sign * (BAR_LENGTH + STAY) / 2, y=HANDLE_OFFSET + BAR_RADIUS - reach / 2)
-        for sign in (-1, 1)
-    ]
+    stays = [SE3.at(x=sign * (BAR_LENGTH + STAY) / 2, y=(inner + outer) / 2) for sign in (-1, 1)]
     return Solid(
         shapes=(
             cylinder(BAR_RADIUS, BAR_LENGTH, at=bar),
-            *(box(STAY, reach, STAY, at=pose) for pose in stays),
+            *(box(STAY, outer - inner, STAY, at=pose) for pose in stays),
         ),
-        rgba=HANDLE_COLOUR,
+        rgba=_HANDLE_COLOUR,
         density=ALUMINIUM_DENSITY,
     )
 

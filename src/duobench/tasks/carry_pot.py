@@ -98,7 +98,11 @@ TASK = Task(
             name="the pot stands on the stove",
             instruction="Carry the pot to the stove and put it down.",
             holds=all_of(
-                rests_on("pot", "stove"), _OFF_TABLE, _ON_PLATE, upright("pot", TILT), ever(_CARRIED)
+                rests_on("pot", "stove"),
+                _OFF_TABLE,
+                _ON_PLATE,
+                upright("pot", TILT),
+                ever(_CARRIED),
             ),
         ),
     ),
