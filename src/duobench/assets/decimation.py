@@ -8,7 +8,6 @@ the result is the same on every machine.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -31,8 +30,8 @@ WELD = 1e-4
 """Vertices closer than about this many metres are one; also the unit of length in here."""
 BORDER_WEIGHT = 2.0
 """How much more the outline of an open surface counts than the surface."""
-CREASE_ANGLE = math.radians(40.0)
-"""Edges sharper than this are drawn sharp; a cylinder of ten sides is still drawn round."""
+CREASE_COSINE = 0.766
+"""Edges sharper than 40 degrees are drawn sharp; a cylinder of ten sides is still drawn round."""
 
 _POOL = 0.25
 """Share of the cheapest edges that one round may collapse."""
@@ -118,7 +117,7 @@ def _weld(parts: Sequence[Part]) -> tuple[Floats, NDArray[np.int64]]:
 def _publish(points: NDArray[np.int64], faces: NDArray[np.int64]) -> Mesh:
     """Return a finished mesh: on the grid, in canonical order, with creases parted."""
     light = canonical(points, faces)
-    old, faces = split_creases(light.vertices, light.faces, CREASE_ANGLE)
+    old, faces = split_creases(light.vertices, light.faces, CREASE_COSINE)
     return Mesh(vertices=light.vertices[old], faces=faces.astype(np.int32))
 
 

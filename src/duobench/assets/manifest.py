@@ -61,7 +61,9 @@ class Manifest:
 @functools.cache
 def manifest() -> Manifest:
     """Read the manifest that ships with the package."""
-    raw = json.loads(resources.files(__package__).joinpath("manifest.json").read_text("utf-8"))
+    raw = json.loads(
+        resources.files("duobench.assets").joinpath("manifest.json").read_text("utf-8")
+    )
     files = {}
     for name, entry in raw["files"].items():
         family, _, base = name.partition("/")

@@ -25,9 +25,9 @@ def shown(enabled: bool) -> Iterator[Report]:
         return
     # Imported here because it is needed only when there is something to show.
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import Progress, TaskID
 
-    bars: dict[str, int] = {}
+    bars: dict[str, TaskID] = {}
     with contextlib.ExitStack() as stack:
         display: list[Progress] = []
 

@@ -116,8 +116,10 @@ def minimise(quadrics: Floats, near: Floats) -> tuple[Floats, Floats]:
 
 def scatter(index: Indices, values: Floats, size: int) -> Floats:
     """Add up rows by index, shape (k, c) to (size, c), in the order in which they come."""
-    columns = [np.bincount(index, column, minlength=size) for column in values.T]
-    return np.stack(columns, axis=1)
+    total = np.empty((size, values.shape[1]))
+    for column, summands in enumerate(values.T):
+        total[:, column] = np.bincount(index, summands, minlength=size)
+    return total
 
 
 def _plane_quadrics(normals: Floats, points: Floats, weights: Floats) -> Floats:

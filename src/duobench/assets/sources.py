@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
 import threading
 import urllib.request
@@ -89,20 +90,20 @@ def _open_menagerie(files: Sequence[MeshFile], report: Report) -> Iterator[Finde
         yield in_folder(Path(root).expanduser())
         return
     try:
-        import mujoco_menagerie
+        package = importlib.import_module("mujoco_menagerie")
     except ImportError:
         raise AssetError(
-            f"the package is not installed and {MENAGERIE_VARIABLE} is not set"
+            f"the package is not installed, and {MENAGERIE_VARIABLE} is not set"
         ) from None
-    cache = mujoco_menagerie.Cache()
+    cache = package.Cache()
     folders = {}
     try:
         for model in sorted({file.model for file in files}):
-            robot = mujoco_menagerie.get(model)
+            robot = package.get(model)
             if not cache.is_cached(robot):
                 _probe(f"{cache.base_url}/{robot.asset}")
             folders[model] = robot.path(cache, report)
-    except (mujoco_menagerie.MenagerieError, OSError) as error:
+    except (package.MenagerieError, OSError) as error:
         raise AssetError(str(error)) from error
     yield lambda file: [folders[file.model] / file.menagerie]
 

@@ -77,7 +77,7 @@ def fill_holes(
 
 
 def split_creases(
-    points: Floats, faces: Indices, angle: float
+    points: Floats, faces: Indices, cosine: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Give every smooth patch around a vertex a vertex of its own.
 
@@ -86,13 +86,12 @@ def split_creases(
     Args:
         points: Positions, shape (n, 3).
         faces: Vertex indices, shape (m, 3).
-        angle: Triangles that meet at a larger angle are parted, in radians.
+        cosine: Triangles whose normals have a smaller cosine between them are parted.
 
     Returns:
         For every new vertex the old one it copies, shape (k,); and the faces of new vertices.
     """
     normals = unit(face_normals(points, faces))
-    smooth = np.cos(angle)
     corner_of = {
         (f, v): 3 * f + k for f, row in enumerate(faces.tolist()) for k, v in enumerate(row)
     }
@@ -104,7 +103,7 @@ def split_creases(
     for ends, around in sides.items():
         for i, first in enumerate(around):
             for second in around[:i]:
-                if dot(normals[first], normals[second]) >= smooth:
+                if dot(normals[first], normals[second]) >= cosine:
                     for v in ends:
                         _join(patch, corner_of[first, v], corner_of[second, v])
     roots = np.array([_root(patch, corner) for corner in range(faces.size)])
@@ -113,7 +112,7 @@ def split_creases(
     first_of = np.concatenate([[True], roots[order][1:] != roots[order][:-1]])
     new = np.empty(faces.size, dtype=np.int64)
     new[order] = first_of.cumsum() - 1
-    return old[order][first_of], new.reshape(-1, 3)
+    return old[order][first_of].astype(np.int64), new.reshape(-1, 3)
 
 
 def _pieces(faces: Indices, size: int) -> NDArray[np.int64]:
