@@ -31,12 +31,15 @@ def clean(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """
     a, b, c, _ = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
-    corners, first = np.unique(turned(faces[:, :3]), axis=0, return_index=True)
-    part = faces[first, 3]
-    size = corners.max(initial=0) + 1
-    key = ((part * size + corners[:, 0]) * size + corners[:, 1]) * size + corners[:, 2]
-    back = ((part * size + corners[:, 0]) * size + corners[:, 2]) * size + corners[:, 1]
-    return with_part(corners, part)[~np.isin(key, back)]
+    (a, b, c), part = turned(faces[:, :3]).T, faces[:, 3]
+    size = faces[:, :3].max(initial=0) + 1
+    # A triangle as one number: it stays far below 2**63 for the meshes in question.
+    key, first = np.unique((a * size + b) * size + c, return_index=True)
+    a, b, c, part = a[first], b[first], c[first], part[first]
+    back = (a * size + c) * size + b
+    place = np.minimum(np.searchsorted(key, back), max(len(key) - 1, 0))
+    alone = (key[place] != back) | (part[place] != part)
+    return np.stack([a, b, c, part], axis=1)[alone]
 
 
 def fill_holes(
