@@ -1,7 +1,7 @@
 """Hinge-Chest: the right arm lifts the lid with closed fingertips while the left brings the cube.
 
 The right gripper comes from the right with its closed fingers along the chest's front, so that
-they act as a rod under the tab: the rod need not turn while it follows the lid's arc, and the
+they act as a rod under the lip: the rod need not turn while it follows the lid's arc, and the
 hand stays out of the space above the cavity.
 """
 
@@ -25,27 +25,34 @@ from duobench.experts.motion import (
     together,
     wait_until,
 )
-from duobench.solids.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X, TAB
+from duobench.solids.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X
 from duobench.spatial import SE3
 from duobench.types import Side
 
 _HOLDER, _INSERTER = Side.RIGHT, Side.LEFT
 _SLOPE = 0.9
 """Angle in radians between the lifting fingers and the vertical."""
-_ROD_Y = -0.052
-"""Where along the front the lifting tool is, in the chest's frame: at the tab's right end."""
-_START = (-OUTER_X / 2 - 0.024, 0.044)
-"""Rod under the tab: x and z in the chest's frame, 7 mm clear of the front and under the tab."""
-_OPEN_ANGLE = 1.3
+_ROD_Y = -0.112
+"""Where along the front the lifting tool is, in the chest's frame: the fingertips are under the end
+of the lip, the wide linkage behind them is beside the chest."""
+_OVER_FRONT = 0.036
+"""How far in front of the chest the rod comes under the lip, in metres: the linkage clears it."""
+_SLIDE = 0.035
+"""How much further in under the lid the rod ends, in metres."""
+_START = (-OUTER_X / 2 - _OVER_FRONT, 0.044)
+"""Rod under the lip: x and z in the chest's frame."""
+_OPEN_ANGLE = 1.4
 """How far the lid is opened, in radians."""
-_ENOUGH = 1.1
+_ENOUGH = 1.3
 """Angle in radians from which on the other arm goes in."""
 _ROD_DEPTH = 0.016
 """From the lid's underside to the rod's axis, in metres."""
 _LIFT_SECONDS = 2.0
 
-_DROP = (-0.022, 0.058)
+_DROP = (-0.025, 0.045)
 """Where the cube goes down, in the chest's frame."""
+_LEAN = 0.35
+"""Lean of the inserting hand towards the robot, so that its camera keeps clear of the lid."""
 _WAIT_BESIDE = 0.24
 """How far to the left of the chest's centre the cube waits, in metres."""
 _CARRY_HEIGHT, _ABOVE_RIM, _DROP_HEIGHT = 0.20, 0.15, 0.045
@@ -71,7 +78,7 @@ def _lifting(chest: SE3, x: float, z: float) -> SE3:
 
 def _under_lid(chest: SE3, angle: float) -> SE3:
     """Tool pose of the rod against the underside of the lid, open by `angle` radians."""
-    reach = LID_LENGTH + TAB[0] / 2 - 0.02 * angle / _OPEN_ANGLE
+    reach = LID_LENGTH + _OVER_FRONT - _SLIDE * angle / _OPEN_ANGLE
     lid = SE3.about((0, 1, 0), angle).apply([-reach, 0.0, LID_UNDERSIDE - _ROD_DEPTH])
     return _lifting(chest, HINGE[0] + lid[0], HINGE[2] + lid[2])
 
@@ -97,7 +104,7 @@ def _insert(arms: Arms) -> Script:
         yaw = nearest_turn(pose.yaw, math.pi / 2)
         yield from pick(arms, side, down(x, y, _GRASP_HEIGHT, yaw=yaw))
     x, y, _ = chest.apply([_DROP[0], _DROP[1], 0.0])
-    turn = _TILT @ down(0.0, 0.0, 0.0, yaw=chest.yaw)
+    turn = _TILT @ down(0.0, 0.0, 0.0, yaw=chest.yaw, lean=_LEAN)
 
     def at(y: float, height: float) -> SE3:
         return SE3(turn.rotation, np.array([x, y, height]))

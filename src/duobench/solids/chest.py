@@ -33,16 +33,17 @@ BARREL_RADIUS = 0.005
 """Outer radius of the hinge's barrel in metres."""
 PIN_RADIUS = 0.0016
 """Radius of the hole for a 3 mm hinge pin in metres."""
-TAB = (0.026, 0.110)
-"""How far the tab stands out of the front, and its width along the front, in metres: closed
-fingertips are 22 mm thick, and the hand that lifts must leave room for the one that inserts."""
+LIP = 0.038
+"""How far the lid stands out over the front, all along it, in metres: the tab that a finger lifts.
+Closed fingertips are 32 mm thick, but the linkage behind them is 126 mm wide, so that a hand that
+reaches in from the side needs the tab near the lid's end."""
 LUG = (0.016, 0.012)
 """Length along x of a lug that carries the hinge, and how far it reaches above the rim."""
 
 OUTER_X, OUTER_Y = CAVITY[0] + 2 * WALL, CAVITY[1] + 2 * WALL
 """Outer depth and width in metres."""
 LID_LENGTH = OUTER_X
-"""From the hinge's axis to the lid's front edge, tab aside, in metres."""
+"""From the hinge's axis to the lid's front edge, lip aside, in metres."""
 LID_WIDTH = CAVITY[1] - 2 * GAP
 HINGE = (OUTER_X / 2, 0.0, RIM_HEIGHT + GAP + BARREL_RADIUS)
 """The hinge's axis in the chest's frame, in metres."""
@@ -87,12 +88,11 @@ def chest_box(rgba: Colour) -> Solid:
 
 
 def chest_lid(rgba: Colour) -> Solid:
-    """The lid with the barrel of its hinge and the tab at its front."""
-    plate_z = LID_UNDERSIDE + WALL / 2
+    """The lid with the barrel of its hinge and the lip at its front."""
+    length = LID_LENGTH + LIP
     along_y = SE3.about((1, 0, 0), np.pi / 2)
     shapes = (
-        box(LID_LENGTH, LID_WIDTH, WALL, at=SE3.at(-LID_LENGTH / 2, 0, plate_z)),
-        box(*TAB, WALL, at=SE3.at(-LID_LENGTH - TAB[0] / 2, 0, plate_z)),
+        box(length, LID_WIDTH, WALL, at=SE3.at(-length / 2, 0, LID_UNDERSIDE + WALL / 2)),
         cylinder(BARREL_RADIUS, LID_WIDTH, at=along_y),
     )
     return _drilled(shapes, rgba, SE3())
