@@ -131,7 +131,8 @@ FIGURES: Mapping[str, Callable[[Results], Figure]] = MappingProxyType(
 def draw(name: str, results: Results) -> str:
     """One of the figures as an SVG document; the same results always give the same text."""
     # Identifiers inside are hashes; with a salt of its own, no two figures on a page share one.
-    with mpl.rc_context(_STYLE | {"svg.hashsalt": name}):
+    style: dict[Any, Any] = {**_STYLE, "svg.hashsalt": name}
+    with mpl.rc_context(style):
         figure = FIGURES[name](results)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})

@@ -20,15 +20,17 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Yields:
         The temporary path beside it. When the block ends well the bytes are flushed to the disk
-        and the file appears under its name at once; when it raises, nothing appears.
+        and the file appears under its name at once; when it raises, or has written nothing,
+        nothing appears.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     try:
         yield temporary
-        with temporary.open("rb") as written:
-            os.fsync(written.fileno())
-        temporary.replace(path)
+        if temporary.exists():
+            with temporary.open("rb") as written:
+                os.fsync(written.fileno())
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 

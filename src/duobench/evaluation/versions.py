@@ -1,0 +1,30 @@
+"""Versions of what a score depends on."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+
+from duobench import __version__
+
+_PACKAGES = ("mujoco", "numpy", "mink")
+"""The engine, the arithmetic, and the inverse kinematics."""
+
+
+def package_versions() -> dict[str, str]:
+    """Versions that must not change within a run: the benchmark's and those of its engine."""
+    return {"duobench": __version__, **{name: version(name) for name in _PACKAGES}}
+
+
+def record_versions(renderer: str | None) -> dict[str, str | None]:
+    """Everything that a record notes about where it was made.
+
+    Args:
+        renderer: What drew the policy's images; None for a policy that sees none.
+    """
+    return {
+        **package_versions(),
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "renderer": renderer,
+    }
