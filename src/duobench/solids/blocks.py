@@ -11,6 +11,9 @@ RED = (0.80, 0.10, 0.09, 1.0)
 
 CUBE_EDGE = 0.032
 """Edge of the small cubes in metres [task definitions]."""
+LONG_BLOCK = 0.096
+"""Length of the block that goes from hand to hand, in metres: so that two grippers fit [task
+definitions]."""
 
 
 def block(x: float, y: float, z: float, rgba: Colour) -> Solid:
@@ -21,3 +24,8 @@ def block(x: float, y: float, z: float, rgba: Colour) -> Solid:
 def cube(rgba: Colour) -> Solid:
     """A 32 mm cube."""
     return block(CUBE_EDGE, CUBE_EDGE, CUBE_EDGE, rgba)
+
+
+def long_block(rgba: Colour) -> Solid:
+    """A block as thick as the cubes and three times as long, along x."""
+    return block(LONG_BLOCK, CUBE_EDGE, CUBE_EDGE, rgba)

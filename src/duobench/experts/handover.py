@@ -1,0 +1,137 @@
+"""How experts hand a bar over: one arm holds it by one end, the other takes the free end.
+
+The bar's long axis is the x axis of its body. While it is handed over, the bar and both tools lie
+in one upright plane across the table, so that both grippers clasp the same two faces of the bar.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from duobench.experts.motion import (
+    Arms,
+    Script,
+    down,
+    grip,
+    move,
+    nearest_turn,
+    pick,
+    release,
+    wait,
+)
+from duobench.spatial import SE3
+from duobench.types import Side
+
+Array = NDArray[np.float64]
+
+_FIRM_GRIP_STEPS = 4
+"""Control steps in which both arms hold the bar before one lets go."""
+
+
+def across(side: Side) -> float:
+    """Sign of the y direction that leads from a side to the other one."""
+    return 1.0 if side is Side.RIGHT else -1.0
+
+
+def tool(position: ArrayLike, *, along: ArrayLike, camera: ArrayLike) -> SE3:
+    """Tool pose at a position in the table frame that points `along`.
+
+    Args:
+        position: Tool centre point (3,) in metres.
+        along: Direction (3,) out of the gripper.
+        camera: Direction (3,) of the wrist camera, seen from the tool axis; its part along the tool
+            axis is ignored. The fingers open at right angles to both.
+    """
+    z = np.asarray(along, dtype=np.float64) / np.linalg.norm(along)
+    x = np.asarray(camera, dtype=np.float64)
+    x = x - (x @ z) * z
+    x = x / np.linalg.norm(x)
+    return SE3(np.column_stack([x, np.cross(z, x), z]), np.asarray(position))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Bar:
+    """A bar on its way from one arm to the other."""
+
+    body: str
+    """Its body."""
+    giver: Side
+    """The arm that picks it up."""
+    grip: float
+    """Where the giver clasps it: distance from the bar's centre, towards the giver's camera."""
+    height: float
+    """Height of the tool centre point when the giver clasps the lying bar, in metres."""
+
+    def free_end(self, arms: Arms) -> Array:
+        """Direction (3,) of the bar's axis, out of the giver's hand."""
+        axis = arms.sim.rotation(self.body)[:, 0]
+        return -np.copysign(1.0, axis @ arms.tool(self.giver).rotation[:, 0]) * axis
+
+
+def pick_bar(arms: Arms, bar: Bar) -> Script:
+    """Pick up the lying bar by the end that is nearer to the giver's side of the hand."""
+    giver = bar.giver
+    while not arms.pinches(giver, bar.body):
+        pose = arms.sim.pose(bar.body)
+        # The camera looks away from the other arm when the bar is handed over. Half of the way
+        # there is the turn from which every yaw is reached without the last joint's stop.
+        yaw = nearest_turn(pose.yaw, math.pi, -across(giver) * math.radians(15))
+        x, y, _ = pose.translation + bar.grip * np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        yield from pick(arms, giver, down(x, y, bar.height, yaw=yaw))
+
+
+def present(bar: Bar, centre: ArrayLike, rise: float) -> SE3:
+    """Tool pose at which the giver holds the bar's centre at a position, its free end across.
+
+    Args:
+        bar: The bar.
+        centre: Position (3,) of the bar's centre.
+        rise: Angle of the free end above the horizontal, in radians.
+    """
+    s = across(bar.giver)
+    free = np.array([0.0, s * math.cos(rise), math.sin(rise)])
+    along = np.array([0.0, s * math.sin(rise), -math.cos(rise)])
+    return tool(np.asarray(centre) - bar.grip * free, along=along, camera=-free)
+
+
+def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
+    """Tool pose at which the receiver clasps the free end, from where the bar really is.
+
+    Args:
+        arms: The arms.
+        bar: The bar.
+        grip_at: Where it clasps: distance from the bar's centre towards the free end, in metres.
+        slant: Angle in radians between the tool's axis and the bar's; zero grips it lengthwise, a
+            positive one comes from above.
+    """
+    free = bar.free_end(arms)
+    opening = arms.tool(bar.giver).rotation[:, 1]
+    faces = arms.sim.rotation(bar.body)[:, 1:]
+    clasped = faces[:, np.argmax(np.abs(opening @ faces))]
+    normal = clasped - (clasped @ free) * free
+    upwards = np.cross(normal, free)
+    upwards *= np.sign(upwards[2])
+    along = -math.cos(slant) * free - math.sin(slant) * upwards
+    camera = math.cos(slant) * upwards - math.sin(slant) * free
+    position = arms.sim.position(bar.body) + grip_at * free
+    return tool(position, along=along, camera=camera)
+
+
+def clasp(arms: Arms, side: Side, pose: SE3, *, approach: float = 0.10) -> Script:
+    """Come along the tool's axis from `approach` metres away, fingers open, and close them."""
+    yield from release(arms, side)
+    yield from move(arms, {side: pose @ SE3.at(z=-approach)}, tolerance=0.012)
+    yield from move(arms, {side: pose}, speed=0.25)
+    yield from grip(arms, side)
+    yield from wait(_FIRM_GRIP_STEPS)
+
+
+def let_go(arms: Arms, side: Side, *, retreat: float = 0.10) -> Script:
+    """Open the fingers and draw back along the tool's axis by `retreat` metres."""
+    yield from release(arms, side)
+    back = arms.targets[side] @ SE3.at(z=-retreat)
+    yield from move(arms, {side: back}, speed=0.35, arrive=False)

@@ -1,0 +1,32 @@
+"""What tests of handoff tasks let the arms do besides what an expert does."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duobench.experts.handover import Bar, clasp, pick_bar, present, receive_pose
+from duobench.experts.motion import Arms, Script, move, release
+from duobench.types import Side
+
+
+def bring(arms: Arms, side: Side, body: str, point: ArrayLike, *, above: float = 0.12) -> Script:
+    """Carry an object, as it is held, to a point, from above."""
+    shift = np.asarray(point) - arms.sim.position(body)
+    goal = arms.targets[side].moved(*shift)
+    yield from move(arms, {side: arms.targets[side].moved(z=above)}, arrive=False)
+    yield from move(arms, {side: goal.moved(z=above)})
+    yield from move(arms, {side: goal}, speed=0.2)
+
+
+def drop(arms: Arms, *sides: Side) -> Script:
+    """Open grippers and move up."""
+    yield from release(arms, *sides)
+    yield from move(arms, {side: arms.targets[side].moved(z=0.10) for side in sides})
+
+
+def meet(arms: Arms, bar: Bar, centre: ArrayLike, *, grip_at: float, slant: float) -> Script:
+    """The giver picks up, the receiver grips as well: both hold the bar."""
+    yield from pick_bar(arms, bar)
+    yield from move(arms, {bar.giver: present(bar, centre, 0.4)})
+    yield from clasp(arms, bar.giver.other, receive_pose(arms, bar, grip_at, slant))
