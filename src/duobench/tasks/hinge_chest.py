@@ -40,9 +40,9 @@ OPEN_ANGLE = 0.8
 CAVITY_REGION = BoxRegion(
     body="chest",
     low=(-CAVITY[0] / 2, -CAVITY[1] / 2, WALL),
-    high=(CAVITY[0] / 2, CAVITY[1] / 2, RIM_HEIGHT),
+    high=(CAVITY[0] / 2, CAVITY[1] / 2, RIM_HEIGHT - CUBE_EDGE / 2),
 )
-"""The cavity, floor to rim."""
+"""Where the cube's centre is when the cube is in the cavity and does not stick out over its rim."""
 
 _LID_OPEN = hinge_open("chest/lid", OPEN_ANGLE)
 _CUBE_HELD = held_by_any("cube", "chest", "chest/lid")
