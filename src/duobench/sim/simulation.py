@@ -28,7 +28,9 @@ STILL_SPEED = 0.05
 STILL_TURN = 0.5
 """An object slower than this is still: m/s and rad/s."""
 SETTLE_SPEED = 0.005
-"""Every object is slower than this (m/s, rad/s) when a reset ends."""
+SETTLE_TURN = 0.1
+"""Every object is slower than this (m/s, rad/s) when a reset ends, if it comes to rest in time."""
+_SETTLED = np.repeat([SETTLE_SPEED, SETTLE_TURN], 3)
 MAX_SETTLE_STEPS = 45
 """A reset waits at most this many control steps for objects to come to rest."""
 
@@ -59,7 +61,7 @@ class Simulation:
                 if not prop.fixed
             ],
             dtype=np.int64,
-        )
+        ).reshape(-1, 6)
         self.clear()
         self.refresh()
 
@@ -115,9 +117,9 @@ class Simulation:
             SimulationError: The physics diverged or a buffer overflowed.
         """
         model, data = self.model, self.data
-        actuators = self.duo.handles.actuators
+        ctrl, actuators = data.ctrl, self.duo.handles.actuators
         for controls in self.duo.ramp(command):
-            data.ctrl[actuators] = controls
+            ctrl[actuators] = controls
             mujoco.mj_step2(model, data)
             mujoco.mj_step1(model, data)
         self._raise_on_warning()
@@ -135,7 +137,8 @@ class Simulation:
         while steps < MAX_SETTLE_STEPS:
             self.step(command)
             steps += 1
-            if not self._free.size or np.abs(self.data.qvel[self._free]).max() < SETTLE_SPEED:
+            velocity = np.abs(self.data.qvel[self._free])
+            if (velocity < _SETTLED).all():
                 break
         self.data.time = 0.0
         return steps

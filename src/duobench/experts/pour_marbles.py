@@ -1,0 +1,134 @@
+"""Pour-Marbles: one arm holds the empty cup, the other pours into it.
+
+Both hands come from behind and outside, at right angles to each other. The pouring one turns its
+cup about the axis in which its fingers open, so that it rises over the cup and ends ahead of it;
+the holding one keeps low, out of its way. The lip of the pouring cup stays over the other's mouth.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from duobench.experts.motion import (
+    Arms,
+    Script,
+    follow,
+    grip,
+    move,
+    release,
+    together,
+    wait_until,
+)
+from duobench.solids.cup import HEIGHT, INNER_RADIUS
+from duobench.spatial import SE3
+from duobench.types import Side
+
+_GRASP_HEIGHT = 0.032
+"""Where the pads hold a cup, in metres above its underside."""
+HOLD_LEAN = math.radians(55.0)
+POUR_LEAN = math.radians(50.0)
+"""How far the hands are from the vertical when they grasp, in radians."""
+_POUR_ANGLE = math.radians(106.0)
+_POUR_SECONDS = 3.2
+_LIP_CLEARANCE = 0.032
+"""Height of the pouring lip above the other cup's rim, in metres."""
+_LIP_REACH = 0.008
+"""How far the pouring lip stays short of the middle of the mouth, in metres."""
+_MEETING = (0.50, 0.0, 0.09)
+"""Where the holding cup's underside waits for the marbles."""
+
+
+def script(arms: Arms) -> Script:
+    """Take both cups, pour, put both back."""
+    source = next(s for s in Side if _marbles_in(arms, s) > 0)
+    hold = source.other
+    starts = {side: arms.sim.pose(_cup(side)) for side in Side}
+    yield from together(take(arms, hold, lean=HOLD_LEAN), take(arms, source, lean=POUR_LEAN))
+    cup_from_tool = {side: arms.sim.pose(_cup(side)).inverse() @ arms.tool(side) for side in Side}
+
+    def tools(cups: dict[Side, SE3]) -> dict[Side, SE3]:
+        return {side: cup @ cup_from_tool[side] for side, cup in cups.items()}
+
+    meeting = SE3(starts[hold].rotation, np.array(_MEETING))
+    yield from move(
+        arms, tools({hold: meeting, source: _pouring(source, meeting, 0.0)}), speed=0.25
+    )
+    yield from follow(
+        arms,
+        lambda f: tools({source: _pouring(source, meeting, f * _POUR_ANGLE)}),
+        _POUR_SECONDS,
+    )
+    yield from wait_until(lambda: _marbles_in(arms, source) == 0, 60)
+    aside = 0.07 * (np.array([0.0, 0.0, 1.0]) - _inward(source))
+    yield from follow(
+        arms,
+        lambda f: tools(
+            {
+                source: _pouring(source, meeting, (1 - f) * _POUR_ANGLE).moved(
+                    *(min(1, 2 * f) * aside)
+                )
+            }
+        ),
+        1.3,
+    )
+    # Each cup goes to the middle of its square; some start near its edge.
+    squares = {side: arms.sim.position(f"{side}_square") for side in Side}
+    backs = {side: SE3(starts[side].rotation, squares[side]) @ cup_from_tool[side] for side in Side}
+    yield from together(*(_put_back(arms, side, backs[side]) for side in Side))
+
+
+def _cup(side: Side) -> str:
+    return f"{side}_cup"
+
+
+def _marbles_in(arms: Arms, side: Side) -> int:
+    """How many marbles are nearer to a cup's axis than its wall."""
+    cup = arms.sim.pose(_cup(side)).inverse()
+    names = [name for name in arms.sim.props if name.startswith("marble")]
+    local = cup.apply(np.array([arms.sim.position(name) for name in names]))
+    within = np.hypot(local[:, 0], local[:, 1]) < INNER_RADIUS
+    return int((within & (local[:, 2] > 0) & (local[:, 2] < HEIGHT)).sum())
+
+
+def _inward(side: Side) -> np.ndarray:
+    """Horizontal direction (3,) from an arm's shoulder to the other half of the table, ahead."""
+    return np.array([1.0, -1.0 if side is Side.LEFT else 1.0, 0.0]) / math.sqrt(2.0)
+
+
+def _grasp(arms: Arms, side: Side, lean: float) -> SE3:
+    """From behind and outside, the fingers on two opposite walls, the camera on the upper side."""
+    ahead, up = _inward(side), np.array([0.0, 0.0, 1.0])
+    approach = math.sin(lean) * ahead - math.cos(lean) * up
+    camera = math.cos(lean) * ahead + math.sin(lean) * up
+    rotation = np.column_stack([camera, np.cross(approach, camera), approach])
+    return SE3(rotation, arms.sim.position(_cup(side)) + _GRASP_HEIGHT * up)
+
+
+def take(arms: Arms, side: Side, *, lean: float = POUR_LEAN) -> Script:
+    """Grasp the cup of an arm's own side, `lean` radians from the vertical, and raise it."""
+    grasp = _grasp(arms, side, lean)
+    away = grasp @ SE3(np.eye(3), np.array([0.0, 0.0, -0.12]))
+    yield from move(arms, {side: away}, tolerance=0.015)
+    yield from move(arms, {side: grasp}, speed=0.22)
+    yield from grip(arms, side)
+    yield from move(arms, {side: grasp.moved(z=0.06)}, speed=0.2)
+
+
+def _pouring(side: Side, other: SE3, angle: float) -> SE3:
+    """Pose of the pouring cup, tilted by `angle` about its lip over the other cup's mouth."""
+    ahead, up = _inward(side), np.array([0.0, 0.0, 1.0])
+    rotation = SE3.about(np.cross(up, ahead), angle).rotation
+    # Upright, the lip waits short of the mouth; tilted, it reaches over its near half.
+    reach = -_LIP_REACH - 2.2 * INNER_RADIUS * max(0.0, 1.0 - angle / math.radians(70.0))
+    lip = other.translation + (HEIGHT + _LIP_CLEARANCE) * up + reach * ahead
+    return SE3(rotation, lip - rotation @ (INNER_RADIUS * ahead + HEIGHT * up))
+
+
+def _put_back(arms: Arms, side: Side, tool: SE3) -> Script:
+    yield from move(arms, {side: tool.moved(z=0.08)}, speed=0.3, tolerance=0.01)
+    yield from move(arms, {side: tool.moved(z=0.002)}, speed=0.2)
+    yield from release(arms, side)
+    away = tool @ SE3(np.eye(3), np.array([0.0, 0.0, -0.10]))
+    yield from move(arms, {side: away}, speed=0.3, arrive=False)
