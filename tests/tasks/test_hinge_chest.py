@@ -86,7 +86,9 @@ def test_a_cube_beside_the_chest_does_not_count(bench: Stageplay, side: int) -> 
 def test_a_cube_across_the_rim_does_not_count(bench: Stageplay) -> None:
     after_stage_2(bench)
     set_lid(bench, LID_LIMITS[1])
-    bench.put(cube=in_chest(bench, 0.0, OUTER_Y / 2 - WALL - 0.001, RIM_HEIGHT + HALF))
+    on_rim = OUTER_Y / 2 - WALL - 0.001
+    bench.put(cube=in_chest(bench, 0.0, on_rim, RIM_HEIGHT + HALF - 0.0002))
+    assert bench.sim.contacts.between("cube", "chest")
     assert bench.stage == 2
 
 
