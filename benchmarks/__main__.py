@@ -4,19 +4,36 @@ import argparse
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import mujoco
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
-from benchmarks import imports
+from benchmarks import environments, imports, pictures
 from benchmarks.measure import Measurement
+from duobench.sim import rendering
+from duobench.tasks import catalog
 
-BENCHMARKS: Mapping[str, Callable[[], Iterator[Measurement]]] = {
-    "imports": imports.measure,
+PER_TASK: Mapping[str, Callable[[str], Iterator[Measurement]]] = {
+    "creation": environments.measure_creation,
+    "resets": environments.measure_resets,
+    "steps": environments.measure_steps,
+    "pictures": pictures.measure,
 }
+KINDS = ("imports", *PER_TASK)
+
+
+def measurements(kinds: Sequence[str], tasks: Sequence[str]) -> Iterator[Measurement]:
+    """Measure the named kinds, one after another."""
+    for kind in kinds:
+        if kind == "imports":
+            yield from imports.measure()
+        else:
+            for task in tasks:
+                yield from PER_TASK[kind](task)
 
 
 def machine() -> str:
@@ -26,34 +43,32 @@ def machine() -> str:
     if info.exists():
         names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
         cpu = names[0].partition(":")[2].strip() if names else cpu
+    drawing = rendering.describe()
     return (
         f"{cpu}, {os.cpu_count()} cores, Python {platform.python_version()}, "
-        f"MuJoCo {mujoco.__version__}"
+        f"MuJoCo {mujoco.__version__}, {drawing.renderer} ({drawing.backend})"
     )
 
 
 def main() -> int:
-    """Run the named benchmarks, or all of them."""
+    """Measure what the arguments name, or everything."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="name", help=f"one of {', '.join(BENCHMARKS)}")
-    names = parser.parse_args().names or list(BENCHMARKS)
-    if unknown := [name for name in names if name not in BENCHMARKS]:
-        parser.error(f"unknown: {', '.join(unknown)}; known: {', '.join(BENCHMARKS)}")
+    parser.add_argument("kinds", nargs="*", metavar="kind", help=f"some of: {', '.join(KINDS)}")
+    parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    arguments = parser.parse_args()
+    if unknown := [kind for kind in arguments.kinds if kind not in KINDS]:
+        parser.error(f"no such kind: {', '.join(unknown)}; known: {', '.join(KINDS)}")
     table = Table(title=machine())
-    table.add_column("measured")
+    table.add_column("measured", no_wrap=True)
     table.add_column("value", justify="right")
     table.add_column("bar", justify="right")
     table.add_column("")
     met = True
-    console = Console()
-    for name in names:
-        with console.status(name):
-            for found in BENCHMARKS[name]():
-                met &= found.met
-                verdict = "" if not found.bar else "met" if found.met else "[red]missed[/red]"
-                value = f"{found.value:.4g} {found.unit}".strip()
-                table.add_row(found.what, value, found.bar, verdict)
-    console.print(table)
+    for found in track(measurements(arguments.kinds or KINDS, arguments.tasks), "Measuring"):
+        met &= found.met
+        verdict = "" if not found.bar else "met" if found.met else "[red]missed[/red]"
+        table.add_row(found.what, f"{found.value:.3g} {found.unit}", found.bar, verdict)
+    Console().print(table)
     return 0 if met else 1
 
 

@@ -1,6 +1,5 @@
 """What a benchmark reports, and how it takes the time."""
 
-import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ class Measurement:
     """What was measured."""
     value: float
     """The number itself."""
-    unit: str
+    unit: str = ""
     """Unit of the number; empty for a ratio."""
     at_most: float | None = None
     """Bar: the number must not be larger."""
@@ -36,27 +35,29 @@ class Measurement:
         return "" if self.at_least is None else f">= {self.at_least:g}"
 
 
-def seconds(work: Callable[[], object], *, repeats: int) -> float:
-    """Return the median time of one call of `work`, after one call that is not counted."""
-    work()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Work:
+    """What is timed, and what has to happen before each time without being counted."""
+
+    run: Callable[[], object]
+    """What is timed."""
+    prepare: Callable[[], object] = lambda: None
+    """What comes before, not timed."""
 
 
-def seconds_side_by_side(
-    first: Callable[[], object], second: Callable[[], object], *, repeats: int
-) -> tuple[float, float]:
-    """Return the median times of two works, taken in turns, so that both see the same machine."""
-    first()
-    second()
-    times: tuple[list[float], list[float]] = ([], [])
+def seconds(*works: Work, repeats: int) -> list[float]:
+    """Return the shortest time of each work.
+
+    Whatever took longer was somebody else's doing: an interrupt, another process, a cold cache.
+    Several works are taken in turns, so that all of them see the same machine.
+    """
+    rounds = []
     for _ in range(repeats):
-        for work, taken in zip((first, second), times, strict=True):
+        times = []
+        for work in works:
+            work.prepare()
             start = time.perf_counter()
-            work()
-            taken.append(time.perf_counter() - start)
-    return statistics.median(times[0]), statistics.median(times[1])
+            work.run()
+            times.append(time.perf_counter() - start)
+        rounds.append(times)
+    return [min(times) for times in zip(*rounds, strict=True)]
