@@ -8,6 +8,8 @@ from duobench.solids.solid import Solid
 BLACK = (0.07, 0.07, 0.08, 1.0)
 WHITE = (0.95, 0.95, 0.95, 1.0)
 RED = (0.80, 0.10, 0.09, 1.0)
+WOOD = (0.72, 0.53, 0.34, 1.0)
+YELLOW = (0.93, 0.72, 0.13, 1.0)
 
 CUBE_EDGE = 0.032
 """Edge of the small cubes in metres [task definitions]."""

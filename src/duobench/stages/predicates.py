@@ -1,7 +1,8 @@
 """The words that stages are written in: one implementation of each.
 
 A predicate is a pure question about one `Moment`. Predicates combine with `&`, `|` and `~`; the
-only memory is `ever(p)`, which `stages.progress` keeps.
+only memories are `ever(p)` and, for "still for half a second", `lasting(p, seconds)`; both are kept
+by `stages.progress`.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
+from duobench.scene.compose import CONTROL_HZ
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
 from duobench.types import SIDES, Side
+
+Point = tuple[float, float, float]
 
 HELD_HEIGHT = 0.010
 """How far a held object is raised at least, in metres [task definitions]."""
@@ -32,6 +34,10 @@ class Moment:
     """The layout's named choices."""
     remembered: frozenset[Predicate]
     """Predicates that held at an earlier step of this episode."""
+    lasted: Mapping[Predicate, int] = field(default_factory=dict)
+    """For how many control steps in a row a predicate has held, this one included."""
+    answers: dict[Predicate, bool] = field(default_factory=dict)
+    """What was asked already: a predicate is pure, so it is tested once a moment."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +50,10 @@ class Predicate:
 
     def __call__(self, moment: Moment) -> bool:
         """Whether it holds."""
-        return self.test(moment)
+        answer = moment.answers.get(self)
+        if answer is None:
+            answer = moment.answers[self] = self.test(moment)
+        return answer
 
     def __and__(self, other: Predicate) -> Predicate:
         """Both hold."""
@@ -82,6 +91,22 @@ class Ever(Predicate):
 def ever(predicate: Predicate) -> Predicate:
     """`predicate` held at some earlier step of this episode."""
     return Ever(f"ever {predicate.name}", lambda m: predicate in m.remembered, (predicate,))
+
+
+class Lasting(Predicate):
+    """A predicate that has held for some time without a break."""
+
+    __slots__ = ()
+
+
+def lasting(predicate: Predicate, seconds: float) -> Predicate:
+    """`predicate` holds, and has held at every control step of the last `seconds`."""
+    steps = round(seconds * CONTROL_HZ)
+    return Lasting(
+        f"{predicate.name} for {seconds:g} s",
+        lambda m: m.lasted.get(predicate, 0) >= steps,
+        (predicate,),
+    )
 
 
 def all_of(*predicates: Predicate) -> Predicate:
@@ -174,14 +199,17 @@ class BoxRegion:
     high: tuple[float, float, float]
     """Highest corner in metres."""
 
-    def contains(self, point: np.ndarray) -> bool:
-        """Whether a point (3,) of the body's frame lies inside."""
-        return bool(np.all(point >= self.low) and np.all(point <= self.high))
+    def contains(self, point: Point) -> bool:
+        """Whether a point of the body's frame lies inside."""
+        return all(
+            low <= value <= high
+            for low, value, high in zip(self.low, point, self.high, strict=True)
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CylinderRegion:
-    """An upright cylinder that is fixed to a body, about its z axis."""
+    """An upright cylinder that is fixed to a body, about its z axis or a line parallel to it."""
 
     body: str
     """Body whose frame the cylinder is given in."""
@@ -191,11 +219,14 @@ class CylinderRegion:
     """Bottom in metres."""
     high: float
     """Top in metres."""
+    centre: tuple[float, float] = (0.0, 0.0)
+    """Where the cylinder's axis crosses the x-y plane of the body, in metres."""
 
-    def contains(self, point: np.ndarray) -> bool:
-        """Whether a point (3,) of the body's frame lies inside."""
-        x, y, z = (float(v) for v in point)
-        return math.hypot(x, y) <= self.radius and self.low <= z <= self.high
+    def contains(self, point: Point) -> bool:
+        """Whether a point of the body's frame lies inside."""
+        x, y, z = point
+        offset = math.dist((x, y), self.centre)
+        return offset <= self.radius and self.low <= z <= self.high
 
 
 Region = BoxRegion | CylinderRegion
@@ -204,12 +235,10 @@ Region = BoxRegion | CylinderRegion
 def inside(prop: str, region: Region) -> Predicate:
     """Its centre (the origin of its frame) lies in a region that is fixed to another body."""
 
-    def test(m: Moment) -> bool:
-        sim = m.simulation
-        offset = sim.position(prop) - sim.position(region.body)
-        return region.contains(offset @ sim.rotation(region.body))
-
-    return Predicate(f"{prop} is inside {region.body}", test)
+    return Predicate(
+        f"{prop} is inside {region.body}",
+        lambda m: region.contains(m.simulation.offset(prop, region.body)),
+    )
 
 
 def at_least_inside(count: int, props: Sequence[str], region: Region) -> Predicate:

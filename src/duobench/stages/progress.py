@@ -1,7 +1,8 @@
 """From constraints to progress: the rule of the paper, with one owner of the memory.
 
-stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. The
-only memory that a constraint may use is `ever(p)`: whether p held at an earlier control step.
+stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. A
+constraint may remember in two ways only: `ever(p)`, whether p held at an earlier control step, and
+`lasting(p, seconds)`, whether p has held without a break.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import Ever, Moment, Predicate
+from duobench.stages.predicates import Ever, Lasting, Moment, Predicate
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,6 +42,15 @@ class Progress:
             for part in stage.holds.walk()
             if isinstance(part, Ever)
         ]
+        self._lasting = tuple(
+            dict.fromkeys(
+                part.parts[0]
+                for stage in stages
+                for part in stage.holds.walk()
+                if isinstance(part, Lasting)
+            )
+        )
+        self._lasted: dict[Predicate, int] = {}
         # Inner memories come first, so that a nested `ever` sees only earlier steps.
         self._memories = tuple(dict.fromkeys(memories))
         self._remembered: frozenset[Predicate] = frozenset()
@@ -70,6 +80,7 @@ class Progress:
         """
         self._variants = dict(variants)
         self._remembered = frozenset()
+        self._lasted = dict.fromkeys(self._lasting, 0)
         self._start_lowest = {name: simulation.lowest(name) for name in simulation.props}
         self.stage = 0
         self.final_holds = False
@@ -81,10 +92,16 @@ class Progress:
             start_lowest=self._start_lowest,
             variants=self._variants,
             remembered=self._remembered,
+            lasted=self._lasted,
         )
-        reached = [k for k, stage in enumerate(self._stages, 1) if stage.holds(moment)]
-        self.final_holds = bool(reached) and reached[-1] == self.max_stage
-        self.stage = max([self.stage, *reached])
+        for predicate in self._lasting:
+            self._lasted[predicate] = self._lasted[predicate] + 1 if predicate(moment) else 0
+        self.final_holds = self._stages[-1].holds(moment)
+        # Stages never fall, so only higher ones are asked, and the highest that holds counts.
+        for number in range(self.max_stage, self.stage, -1):
+            if self._stages[number - 1].holds(moment):
+                self.stage = number
+                break
         new = [p for p in self._memories if p not in self._remembered and p(moment)]
         if new:
             self._remembered = self._remembered.union(new)

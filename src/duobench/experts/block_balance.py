@@ -1,0 +1,84 @@
+"""Block-Balance: one arm lays the beam across the cube, then both put their blocks down together."""
+
+from __future__ import annotations
+
+import math
+
+from duobench.experts.motion import (
+    Arms,
+    Script,
+    down,
+    move,
+    pick,
+    place,
+    release,
+    together,
+    wait,
+    wait_until,
+)
+from duobench.spatial import SE3
+from duobench.tasks.block_balance import BEAM, BLOCK, CUBE_EDGE
+from duobench.types import SIDES, Side
+
+_BEAM_SIDE = Side.RIGHT
+_BEAM_GRASP = 0.014
+"""Height of the tool above the beam's middle: the fingertips then clear the table."""
+_BLOCK_GRASP = 0.012
+"""Height of the tool above a block's middle."""
+_REACH = 0.078
+"""Distance of a block from the middle of the beam: at its end, but wholly on it."""
+_PRESS = 0.0005
+"""How far the blocks are led into the beam, in metres, so that both stand on it when let go."""
+_OUTWARD = {Side.LEFT: math.pi / 2, Side.RIGHT: -math.pi / 2}
+"""Yaw at which the fingers open along x and the wrist camera is outside, away from the other hand."""
+
+
+def script(arms: Arms) -> Script:
+    """Lay the beam, take both blocks, put them down together, let go together."""
+    yield from _lay_beam(arms)
+    yield from together(*(_take_block(arms, side) for side in SIDES))
+    yield from lower(arms)
+    yield from release(arms, *SIDES)
+    yield from wait(4)
+    yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
+
+
+def lower(arms: Arms) -> Script:
+    """Carry both held blocks over the ends of the beam and lower them together."""
+    beam = arms.sim.pose("beam")
+    goals: dict[Side, SE3] = {}
+    for side in SIDES:
+        end = beam.apply([0.0, _REACH if side is Side.LEFT else -_REACH, 0.0])
+        block_from_tool = arms.sim.pose(_block(side)).inverse() @ arms.tool(side)
+        height = beam.translation[2] + BEAM[2] / 2 + BLOCK[2] / 2 - _PRESS
+        goals[side] = SE3.at(end[0], end[1], height, yaw=beam.yaw) @ block_from_tool
+    yield from move(arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3)
+    yield from wait(8)
+    yield from move(arms, goals, speed=0.06)
+    yield from wait_until(lambda: all(_landed(arms, side) for side in SIDES), 15)
+
+
+def _lay_beam(arms: Arms) -> Script:
+    side = _BEAM_SIDE
+    beam = arms.sim.pose("beam")
+    x, y, z = beam.translation
+    yield from pick(arms, side, down(x, y, z + _BEAM_GRASP, yaw=beam.yaw + _OUTWARD[side]))
+    beam_from_tool = arms.sim.pose("beam").inverse() @ arms.tool(side)
+    x, y, _ = arms.sim.position("cube")
+    goal = SE3.at(x, y, CUBE_EDGE + BEAM[2] / 2 + 0.001) @ beam_from_tool
+    yield from place(arms, side, goal, above=0.06, retreat=0.15, speed=0.3)
+
+
+def _take_block(arms: Arms, side: Side) -> Script:
+    pose = arms.sim.pose(_block(side))
+    x, y, z = pose.translation
+    grasp = down(x, y, z + _BLOCK_GRASP, yaw=_OUTWARD[side])
+    yield from pick(arms, side, grasp, above=0.12, lift=0.12)
+
+
+def _block(side: Side) -> str:
+    return f"{side}_block"
+
+
+def _landed(arms: Arms, side: Side) -> bool:
+    return arms.sim.contacts.between(_block(side), "beam")

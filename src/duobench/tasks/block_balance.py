@@ -1,0 +1,124 @@
+"""Block-Balance.
+
+Task:
+    A beam goes across a small red cube, and two blocks onto the ends of the beam. One block alone
+    tips the beam, so both arms must put theirs down together.
+
+Randomization:
+    Beam and cube in front of each other near the middle, one block in each half, all within a few
+    centimetres of their places, without yaw.
+
+Success:
+    Both blocks stand on the level beam, the beam on the cube, all released and still for half a
+    second.
+"""
+
+from __future__ import annotations
+
+import math
+
+from duobench.randomness import around
+from duobench.solids.blocks import RED, WOOD, YELLOW, block
+from duobench.solids.prop import Prop
+from duobench.stages.predicates import (
+    Predicate,
+    all_of,
+    any_of,
+    clear,
+    ever,
+    free,
+    held_by_any,
+    lasting,
+    pinched,
+    rests_on,
+    still,
+    touching,
+    upright,
+)
+from duobench.stages.progress import Stage
+from duobench.tasks.task import Category, Placement, Task
+from duobench.types import Side
+
+CUBE_EDGE = 0.040
+BEAM = (0.040, 0.200, 0.020)
+"""The beam lies along y: width, length, height in metres."""
+BLOCK = (0.030, 0.030, 0.090)
+"""A block stands upright."""
+LEVEL = math.radians(12.0)
+STILL_SECONDS = 0.5
+"""How long everything must stand still [task definitions]."""
+BLOCKS = ("left_block", "right_block")
+
+_ON_CUBE = touching("beam", "cube") & clear("beam")
+_LEVEL = upright("beam", LEVEL)
+_EVERYTHING = ("cube", "beam", *BLOCKS)
+
+
+def _pinched_apart() -> Predicate:
+    """Each gripper pinches one block, either way round."""
+    one, other = BLOCKS
+    return any_of(
+        pinched(Side.LEFT, one) & pinched(Side.RIGHT, other),
+        pinched(Side.LEFT, other) & pinched(Side.RIGHT, one),
+    )
+
+
+def _on_beam() -> Predicate:
+    """Both blocks are on the beam, and nothing else carries them."""
+    return all_of(*(touching(name, "beam") & clear(name, "cube") for name in BLOCKS))
+
+
+_HELD = held_by_any("beam")
+_BRIDGE = all_of(rests_on("beam", "cube"), _LEVEL, ever(_HELD))
+_READY = all_of(_pinched_apart(), _ON_CUBE, ever(_BRIDGE))
+_LOADED = all_of(_on_beam(), _ON_CUBE, ever(_READY))
+_RELEASED = all_of(*(still(name) & free(name) for name in _EVERYTHING))
+_BALANCED = lasting(all_of(_on_beam(), _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & ever(_LOADED)
+
+TASK = Task(
+    id="block_balance",
+    title="Block-Balance",
+    category=Category.BIMANUAL_MANIPULATION,
+    instruction=(
+        "Put the beam across the red cube, then put both blocks onto its ends at the same time, "
+        "so that it stays balanced."
+    ),
+    horizon=766,
+    props=(
+        Prop(name="cube", solid=block(CUBE_EDGE, CUBE_EDGE, CUBE_EDGE, RED)),
+        Prop(name="beam", solid=block(*BEAM, WOOD)),
+        *(Prop(name=name, solid=block(*BLOCK, YELLOW)) for name in BLOCKS),
+    ),
+    # The beam is 8 cm or more in front of the cube, nearer to the robot, so that neither hides the
+    # other from the head camera and no yaw is needed to bring it across.
+    placements={
+        "cube": Placement(x=around(0.58, 0.03), y=around(0.0, 0.04), z=CUBE_EDGE / 2),
+        "beam": Placement(x=around(0.44, 0.03), y=around(0.0, 0.03), z=BEAM[2] / 2),
+        "left_block": Placement(x=around(0.5, 0.05), y=around(0.24, 0.04), z=BLOCK[2] / 2),
+        "right_block": Placement(x=around(0.5, 0.05), y=around(-0.24, 0.04), z=BLOCK[2] / 2),
+    },
+    stages=(
+        Stage(name="the beam is held", instruction="Pick up the beam.", holds=_HELD),
+        Stage(
+            name="the beam rests on the cube",
+            instruction="Put the middle of the beam on the red cube.",
+            holds=_BRIDGE,
+        ),
+        Stage(
+            name="both blocks are pinched",
+            instruction="Take one block with each hand.",
+            holds=_READY,
+        ),
+        Stage(
+            name="both blocks are on the beam",
+            instruction="Put both blocks onto the ends of the beam at the same time.",
+            holds=_LOADED,
+        ),
+        Stage(
+            name="everything is balanced",
+            instruction="Let go of both blocks and move away.",
+            holds=_BALANCED,
+        ),
+    ),
+    printable=True,
+)
