@@ -1,0 +1,62 @@
+"""Pegs in sockets: the predicate `inserted`, for pegs and sockets on any two bodies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.stages.predicates import Moment, Predicate
+
+MAX_ANGLE = math.radians(10.0)
+"""Largest angle between the axes of an inserted peg and its socket [task definitions]."""
+MAX_OFFSET = 0.004
+"""Largest lateral distance of an inserted peg's tip from the socket's axis, in metres [task
+definitions]."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Port:
+    """An end of a peg, or the mouth of a socket, on a body."""
+
+    body: str
+    """Body that carries it."""
+    pose: SE3
+    """Frame in the body: origin at the peg's tip or the socket's mouth, z pointing outwards."""
+
+    def axis(self, simulation: Simulation) -> np.ndarray:
+        """Outward direction (3,) in the table frame."""
+        return simulation.rotation(self.body) @ self.pose.rotation[:, 2]
+
+    def position(self, simulation: Simulation) -> np.ndarray:
+        """Position (3,) in the table frame, in metres."""
+        return simulation.rotation(self.body) @ self.pose.translation + simulation.position(
+            self.body
+        )
+
+
+def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
+    """The peg is in the socket: axes within 10 degrees, tip within 4 mm of the axis, deep enough.
+
+    Args:
+        peg: Tip of the peg.
+        socket: Mouth of the socket.
+        depth: How far inside the mouth the tip is at least, in metres.
+    """
+
+    def test(m: Moment) -> bool:
+        sim = m.simulation
+        outwards = socket.axis(sim)
+        if float(peg.axis(sim) @ outwards) > -math.cos(MAX_ANGLE):
+            return False
+        offset = peg.position(sim) - socket.position(sim)
+        height = float(offset @ outwards)
+        lateral = float(np.linalg.norm(offset - height * outwards))
+        return height <= -depth and lateral <= MAX_OFFSET
+
+    return Predicate(
+        f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}", test
+    )
