@@ -76,10 +76,16 @@ class Predicate:
         return self.name
 
     def walk(self) -> Iterator[Predicate]:
-        """This predicate and all it is made of, inner ones first."""
-        for part in self.parts:
-            yield from part.walk()
-        yield self
+        """This predicate and all it is made of, each once, inner ones first."""
+        found: dict[Predicate, None] = {}
+        self._collect(found)
+        yield from found
+
+    def _collect(self, found: dict[Predicate, None]) -> None:
+        if self not in found:
+            for part in self.parts:
+                part._collect(found)
+            found[self] = None
 
 
 class Ever(Predicate):
