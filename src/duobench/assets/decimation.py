@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.assets.geometry import Mesh, canonical, to_grid
+from duobench.assets.hulls import convex_hull
 from duobench.assets.quadrics import (
     Floats,
     Indices,
@@ -93,7 +94,13 @@ def decimate(parts: Sequence[Part], *, triangles: int, cell: float) -> list[Mesh
         vertices, faces, quadrics = _cluster(vertices, faces, quadrics, cell / WELD)
     vertices, faces = _collapse(vertices, faces, quadrics, triangles)
     points = to_grid(vertices * WELD)
-    return [_publish(points, faces[faces[:, 3] == part, :3]) for part in range(len(parts))]
+    return [_shaded(points, faces[faces[:, 3] == part, :3]) for part in range(len(parts))]
+
+
+def outline(mesh: Mesh, vertices: int) -> Mesh:
+    """Replace a picture mesh by its convex hull with a limited number of corners."""
+    hull = convex_hull(mesh.vertices, vertices)
+    return _shaded(to_grid(hull.vertices), hull.faces)
 
 
 def _weld(parts: Sequence[Part]) -> tuple[Floats, NDArray[np.int64]]:
@@ -114,7 +121,7 @@ def _weld(parts: Sequence[Part]) -> tuple[Floats, NDArray[np.int64]]:
     return vertices, clean(with_part(index.reshape(-1)[faces[:, :3]], faces[:, 3]))
 
 
-def _publish(points: NDArray[np.int64], faces: NDArray[np.int64]) -> Mesh:
+def _shaded(points: NDArray[np.int64], faces: Indices) -> Mesh:
     """Return a finished mesh: on the grid, in canonical order, with creases parted."""
     light = canonical(points, faces)
     old, faces = split_creases(light.vertices, light.faces, CREASE_COSINE)

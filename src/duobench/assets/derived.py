@@ -14,7 +14,7 @@ import numpy as np
 
 from duobench.assets import recipes
 from duobench.assets.cache import write_atomic
-from duobench.assets.decimation import Part, decimate
+from duobench.assets.decimation import Part, decimate, outline
 from duobench.assets.geometry import Mesh, from_grid, read, to_grid
 from duobench.assets.hulls import convex_hull
 from duobench.assets.manifest import manifest
@@ -61,6 +61,8 @@ def build(data: Mapping[str, bytes], report: Report) -> MeshSet:
         ]
         light = decimate(parts, triangles=group.triangles, cell=group.cell_mm * 1e-3)
         visual |= zip(group.fills_mm, light, strict=True)
+    for name, vertices in recipes.VISUAL_OUTLINES.items():
+        visual[name] = outline(_read(recipes.VISUAL[name], data), vertices)
     report("reducing meshes", len(visual), len(recipes.VISUAL))
     hull = {
         name: convex_hull(_read(file, data).vertices, recipes.HULL_VERTICES)
@@ -80,6 +82,7 @@ def path_in(cache: Path) -> Path:
     key = hashlib.sha256(f"{recipes.VERSION} {recipes.HULL_VERTICES}".encode())
     for group in recipes.VISUAL_GROUPS:
         key.update(f"{dict(group.fills_mm)} {group.cell_mm} {group.triangles}".encode())
+    key.update(f"{dict(recipes.VISUAL_OUTLINES)}".encode())
     for name, file in files.items():
         key.update(f"{name} {file} {manifest().files[file].sha256}".encode())
     return cache / "derived" / f"meshes-{key.hexdigest()[:16]}.npz"
@@ -106,7 +109,7 @@ def save(path: Path, meshes: MeshSet) -> None:
 def load(path: Path) -> MeshSet | None:
     """Read the file, or return None if there is none or it is damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             names, counts = file["names"].tolist(), file["counts"]
             points, faces = file["points"].astype(np.int64), file["faces"]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):

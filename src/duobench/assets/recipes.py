@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-VERSION = 2
+VERSION = 3
 """Raised with every change to the code that makes meshes, so that caches are made anew."""
 
 HULL_VERTICES = 24
@@ -41,7 +41,6 @@ def _gripper(name: str, triangles: int) -> VisualGroup:
 
 VISUAL_GROUPS: tuple[VisualGroup, ...] = (
     _group(2, 300, link0_3=170, link0_6=120),  # slots of the base; logo on its band
-    _group(2, 24, link0_5=0),  # the red plug of the emergency stop
     _group(1, 270, link1=0),
     _group(1, 270, link2=0),
     _group(1.5, 340, link3_0=80, link3_1=80),
@@ -50,21 +49,31 @@ VISUAL_GROUPS: tuple[VisualGroup, ...] = (
     _group(1.5, 390, link6_1=0, link6_2=110, link6_6=80),
     _group(2, 300, link7_1=80, link7_2=80, link7_3=80),
     _gripper("base", 260),
-    _gripper("base_coupling", 60),
-    _gripper("c-a01-85-open", 24),
     _gripper("driver", 70),
     _gripper("coupler", 90),
     _gripper("spring_link", 80),
     _gripper("follower", 140),  # large in the images of the wrist camera, like the next
     _gripper("tongue", 120),
 )
-"""All picture meshes. Two arms and two grippers, with two fingers each, are 7,900 triangles."""
+"""Picture meshes, but for the outlines below.
+
+All together, two arms and two grippers with two fingers each, are 7,900 triangles.
+"""
+
+VISUAL_OUTLINES: Mapping[str, int] = MappingProxyType(
+    {
+        "fr3/link0_5": 14,  # the red plug of the emergency stop
+        "robotiq_2f85/base_coupling": 34,  # a disc between flange and gripper
+        "robotiq_2f85/c-a01-85-open": 14,  # a plate between the fingers
+    }
+)
+"""Picture meshes of which only the outline shows: convex hulls, with their number of vertices."""
 
 VISUAL: Mapping[str, str] = MappingProxyType(
     {
         name: name + (".obj" if name.startswith("fr3/") else ".stl")
-        for group in VISUAL_GROUPS
-        for name in group.fills_mm
+        for names in (*(group.fills_mm for group in VISUAL_GROUPS), VISUAL_OUTLINES)
+        for name in names
     }
 )
 """Source file of every picture mesh by name."""
