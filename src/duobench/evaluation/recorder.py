@@ -16,6 +16,9 @@ from duobench.evaluation.suite import Trial
 from duobench.randomness import SUITE_VERSION
 from duobench.sim.simulation import Simulation
 
+LONGEST_LINE = 400
+"""Characters of a traceback's line that are kept."""
+
 
 class Recorder:
     """Keeps what the record of one episode needs, whether or not the episode ends well."""
@@ -90,10 +93,14 @@ class Recorder:
 def traceback_text(error: BaseException) -> str:
     """A traceback whose files are named from the folder they were imported from.
 
-    The text is then the same in every checkout, and tells nothing about a machine.
+    The text is then the same in every checkout, and tells nothing about a machine. Lines that go
+    on and on, such as those with a printed array, are cut.
     """
     text = "".join(traceback.format_exception(error))
     folders = sorted({str(Path(entry).resolve()) for entry in sys.path}, key=len, reverse=True)
     for folder in folders:
         text = text.replace(f'File "{folder}/', 'File "')
-    return text
+    return "".join(
+        line if len(line) <= LONGEST_LINE else f"{line[:LONGEST_LINE]} …\n"
+        for line in text.splitlines(keepends=True)
+    )

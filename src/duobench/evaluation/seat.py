@@ -10,8 +10,8 @@ from typing import Any, cast
 
 import gymnasium as gym
 
-import duobench
 from duobench.envs.duo_env import DuoEnv
+from duobench.envs.registration import make
 from duobench.errors import RenderingError
 from duobench.evaluation import policies
 from duobench.evaluation.film import Film, filming
@@ -84,7 +84,7 @@ class Seat:
             self.close()
             metadata = self._source.metadata
             size = {} if metadata.image_size is None else {"image_size": metadata.image_size}
-            self._env = duobench.make(
+            self._env = make(
                 task.reference,
                 cameras=tuple(metadata.cameras),
                 action_mode=metadata.action_mode,

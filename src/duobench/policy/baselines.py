@@ -36,10 +36,10 @@ class RandomPolicy:
     metadata = PolicyMetadata(name="random")
 
     def __init__(self) -> None:
-        """Draw from seed 0 until the first reset."""
+        """Read the limits of an action."""
         sides = [np.vstack([JOINT_RANGES, (0.0, _OPEN)])] * 2
         self._low, self._high = np.vstack(sides).T
-        self.reset("", 0)
+        self._generator = np.random.default_rng(_RANDOM_STREAM)
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - obeys nobody
         """Start the generator of this seed."""

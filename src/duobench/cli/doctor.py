@@ -1,0 +1,101 @@
+"""`duobench doctor`: whether everything that DuoBench needs works on this machine."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from statistics import median
+from typing import TYPE_CHECKING
+
+from duobench.cli.console import console
+from duobench.errors import DuoBenchError
+
+if TYPE_CHECKING:
+    from duobench.assets.meshes import FileStatus
+
+FRAMES = 20
+"""Pictures that are timed; their median is told."""
+IMAGE_SIZE = (224, 224)
+"""Height and width of what policies see by default."""
+
+
+def doctor() -> None:
+    """Show versions, meshes and graphics, with the time of a picture; exit code 1 if one fails."""
+    screen = console()
+    is_well = True
+    for heading, examine in (("Versions", _versions), ("Meshes", _meshes), ("Graphics", _graphics)):
+        screen.print(heading, style="bold")
+        try:
+            for name, value in examine().items():
+                screen.print(f"  {name:<16}{value}", soft_wrap=True)
+        except DuoBenchError as error:
+            is_well = False
+            screen.print(f"  does not work: {error}", style="red", soft_wrap=True)
+    if not is_well:
+        sys.exit(1)
+
+
+def _versions() -> dict[str, str]:
+    """Versions of what scores depend on."""
+    from duobench.evaluation.versions import record_versions
+    from duobench.randomness import SUITE_VERSION
+
+    found = {name: version for name, version in record_versions(None).items() if version}
+    return {**found, "suite version": SUITE_VERSION}
+
+
+def _meshes() -> dict[str, str]:
+    """What is on disk of the robot's meshes; missing ones are fetched when they are needed."""
+    from duobench.assets import meshes
+
+    files = meshes.status()
+    counts = Counter(file.state for file in files)
+    found = {state: _counted(count, len(files)) for state, count in counts.items()}
+    return found | {file.name: f"{file.state}, {file.path}" for file in files if _is_odd(file)}
+
+
+def _counted(count: int, total: int) -> str:
+    return f"{count} of {total}"
+
+
+def _is_odd(file: FileStatus) -> bool:
+    return file.state in {"damaged", "different"}
+
+
+def _graphics() -> dict[str, str]:
+    """What draws, and how long a picture takes."""
+    from duobench.envs.duo_env import DuoEnv
+    from duobench.scene.cameras import HEAD, POLICY_CAMERAS
+    from duobench.sim.rendering import Renderer
+    from duobench.tasks import catalog
+
+    base = DuoEnv(catalog.get(catalog.names()[0]))
+    base.reset()
+    data = base.simulation.data
+    height, width = IMAGE_SIZE
+    with Renderer(base.simulation.model, height=height, width=width) as renderer:
+        info = renderer.info
+        one = _milliseconds(lambda: renderer.render(data, HEAD))
+        three = _milliseconds(lambda: renderer.render_all(data, POLICY_CAMERAS))
+    return {
+        "backend": info.backend,
+        "renderer": info.renderer,
+        "vendor": info.vendor,
+        "OpenGL": info.version,
+        "drawn by": "the processor (software)" if info.software else "a graphics card",
+        "one picture": f"{one:.1f} ms at {width}x{height}, shadows included",
+        "three cameras": f"{three:.1f} ms",
+    }
+
+
+def _milliseconds(draw: Callable[[], object]) -> float:
+    """Median time of a call, after a first one that does not count."""
+    draw()
+    times = []
+    for _ in range(FRAMES):
+        start = time.perf_counter()
+        draw()
+        times.append(time.perf_counter() - start)
+    return 1000 * median(times)

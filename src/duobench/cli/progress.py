@@ -1,0 +1,104 @@
+"""How far an evaluation is: a live bar on a terminal, few plain lines anywhere else."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from duobench.evaluation.records import EpisodeRecord
+from duobench.evaluation.run import Run
+from duobench.evaluation.runner import Observer
+
+PLAIN_LINES = 10
+"""About how many lines of progress a run prints where nothing can be drawn over."""
+
+
+class LiveProgress:
+    """A bar a task, with successes so far, redrawn in place."""
+
+    def __init__(self, progress: Progress) -> None:
+        """Draw into a display that is already live."""
+        self._progress = progress
+        self._bars: dict[str, TaskID] = {}
+        self._successes: Counter[str] = Counter()
+
+    def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
+        """Draw the bars, with what was finished earlier."""
+        for task in run.tasks:
+            self._bars[task.id] = self._progress.add_task(
+                task.id, total=run.episodes, successes=0, start=False
+            )
+        for record in finished:
+            self.on_record(record)
+
+    def on_record(self, record: EpisodeRecord) -> None:
+        """Advance the bar of the episode's task."""
+        bar = self._bars[record.task]
+        self._successes[record.task] += record.success
+        self._progress.start_task(bar)
+        self._progress.update(bar, advance=1, successes=self._successes[record.task])
+
+
+class PlainProgress:
+    """A line now and then, and one for every episode that broke off."""
+
+    def __init__(self, console: Console) -> None:
+        """Print to a console that is no terminal."""
+        self._console = console
+        self._total = self._done = self._successes = 0
+
+    def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
+        """Say what is going to be done."""
+        self._total = run.episodes * len(run.tasks)
+        self._done = len(finished)
+        self._successes = sum(record.success for record in finished)
+        going_on = f", {self._done} already finished" if finished else ""
+        self._console.print(
+            f"Policy {run.policy}: {len(run.tasks)} tasks, {self._total} episodes{going_on}",
+            soft_wrap=True,
+        )
+
+    def on_record(self, record: EpisodeRecord) -> None:
+        """Print a line whenever another tenth is done."""
+        self._done += 1
+        self._successes += record.success
+        if record.error:
+            reason = record.error.strip().splitlines()[-1]
+            self._console.print(
+                f"{record.task}, episode {record.episode} broke off: {reason}", soft_wrap=True
+            )
+        tenths, before = (PLAIN_LINES * n // self._total for n in (self._done, self._done - 1))
+        if tenths != before:
+            self._console.print(
+                f"{self._done} of {self._total} episodes, {self._successes} succeeded"
+            )
+
+
+@contextmanager
+def progress_display(console: Console) -> Iterator[Observer]:
+    """The observer that suits a console, live as long as the block lasts."""
+    if not console.is_terminal:
+        yield PlainProgress(console)
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[successes]} succeeded", style="dim"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as progress:
+        yield LiveProgress(progress)

@@ -1,0 +1,50 @@
+"""`duobench render`: pictures of how an episode begins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import tyro
+
+from duobench.cli.console import console
+
+SAMPLES = 16
+"""Pictures averaged into the one for people; what policies see has one."""
+
+
+def render(
+    task: tyro.conf.Positional[str],
+    seed: int = 0,
+    size: tuple[int, int] = (720, 1280),
+    out: Path = Path("renders"),
+) -> None:
+    """Draw a reset of a task from every camera, as PNG files.
+
+    Args:
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE.
+        seed: Seed of the reset.
+        size: Height and width of the pictures in pixels.
+        out: Folder of the pictures.
+    """
+    from PIL import Image
+
+    from duobench.envs.duo_env import DuoEnv
+    from duobench.envs.wrappers import RandomizedReset
+    from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
+    from duobench.sim.rendering import Renderer
+    from duobench.tasks import catalog
+
+    height, width = size
+    base = DuoEnv(catalog.get(task))
+    RandomizedReset(base).reset(seed=seed)
+    simulation = base.simulation
+    pictures = {}
+    for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
+        with Renderer(simulation.model, height=height, width=width, samples=samples) as renderer:
+            pictures |= renderer.render_all(simulation.data, cameras)
+    out.mkdir(parents=True, exist_ok=True)
+    screen = console()
+    for camera, picture in pictures.items():
+        path = out / f"{base.task}-{seed}-{camera}.png"
+        Image.fromarray(picture).save(path)
+        screen.print(str(path), soft_wrap=True)

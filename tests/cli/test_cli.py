@@ -1,0 +1,173 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from duobench.cli import main
+from duobench.tasks import catalog
+from tests.evaluation import small
+
+ROOT = Path(__file__).parents[2]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
+
+
+def evaluate(out: Path, *more: str) -> None:
+    small_ones = [small.WAVE_NAME, small.NOD_NAME]
+    main(["eval", "--policy", "random", "--out", str(out), "--tasks", *small_ones, *more])
+
+
+def test_eval_leaves_what_it_says_and_exits_well(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    evaluate(tmp_path / "run", "--episodes", "2", "--first-episode", "1", "--videos", "0")
+    out = capsys.readouterr().out
+    assert "4 of 4 episodes" in out
+    assert "All tasks" in out
+    assert f"Report: {tmp_path / 'run' / 'index.html'}" in out
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["first_episode"] == 1
+    assert summary["tasks"]["nod"]["episodes"] == 2
+    names = [path.name for path in sorted((tmp_path / "run" / "records" / "wave").iterdir())]
+    assert names == ["00001.json", "00002.json"]
+
+
+def test_report_builds_the_page_anew(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    evaluate(tmp_path / "run", "--episodes", "1", "--videos", "0")
+    table = capsys.readouterr().out.partition("Task")[2]
+    before = (tmp_path / "run" / "index.html").read_bytes()
+    (tmp_path / "run" / "index.html").unlink()
+    main(["report", str(tmp_path / "run")])
+    assert capsys.readouterr().out.partition("Task")[2] == table
+    assert (tmp_path / "run" / "index.html").read_bytes() == before
+
+
+def test_command_of_the_report_makes_the_same_report(tmp_path: Path) -> None:
+    evaluate(tmp_path / "one", "--episodes", "1", "--videos", "0")
+    run = json.loads((tmp_path / "one" / "run.json").read_text())
+    words = [
+        "eval",
+        *("--policy", run["policy"]),
+        *("--tasks", *(task["reference"] for task in run["tasks"])),
+        *("--episodes", str(run["episodes"]), "--first-episode", str(run["first_episode"])),
+        *("--videos", str(run["videos"]), "--out", str(tmp_path / "two")),
+    ]
+    shown = " ".join(["duobench", *words[:-1], "DIR"])
+    assert shown in (tmp_path / "one" / "index.html").read_text()
+    main(words)
+    for name in ("index.html", "summary.json"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_list_tells_every_task(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["list", "--stages"])
+    out = capsys.readouterr().out
+    words = " ".join(out.split())
+    for name in catalog.names():
+        task = catalog.get(name)
+        assert f"{name} {task.category} {task.max_stage} {task.horizon} " in words
+        for number, stage in enumerate(task.stages, 1):
+            assert f"{number} {stage.name}"[:60] in words
+
+
+def test_render_draws_every_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["render", small.WAVE_NAME, "--seed", "5", "--size", "48", "64", "--out", str(tmp_path)])
+    told = capsys.readouterr().out.split()
+    assert [Path(path).name for path in told] == [
+        f"wave-5-{camera}.png" for camera in ("head", "left_wrist", "right_wrist", "overview")
+    ]
+    for path in told:
+        with Image.open(path) as picture:
+            assert picture.size == (64, 48)
+            low, high = picture.convert("L").getextrema()
+            assert high - low > 50
+
+
+def test_doctor_tells_versions_meshes_and_graphics(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["doctor"])
+    out = capsys.readouterr().out
+    for word in ("mujoco", "suite version", "ready", "backend", "renderer", "three cameras"):
+        assert word in out
+    assert " ms at 224x224" in out
+
+
+def test_doctor_without_graphics_says_so_and_fails() -> None:
+    told = subprocess.run(
+        [sys.executable, "-m", "duobench", "doctor"],
+        env={**ENVIRONMENT, "MUJOCO_GL": "off"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert told.returncode == 1
+    assert "Rendering is switched off by MUJOCO_GL=off" in told.stdout
+    assert "mujoco" in told.stdout
+    assert "Traceback" not in told.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["eval", "--policy", "exprt", "--out", "OUT"], "Did you mean 'expert'"),
+        (
+            ["eval", "--policy", "hold", "--out", "OUT", "--tasks", "bin_sorts"],
+            "Did you mean 'bin_sort'",
+        ),
+        (
+            ["eval", "--policy", "hold", "--out", "OUT", "--tasks", "bin_sort", "bin_sort"],
+            "more than once: bin_sort",
+        ),
+        (["eval", "--policy", "hold", "--out", "OUT", "--episodes", "0"], "at least one episode"),
+        (["eval", "--policy", "no.such.module:make", "--out", "OUT"], "no module named"),
+        (["render", "nothing"], "Unknown task 'nothing'"),
+        (["report", "OUT"], "holds no evaluation"),
+    ],
+)
+def test_mistake_is_told_in_a_line_without_traceback(
+    words: list[str], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main([word.replace("OUT", str(tmp_path / "run")) for word in words])
+    assert str(left.value.code).startswith("error: ")
+    assert message in str(left.value.code)
+    assert "\n" not in str(left.value.code)
+
+
+def test_wrong_arguments_are_refused_with_the_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["eval", "--policy", "hold"])
+    assert left.value.code == 2
+    assert "--out" in capsys.readouterr().err
+
+
+def test_interrupt_is_answered_in_words(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "duobench", "eval", "--policy", "hold", "--episodes", "500"]
+    command += ["--tasks", small.WAVE_NAME, "--videos", "0", "--out", str(tmp_path / "run")]
+    with subprocess.Popen(
+        command, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        deadline = time.monotonic() + 120
+        while not list(tmp_path.glob("run/records/*/*.json")):
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, complaint = process.communicate()
+    assert process.returncode == 130
+    assert "Stopped" in complaint
+    assert "Traceback" not in complaint
+
+
+def test_importing_the_command_line_loads_nothing_heavy() -> None:
+    script = "import sys, duobench.cli; print(*sorted(sys.modules))"
+    told = subprocess.run(
+        [sys.executable, "-c", script], env=ENVIRONMENT, capture_output=True, text=True, check=True
+    )
+    loaded = set(told.stdout.split())
+    assert "duobench.cli" in loaded
+    heavy = {"tyro", "rich", "matplotlib", "jinja2", "av", "PIL", "duobench.evaluation"}
+    assert loaded & heavy == set()

@@ -1,0 +1,122 @@
+"""A run that is really killed, and goes on."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from duobench.evaluation.folder import RunFolder
+from tests.evaluation.conftest import small_run
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 120
+SCRIPT = """
+import sys
+from pathlib import Path
+from rich.console import Console
+from duobench.evaluation.folder import RunFolder
+from duobench.evaluation.runner import evaluate
+from duobench.evaluation.table import results_table
+from tests.evaluation.conftest import small_run
+
+if __name__ == "__main__":
+    run = small_run("random", videos=1, episodes=EPISODES)
+    results = evaluate(run, RunFolder(Path(sys.argv[1])), workers=int(sys.argv[2]))
+    Console(width=130).print(results_table(results, run.episodes))
+"""
+EPISODES = 6
+
+
+def start(script: Path, folder: Path, workers: int) -> subprocess.Popen[str]:
+    source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
+    return subprocess.Popen(
+        [sys.executable, str(script), str(folder), str(workers)],
+        env={**os.environ, "PYTHONPATH": source},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def status(pid: int) -> tuple[str, int]:
+    """State and parent of a process, as Linux tells them; a process that is gone is a zombie."""
+    try:
+        words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return "Z", 0
+    return words[0], int(words[1])
+
+
+def children(pid: int) -> list[int]:
+    pids = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
+    return [child for child in pids if status(child)[1] == pid]
+
+
+def is_running(pid: int) -> bool:
+    return status(pid)[0] not in {"Z", "X"}
+
+
+def wait_until(condition: Callable[[], object], what: str) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, f"{what} within {PATIENCE_S} s"
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    path = tmp_path / "evaluate.py"
+    path.write_text(SCRIPT.replace("EPISODES", str(EPISODES)))
+    return path
+
+
+def test_killed_run_goes_on_to_the_same_table(script: Path, tmp_path: Path) -> None:
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    with start(script, whole, 1) as process:
+        expected, complaint = process.communicate()
+    assert process.returncode == 0, complaint
+
+    records = RunFolder(killed).path / "records"
+    with start(script, killed, 2) as process:
+        wait_until(lambda: len(list(records.glob("*/*.json"))) >= 2, "two records")
+        workers = children(process.pid)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    assert workers
+    wait_until(lambda: not any(map(is_running, workers)), "the end of orphaned workers")
+    kept = {path: path.stat().st_mtime_ns for path in records.glob("*/*.json")}
+    assert 2 <= len(kept) < 2 * EPISODES
+
+    with start(script, killed, 2) as process:
+        table, complaint = process.communicate()
+    assert process.returncode == 0, complaint
+    assert table == expected
+    assert "All tasks" in table
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    for name in ("summary.json", "index.html", "run.json", "figures/stages.svg"):
+        assert (killed / name).read_bytes() == (whole / name).read_bytes()
+    names = [
+        sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+        for folder in (whole, killed)
+    ]
+    assert names[0] == names[1]
+
+
+def test_interrupted_run_stops_and_keeps_what_is_finished(script: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with start(script, folder, 2) as process:
+        records = folder / "records"
+        wait_until(lambda: list(records.glob("*/*.json")), "a record")
+        workers = children(process.pid)
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+    assert process.returncode != 0
+    assert workers
+    wait_until(lambda: not any(map(is_running, workers)), "the end of the workers")
+    assert RunFolder(folder).read_records(small_run("random", videos=1, episodes=EPISODES))

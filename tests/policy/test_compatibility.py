@@ -1,0 +1,59 @@
+from typing import Any
+
+import pytest
+
+import duobench
+from duobench.errors import PolicyError
+from duobench.policy import PolicyMetadata
+from duobench.policy.compatibility import check_fits
+
+TASK = "bin_sort"
+
+
+def metadata(**fields: Any) -> PolicyMetadata:
+    return PolicyMetadata(name="mine", **fields)
+
+
+@pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])
+def test_action_modes_are_told_apart(mode: str) -> None:
+    env = duobench.make(TASK, cameras=False, action_mode=mode, binary_gripper=True)
+    for other in ("joint", "joint_relative", "cartesian", "cartesian_relative"):
+        if other == mode:
+            check_fits(metadata(action_mode=other), env)
+        else:
+            with pytest.raises(PolicyError, match=f"'{other}', the environment's '{mode}'"):
+                check_fits(metadata(action_mode=other), env)
+
+
+def test_pictures_must_be_there_and_of_the_size() -> None:
+    env = duobench.make(TASK, cameras=("head", "left_wrist"), image_size=(48, 64))
+    check_fits(metadata(cameras=("head",)), env)
+    check_fits(metadata(cameras=("left_wrist", "head"), image_size=(48, 64)), env)
+    with pytest.raises(PolicyError, match="'right_wrist', the environment shows head, left_wrist"):
+        check_fits(metadata(cameras=("right_wrist",)), env)
+    with pytest.raises(PolicyError, match=r"pictures of \(64, 48\), 'head' has \(48, 64\)"):
+        check_fits(metadata(cameras=("head",), image_size=(64, 48)), env)
+
+
+def test_every_problem_is_listed_with_an_environment_that_fits() -> None:
+    env = duobench.make(TASK, cameras=False, chunk=4)
+    wanted = metadata(
+        cameras=("head",), image_size=(48, 64), action_mode="cartesian", control_rate_hz=10.0
+    )
+    with pytest.raises(PolicyError) as refused:
+        check_fits(wanted, env)
+    message = str(refused.value)
+    for part in (
+        "shows none",
+        "chunks of one length",
+        "'cartesian'",
+        "10 times a second, the environment 30",
+        "duobench.make(task, cameras=('head',), image_size=(48, 64), action_mode='cartesian')",
+    ):
+        assert part in message
+
+
+def test_environment_from_the_advice_fits() -> None:
+    wanted = metadata(cameras=("head",), image_size=(48, 64), action_mode="cartesian")
+    options = {"cameras": ("head",), "image_size": (48, 64), "action_mode": "cartesian"}
+    check_fits(wanted, duobench.make(TASK, **options))
