@@ -27,7 +27,8 @@ FLOORS = (
     ("envs",),
     ("experts", "data", "policy", "hardware", "fabrication"),
     ("evaluation", "teleop"),
-    ("cli", "__main__"),
+    ("cli",),
+    ("__main__",),
 )
 RANK = {room: rank for rank, rooms in enumerate(FLOORS) for room in rooms}
 BASE = ("errors", "spatial", "types", "randomness")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from stageplay import Stageplay
+from tests.stageplay import Stageplay
 
 import duobench
 from duobench.tasks import catalog
