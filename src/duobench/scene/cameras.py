@@ -60,7 +60,7 @@ class View:
     fovy_deg: float
 
 
-OVERVIEW_VIEW = View(eye=(1.75, -0.85, 1.05), target=(0.32, 0.0, 0.16), fovy_deg=40.0)
+OVERVIEW_VIEW = View(eye=(2.35, -1.35, 1.42), target=(0.34, -0.03, 0.17), fovy_deg=37.0)
 
 
 def looking(eye: np.ndarray, direction: np.ndarray, up: np.ndarray) -> SE3:

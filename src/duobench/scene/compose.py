@@ -26,8 +26,14 @@ TIMESTEP = 1.0 / (CONTROL_HZ * SUBSTEPS)
 """Physics time step in seconds, 1/480."""
 MEMORY_BYTES = 32 * 2**20
 """Arena for contacts and constraints; twenty marbles in a cup need about a tenth of it."""
-SHADOW_MAP_SIZE = 1024
-"""Side of the shadow map in texels: a finer one costs more time than the rest of the frame."""
+SHADOW_MAP_SIZE = 768
+"""Side of the shadow map in texels; together with its reach, 2.5 mm a texel, about a pixel of a
+square wrist picture. Drawing the map is the dearest part of a picture on a processor."""
+SHADOW_REACH = 0.7
+"""Half the side of the shadow map as a share of the scene's extent: table and arms."""
+ROUND_SLICES, ROUND_STACKS = 16, 8
+"""How finely balls and cylinders are drawn, 224 triangles a ball; twenty marbles cost as much as
+the robot otherwise. Larger round things bring a mesh."""
 
 
 def compose(props: Iterable[Prop] = ()) -> mujoco.MjSpec:
@@ -58,6 +64,11 @@ def compose(props: Iterable[Prop] = ()) -> mujoco.MjSpec:
     spec.stat.center, spec.stat.extent = SCENE_CENTRE, SCENE_EXTENT
     spec.visual.quality.shadowsize = SHADOW_MAP_SIZE
     spec.visual.quality.offsamples = 0
+    # Lights are far away and highlights soft, so one quad a side looks the same as many.
+    spec.visual.quality.numquads = 1
+    spec.visual.quality.numslices = ROUND_SLICES
+    spec.visual.quality.numstacks = ROUND_STACKS
+    spec.visual.map.shadowclip = SHADOW_REACH
     # Properties of the off-screen buffer, large enough for a native image.
     getattr(spec.visual, "global").offwidth = NATIVE_WIDTH
     getattr(spec.visual, "global").offheight = NATIVE_HEIGHT

@@ -64,6 +64,8 @@ def visual_only(geom: mujoco.MjsGeom) -> None:
     geom.group = VISUAL_GEOM_GROUP
 
 
+BACKDROP_GEOM_GROUP = 1
+"""Geom group that is drawn and casts no shadow, such as walls."""
 VISUAL_GEOM_GROUP = 2
 """Geom group that is drawn; MuJoCo draws groups 0 to 2 by default."""
 COLLISION_GEOM_GROUP = 3

@@ -1,4 +1,4 @@
-"""The station around the robot: table, pedestal, mount, camera post, floor, walls and lights.
+"""The station around the robot: table, pedestal, mount, camera post, room and lights.
 
 The table frame is the world frame: origin under the duo mount on the table top, x away from the
 robot, y to its left, z up.
@@ -6,15 +6,23 @@ robot, y to its left, z up.
 
 from __future__ import annotations
 
-import math
-
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.scene.cameras import HEAD_POSITION
-from duobench.scene.filters import Group, collide_as
+from duobench.scene.filters import (
+    BACKDROP_GEOM_GROUP,
+    COLLISION_GEOM_GROUP,
+    Group,
+    collide_as,
+    visual_only,
+)
 from duobench.scene.fr3 import BASE_POSES
 from duobench.scene.naming import TABLE
+from duobench.scene.shading import FLAT, add_drawn_mesh
+from duobench.solids.shapes import Colour, Shape, hull
+from duobench.solids.solid import manifold_of, mesh_of
 from duobench.spatial import SE3
 
 FLOOR_Z = -0.8095
@@ -26,130 +34,231 @@ TABLE_Y = (-0.75, 0.75)
 TABLE_THICKNESS = 0.03
 TABLE_FRICTION = 0.8
 """Sliding friction of the table top, plastic on laminate."""
+PEDESTAL_SIZE = (0.15, 0.15, 0.24)
+PEDESTAL_X = -0.08
+"""Column under the mounting block: what an arm can hit; its edges and its middle, in metres."""
 
-_TABLE_COLOUR = (0.80, 0.76, 0.69, 1.0)
-_STEEL = (0.42, 0.44, 0.47, 1.0)
-_ALUMINIUM = (0.66, 0.68, 0.70, 1.0)
-_FLOOR_COLOUR = (0.55, 0.57, 0.60, 1.0)
-_WALL_COLOUR = (0.88, 0.89, 0.90, 1.0)
-
-_BACK_WALL_X = -0.95
-_FAR_WALL_X = 3.2
-_ROOM_HALF_WIDTH = 3.0
-_WALL_HEIGHT = 2.6
+ROOM_X = (-1.6, 3.0)
+ROOM_Y = (-2.3, 2.3)
+ROOM_HEIGHT = 2.7
+"""The room that every camera looks into; its walls are one-sided."""
 
 SCENE_CENTRE = (0.4, 0.0, 0.1)
 SCENE_EXTENT = 1.4
 """Centre and radius (metres) of what lights and shadows must cover; fixed, so that the picture
 does not depend on a task's objects."""
 
+_BIRCH = (0.82, 0.74, 0.63, 1.0)
+_STEEL = (0.20, 0.21, 0.23, 1.0)
+_ALUMINIUM = (0.66, 0.68, 0.70, 1.0)
+# MuJoCo lets no shadow fall on what is not quite opaque: the arms' would pass through the table.
+_FLOOR = (0.60, 0.62, 0.64, 0.99)
+_WALL = (0.72, 0.77, 0.80, 0.99)
+_SKIRTING = (0.55, 0.57, 0.59, 1.0)
+
+_BASE_OUTLINE = (
+    (0.072, 0.0),
+    (0.055, 0.047),
+    (0.010, 0.090),
+    (-0.006, 0.0945),
+    (-0.135, 0.067),
+    (-0.154, 0.015),
+)
+"""Half of the underside of an arm's base, in its frame, in metres [mesh of link 0]."""
+
 
 def add_station(spec: mujoco.MjSpec) -> None:
     """Add everything that stands still around the robot."""
-    _add_room(spec.worldbody)
-    _add_table(spec.worldbody)
-    _add_mount(spec.worldbody)
+    _add_room(spec)
+    _add_table(spec)
+    _add_mount(spec)
     _add_lights(spec)
 
 
-def _add_room(world: mujoco.MjsBody) -> None:
-    floor = world.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=(_ROOM_HALF_WIDTH, _ROOM_HALF_WIDTH, 0.1),
-        pos=(0.8, 0, FLOOR_Z),
-        rgba=_FLOOR_COLOUR,
-    )
+def _add_room(spec: mujoco.MjSpec) -> None:
+    world = spec.worldbody
+    (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
+    x, y, half_x, half_y = (x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0) / 2, (y1 - y0) / 2
+    floor = _add_plane(world, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR)
+    floor.name = "floor"
+    floor.material = _add_matte(spec, "floor", 0.10, _floor_light())
     collide_as(floor, Group.FIXTURE)
-    for x in (_BACK_WALL_X, _FAR_WALL_X):
-        _add_box(
-            world,
-            SE3.at(x, 0.0, FLOOR_Z + _WALL_HEIGHT / 2),
-            (0.02, _ROOM_HALF_WIDTH, _WALL_HEIGHT / 2),
-            _WALL_COLOUR,
+    wall_paint = _add_matte(spec, "wall", 0.35, _wall_light())
+    half_z = ROOM_HEIGHT / 2
+    z = FLOOR_Z + half_z
+    upright = SE3.about((0, 1, 0), np.pi / 2)
+    for yaw, centre, half_width in (
+        (0.0, (x0, y), half_y),
+        (np.pi, (x1, y), half_y),
+        (np.pi / 2, (x, y0), half_x),
+        (-np.pi / 2, (x, y1), half_x),
+    ):
+        at = SE3.at(*centre, z, yaw=yaw) @ upright
+        wall = _add_plane(world, at, (half_z, half_width), _WALL)
+        wall.material = wall_paint
+        foot = SE3.at(*centre, FLOOR_Z + 0.05, yaw=yaw)
+        _add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, BACKDROP_GEOM_GROUP)
+
+
+def _floor_light() -> NDArray[np.float64]:
+    """How bright the floor is (n, n): the table keeps light away, and so do the walls."""
+    n = 128
+    (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
+    x, y = np.meshgrid(np.linspace(x0, x1, n), np.linspace(y0, y1, n), indexing="xy")
+    under = _soft_box(x, TABLE_X, 0.30) * _soft_box(y, TABLE_Y, 0.30)
+    corner = np.minimum.reduce([x - x0, x1 - x, y - y0, y1 - y])
+    return (1 - 0.55 * under) * (1 - 0.22 * np.exp(-corner / 0.30))
+
+
+def _wall_light() -> NDArray[np.float64]:
+    """How bright a wall is (1, n), from the ceiling down: less towards the floor."""
+    height = np.linspace(ROOM_HEIGHT, 0.0, 64)[None, :]
+    return 1 - 0.22 * np.exp(-height / 0.6)
+
+
+def _soft_box(
+    x: NDArray[np.float64], ends: tuple[float, float], width: float
+) -> NDArray[np.float64]:
+    """One between the ends, zero far outside, and a smooth step of a width at each end."""
+    inner = np.minimum(x - ends[0], ends[1] - x) / width + 0.5
+    inner = np.clip(inner, 0.0, 1.0)
+    return inner * inner * (3 - 2 * inner)
+
+
+def _add_matte(
+    spec: mujoco.MjSpec, name: str, glow: float, light: NDArray[np.float64] | None = None
+) -> str:
+    """Add a material without highlights, with light of its own and baked-in brightness."""
+    material = spec.add_material(name=name, specular=0.0, shininess=0.0, emission=glow)
+    if light is not None:
+        grey = np.rint(255 * light).astype(np.uint8)
+        spec.add_texture(
+            name=name,
+            type=mujoco.mjtTexture.mjTEXTURE_2D,
+            height=grey.shape[0],
+            width=grey.shape[1],
+            nchannel=3,
+            data=np.repeat(grey.ravel(), 3).tolist(),
         )
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    return name
 
 
-def _add_table(world: mujoco.MjsBody) -> None:
+def _add_table(spec: mujoco.MjSpec) -> None:
     (x0, x1), (y0, y1) = TABLE_X, TABLE_Y
+    x, y, length, width = (x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0
+    world = spec.worldbody
     table = world.add_body(name=TABLE)
     top = table.add_geom(
         name=TABLE,
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=((x1 - x0) / 2, (y1 - y0) / 2, TABLE_THICKNESS / 2),
-        pos=((x0 + x1) / 2, (y0 + y1) / 2, -TABLE_THICKNESS / 2),
-        rgba=_TABLE_COLOUR,
+        size=(length / 2, width / 2, TABLE_THICKNESS / 2),
+        pos=(x, y, -TABLE_THICKNESS / 2),
+        rgba=_BIRCH,
+        material=_add_matte(spec, "table", 0.0),
         friction=(TABLE_FRICTION, 0.005, 0.0001),
     )
+    # What casts no shadow cannot be speckled by its own; the floor has the table's painted on.
+    top.group = BACKDROP_GEOM_GROUP
     collide_as(top, Group.FIXTURE)
     height = -FLOOR_Z - TABLE_THICKNESS
-    for x in (x0 + 0.05, x1 - 0.05):
-        for y in (y0 + 0.05, y1 - 0.05):
-            leg = SE3.at(x, y, FLOOR_Z + height / 2)
-            _add_box(world, leg, (0.025, 0.025, height / 2), _STEEL)
+    for leg_x in (x0 + 0.06, x1 - 0.06):
+        for leg_y in (y0 + 0.06, y1 - 0.06):
+            leg = SE3.at(leg_x, leg_y, FLOOR_Z + height / 2)
+            _add_box(world, leg, (0.05, 0.05, height), _STEEL, BACKDROP_GEOM_GROUP)
+    rail = -TABLE_THICKNESS - 0.03
+    for leg_y in (y0 + 0.06, y1 - 0.06):
+        at = SE3.at(x, leg_y, rail)
+        _add_box(world, at, (length - 0.12, 0.04, 0.06), _STEEL, BACKDROP_GEOM_GROUP)
+    for leg_x in (x0 + 0.06, x1 - 0.06):
+        at = SE3.at(leg_x, y, rail)
+        _add_box(world, at, (0.04, width - 0.12, 0.06), _STEEL, BACKDROP_GEOM_GROUP)
 
 
-def _add_mount(world: mujoco.MjsBody) -> None:
-    """The pedestal, the mounting block whose two faces carry the arms, and the camera post."""
-    pedestal_height = 0.24
-    pedestal = _add_box(
-        world,
-        SE3.at(-0.08, 0.0, pedestal_height / 2),
-        (0.075, 0.075, pedestal_height / 2),
-        _STEEL,
-    )
-    collide_as(pedestal, Group.FIXTURE)
-    for pose in BASE_POSES.values():
-        block = pose @ SE3(np.eye(3), np.array([-0.05, 0.0, -0.012]))
-        _add_box(world, block, (0.09, 0.08, 0.012), _ALUMINIUM)
-    _add_box(world, SE3.at(-0.055, 0.0, 0.285), (0.06, 0.05, 0.06), _ALUMINIUM)
-    top = HEAD_POSITION[2] - 0.02
-    foot = 0.33
-    _add_box(
-        world, SE3.at(-0.05, 0.0, (foot + top) / 2), (0.0125, 0.0125, (top - foot) / 2), _STEEL
-    )
-    arm = SE3.at(-0.025, -0.01, HEAD_POSITION[2] - 0.026) @ SE3.about((0, 1, 0), 0.0)
-    _add_box(world, arm, (0.036, 0.0125, 0.006), _STEEL)
+def _add_mount(spec: mujoco.MjSpec) -> None:
+    """The column, the block whose two faces carry the arms, and the post of the head camera."""
+    world = spec.worldbody
+    column = _add_box(world, SE3.at(PEDESTAL_X, 0.0, PEDESTAL_SIZE[2] / 2), PEDESTAL_SIZE, _STEEL)
+    column.group = COLLISION_GEOM_GROUP
+    collide_as(column, Group.FIXTURE)
+    outline = np.array([(px, s * py, -0.0005) for px, py in _BASE_OUTLINE for s in (1, -1)])
+    faces = [pose.apply(outline) for pose in BASE_POSES.values()]
+    foot = [(px, py, 0.17) for px in (-0.15, 0.045) for py in (-0.085, 0.085)]
+    _add_solid(spec, "mount/block", hull(np.vstack([*faces, foot]).tolist()), _ALUMINIUM)
+    _add_box(world, SE3.at(-0.0525, 0.0, 0.095), (0.16, 0.14, 0.16), _STEEL)
+    _add_box(world, SE3.at(-0.0525, 0.0, 0.0075), (0.26, 0.26, 0.015), _ALUMINIUM)
+    top = HEAD_POSITION[2] + 0.012
+    low = 0.35
+    _add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)
+    _add_box(world, SE3.at(-0.034, -0.0305, HEAD_POSITION[2] + 0.004), (0.022, 0.05, 0.012), _STEEL)
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
-    """One light with a shadow from above, one soft fill without, and ambient light."""
-    spec.visual.headlight.ambient = (0.32, 0.32, 0.32)
-    spec.visual.headlight.diffuse = (0.14, 0.14, 0.14)
+    """One lamp with a shadow, two soft fills without, and ambient light.
+
+    The lamp stands in front of the robot, so that the arms throw their shadows back on themselves
+    and not on the objects. The sums are chosen so that a white surface under the lamp is just
+    below full brightness, and one in shadow has two thirds of it.
+    """
+    spec.visual.headlight.ambient = (0.43, 0.43, 0.44)
+    spec.visual.headlight.diffuse = (0.0, 0.0, 0.0)
     spec.visual.headlight.specular = (0.0, 0.0, 0.0)
-    spec.worldbody.add_light(
-        name="key",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=(0.1, 0.5, 2.2),
-        dir=(0.16, -0.24, -1.0),
-        diffuse=(0.58, 0.57, 0.54),
-        specular=(0.15, 0.15, 0.15),
-        castshadow=True,
+    for name, eye, colour, glint, shadow in (
+        ("lamp", (1.30, 0.80, 2.10), (0.45, 0.44, 0.42), 0.22, True),
+        ("window", (-0.8, -2.2, 1.6), (0.20, 0.21, 0.23), 0.0, False),
+        ("table_glow", (0.5, 0.0, -1.0), (0.12, 0.10, 0.08), 0.0, False),
+    ):
+        spec.worldbody.add_light(
+            name=name,
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            pos=eye,
+            dir=np.array((0.30, 0.0, 0.2)) - eye,
+            diffuse=colour,
+            specular=(glint, glint, glint),
+            castshadow=shadow,
+        )
+
+
+def _add_plane(
+    body: mujoco.MjsBody, pose: SE3, half_size: tuple[float, float], rgba: Colour
+) -> mujoco.MjsGeom:
+    geom = body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=(*half_size, 0.1),
+        pos=pose.translation,
+        quat=pose.wxyz,
+        rgba=rgba,
     )
-    spec.worldbody.add_light(
-        name="fill",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=(2.0, -1.5, 1.6),
-        dir=(-math.cos(0.7), 0.6, -math.sin(0.7)),
-        diffuse=(0.18, 0.19, 0.21),
-        specular=(0.0, 0.0, 0.0),
-        castshadow=False,
-    )
+    visual_only(geom)
+    geom.group = BACKDROP_GEOM_GROUP
+    return geom
 
 
 def _add_box(
     body: mujoco.MjsBody,
     pose: SE3,
-    half_size: tuple[float, float, float],
-    rgba: tuple[float, float, float, float],
+    size: tuple[float, float, float],
+    rgba: Colour,
+    group: int | None = None,
 ) -> mujoco.MjsGeom:
-    return body.add_geom(
+    geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=half_size,
+        size=np.array(size) / 2,
         pos=pose.translation,
         quat=pose.wxyz,
         rgba=rgba,
-        contype=0,
-        conaffinity=0,
-        group=1,
     )
+    visual_only(geom)
+    if group is not None:
+        geom.group = group
+    return geom
+
+
+def _add_solid(spec: mujoco.MjSpec, name: str, shape: Shape, rgba: Colour) -> None:
+    mesh = mesh_of(manifold_of(shape))
+    geom = spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=add_drawn_mesh(spec, name, mesh.vertices, mesh.faces, crease=FLAT),
+        rgba=rgba,
+    )
+    visual_only(geom)

@@ -1,0 +1,341 @@
+"""Off-screen OpenGL: which library to use, and a thread that owns what was made with it.
+
+A driver can be missing, crash its process or hang it for good, and a process that has loaded one
+library cannot turn to another. So the choice is made by child processes that draw a picture under
+a time limit; only then does this process load the winner. All calls of one context run on one
+thread, which lets the caller stop waiting for a driver that does not come back.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import logging
+import os
+import platform
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, wait
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import mujoco
+import numpy as np
+
+from duobench.errors import RenderingError
+
+T = TypeVar("T")
+_Order = tuple[Future[Any], Callable[[], Any]]
+
+BACKENDS = {
+    "egl": "mujoco.egl",
+    "osmesa": "mujoco.osmesa",
+    "glfw": "mujoco.glfw",
+    "cgl": "mujoco.cgl",
+}
+"""Module of the context class of every backend."""
+CANDIDATES = {"Linux": ("egl", "osmesa"), "Darwin": ("cgl",)}
+"""What is tried, best first, on a system; elsewhere only GLFW exists."""
+ASKED = "MUJOCO_GL"
+"""Environment variable with which people choose a backend, for MuJoCo and for us."""
+CHOSEN = "DUOBENCH_GL"
+"""Environment variable that carries the choice to child processes, so that they need not probe."""
+PROBE_TIMEOUT_S = 30.0
+"""A child that has not drawn by then hangs; it needs less than a second on an idle machine."""
+FRAME_TIMEOUT_S = 60.0
+"""A picture that has not come by then never will."""
+CROWD = 8
+"""Most processes that a probe lets draw at the same time: with eight, a data-centre driver was
+seen to hang that serves one [mujoco issue 3444]."""
+CROWD_S = 1.0
+"""How long they draw at the same time."""
+
+_AUTOMATIC = ("", "enable", "enabled", "on", "true", "1")
+_OFF = ("disable", "disabled", "off", "false", "0")
+_ALIASES = {"glx": "glfw", "wgl": "glfw"}
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
+_GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
+_HELP = """Install one of these, then try again:
+  Debian, Ubuntu:  apt-get install libegl1 libopengl0 libgl1 libgl1-mesa-dri   (EGL)
+              or:  apt-get install libosmesa6                                  (OSMesa)
+  conda:           conda install -c conda-forge libegl libopengl mesalib
+With an NVIDIA card inside a container, also set NVIDIA_DRIVER_CAPABILITIES=all.
+Set MUJOCO_GL to egl, osmesa or glfw to choose without a probe."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RenderingInfo:
+    """What draws the pictures."""
+
+    backend: str
+    """How the context is made: egl, osmesa, glfw or cgl."""
+    renderer: str
+    """Name of the renderer, as OpenGL reports it."""
+    vendor: str
+    """Name of its vendor, as OpenGL reports it."""
+    version: str
+    """OpenGL version and driver, as OpenGL reports it."""
+    software: bool
+    """Whether the processor draws instead of a graphics card."""
+
+
+def choose(processes: int = 1) -> str:
+    """Find a backend that draws, and tell child processes about it.
+
+    `MUJOCO_GL` is obeyed without a probe, and so is the choice of a parent process. Otherwise a
+    child process draws a picture with each candidate, best first, until one succeeds. The first
+    process that finds only software rendering says so in the log.
+
+    Args:
+        processes: How many processes will draw at the same time. With more than one, a graphics
+            card has to serve several children at once before it is chosen.
+
+    Returns:
+        A key of `BACKENDS`.
+
+    Raises:
+        RenderingError: Rendering is switched off, or no backend works.
+    """
+    asked = os.environ.get(ASKED, "").lower().strip()
+    if asked in _OFF:
+        raise RenderingError(
+            f"Rendering is switched off by {ASKED}={asked}; unset it to get pictures."
+        )
+    if asked not in _AUTOMATIC:
+        return _ALIASES.get(asked, asked)
+    inherited = os.environ.get(CHOSEN, "")
+    if inherited in BACKENDS:
+        return inherited
+    failures: dict[str, str] = {}
+    for backend in _candidates():
+        outcome = probe(backend)
+        if isinstance(outcome, RenderingInfo) and not outcome.software and processes > 1:
+            outcome = probe(backend, processes=min(processes, CROWD), seconds=CROWD_S)
+        if isinstance(outcome, RenderingInfo):
+            os.environ[CHOSEN] = backend
+            if outcome.software:
+                _log.warning(
+                    "No graphics card draws here, so the processor does: %s through %s. "
+                    "Pictures are the same and take longer.",
+                    outcome.renderer,
+                    backend,
+                )
+            return backend
+        failures[backend] = outcome
+    reasons = "\n".join(f"  {backend}: {reason}" for backend, reason in failures.items())
+    raise RenderingError(f"No off-screen OpenGL works on this machine:\n{reasons}\n{_HELP}")
+
+
+def _candidates() -> Sequence[str]:
+    """Backends to try; PyOpenGL can be bound to one of them by its own variable."""
+    known = CANDIDATES.get(platform.system(), ("glfw",))
+    bound = os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    candidates = [backend for backend in known if bound in ("", backend)]
+    if not candidates:
+        raise RenderingError(
+            f"PYOPENGL_PLATFORM={bound} binds OpenGL to something that cannot draw off screen; "
+            f"unset it, or set it to one of: {', '.join(known)}."
+        )
+    return candidates
+
+
+def probe(
+    backend: str,
+    *,
+    processes: int = 1,
+    seconds: float = 0.0,
+    timeout_s: float = PROBE_TIMEOUT_S,
+    python: str | Path = sys.executable,
+) -> RenderingInfo | str:
+    """Let child processes draw with a backend.
+
+    Args:
+        backend: A key of `BACKENDS`.
+        processes: How many children draw at the same time.
+        seconds: How long each goes on drawing after its first picture.
+        timeout_s: When to give up on a child that does not answer.
+        python: The interpreter that the children run.
+
+    Returns:
+        What drew, or, where any child failed, the reason.
+    """
+    call = f"import sys; sys.path[:] = {sys.path!r}; import {__name__} as gl; "
+    call += f"gl.answer({backend!r}, {seconds!r})"
+    environment = {**os.environ, ASKED: backend}
+    if platform.system() == "Linux":
+        environment["PYOPENGL_PLATFORM"] = backend
+    children = [
+        subprocess.Popen(
+            [python, "-c", call],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(processes)
+    ]
+    deadline = time.monotonic() + timeout_s
+    outcomes = [_outcome(child, deadline, timeout_s) for child in children]
+    failures = [outcome for outcome in outcomes if isinstance(outcome, str)]
+    return failures[0] if failures else outcomes[0]
+
+
+def _outcome(
+    child: subprocess.Popen[str], deadline: float, timeout_s: float
+) -> RenderingInfo | str:
+    with child:
+        try:
+            answer, complaint = child.communicate(timeout=max(0.0, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            child.kill()
+            return f"no picture within {timeout_s:g} s; the driver hangs"
+    lines = answer.splitlines()
+    if child.returncode == 0 and lines:
+        return RenderingInfo(**json.loads(lines[-1]))
+    words = [line.strip() for line in complaint.splitlines() if line.strip()]
+    return words[-1] if words else f"the process ended with status {child.returncode}"
+
+
+def answer(backend: str, seconds: float) -> None:
+    """Draw, say with what on the standard output, and end the process: the child of a probe."""
+    context = open_context(backend, 64, 64)
+    model = mujoco.MjModel.from_xml_string(_PROBE_MODEL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, drawing)
+    scene = mujoco.MjvScene(model, maxgeom=1)
+    view = mujoco.MjvCamera()
+    view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED.value, 0
+    everything = mujoco.mjtCatBit.mjCAT_ALL.value
+    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, view, everything, scene)
+    rectangle = mujoco.MjrRect(0, 0, 64, 64)
+    pixels = np.zeros((64, 64, 3), dtype=np.uint8)
+    deadline = time.monotonic() + seconds
+    while True:
+        mujoco.mjr_render(rectangle, scene, drawing)
+        mujoco.mjr_readPixels(pixels, None, rectangle, drawing)
+        if time.monotonic() >= deadline:
+            break
+    if not pixels.any():
+        sys.stderr.write("the picture stayed black\n")
+        os._exit(1)
+    sys.stdout.write(json.dumps(asdict(info_of(backend))) + "\n")
+    sys.stdout.flush()
+    # Drivers have crashed while a process that had already drawn was taken down.
+    os._exit(0 if context else 1)
+
+
+_PROBE_MODEL = """
+<mujoco>
+  <worldbody>
+    <camera pos="0 0 1"/>
+    <light pos="0 0 1"/>
+    <geom size="0.3"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+def open_context(backend: str, height: int, width: int) -> Any:
+    """Make an OpenGL context and make it current on the calling thread.
+
+    Raises:
+        RenderingError: The backend is not known or does not work here.
+    """
+    from OpenGL.error import GLError
+
+    module = BACKENDS.get(backend)
+    if module is None:
+        raise RenderingError(
+            f"{ASKED}={backend} is no backend that DuoBench knows; try one of "
+            f"{', '.join(BACKENDS)}, or unset it."
+        )
+    # PyOpenGL raises AttributeError where a library lacks a function or is missing altogether.
+    failures = (ImportError, AttributeError, OSError, RuntimeError, mujoco.FatalError, GLError)
+    try:
+        context = import_module(module).GLContext(width, height)
+        context.make_current()
+    except failures as error:
+        raise RenderingError(
+            f"The OpenGL backend {backend!r} does not work here: {error}\n{_HELP}"
+        ) from error
+    return context
+
+
+def info_of(backend: str) -> RenderingInfo:
+    """What the context that is current on the calling thread draws with."""
+    # The low-level module: importing all of `OpenGL.GL` would take longer than a picture.
+    from OpenGL.raw.GL.VERSION import GL_1_0
+
+    read = cast(Callable[[int], Any], GL_1_0.glGetString)
+    vendor, renderer, version = (
+        (ctypes.cast(read(number), ctypes.c_char_p).value or b"unknown").decode()
+        for number in (_GL_VENDOR, _GL_RENDERER, _GL_VERSION)
+    )
+    software = backend == "osmesa" or any(name in renderer.lower() for name in _SOFTWARE)
+    return RenderingInfo(
+        backend=backend, renderer=renderer, vendor=vendor, version=version, software=software
+    )
+
+
+class Thread:
+    """A thread that runs jobs one after another, for callers who will not wait for ever."""
+
+    def __init__(self, timeout_s: float = FRAME_TIMEOUT_S) -> None:
+        """Start the thread.
+
+        Args:
+            timeout_s: How long `call` waits for a job.
+        """
+        self._timeout_s = timeout_s
+        self._lost = False
+        self._jobs: queue.SimpleQueue[_Order | None] = queue.SimpleQueue()
+        # A daemon, so that a driver that never comes back does not keep the process alive.
+        threading.Thread(
+            target=_serve, args=(self._jobs,), name="duobench-opengl", daemon=True
+        ).start()
+
+    def call(self, job: Callable[[], T]) -> T:
+        """Run a job on the thread, and return or raise what it returns or raises.
+
+        Raises:
+            RenderingError: The job, or one before it, did not end in time.
+        """
+        future: Future[T] = Future()
+        if not self._lost:
+            self._jobs.put((future, job))
+            self._lost = not wait((future,), self._timeout_s).done
+        if self._lost:
+            raise RenderingError(
+                f"No picture came within {self._timeout_s:g} s: the graphics driver hangs. Some "
+                "do when several processes draw on one card at the same time. Draw in fewer "
+                f"processes, or without the card: {ASKED}=osmesa."
+            )
+        return future.result()
+
+    def finish(self, *jobs: Callable[[], object]) -> None:
+        """Run last jobs on the thread and end it; does not wait."""
+        for job in jobs:
+            self._jobs.put((Future(), job))
+        self._jobs.put(None)
+
+
+def _serve(jobs: queue.SimpleQueue[_Order | None]) -> None:
+    while (order := jobs.get()) is not None:
+        future, job = order
+        try:
+            future.set_result(job())
+        except BaseException as error:  # noqa: BLE001 - handed to the caller, who waits for it
+            future.set_exception(error)
+        # Until the next order comes, nothing of this one may be kept alive by this frame.
+        del order, future, job

@@ -1,0 +1,222 @@
+"""Drawing with MuJoCo's renderer: what lives on the OpenGL thread of a `Renderer`."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.errors import RenderingError
+from duobench.scene.filters import BACKDROP_GEOM_GROUP
+from duobench.sim.opengl import info_of, open_context
+
+Image = NDArray[np.uint8]
+_MODEL = threading.Lock()
+"""Held while a model's settings are changed for a moment."""
+
+DRAWN_GROUPS = 3
+"""Geom groups 0 to 2 are drawn; collision shapes are in group 3."""
+LAMP_RADIUS = 0.007
+"""Tangent of half the angle under which the lamp appears, times the root of the number of samples:
+the more samples, the wider a shadow's edge can be before it shows the single ones."""
+FINE_SHADOWS = 2
+"""How much finer the shadow map is, along each side, when a picture has many samples."""
+
+_EVERYTHING = mujoco.mjtCatBit.mjCAT_ALL.value
+_DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
+_EFFECTS = [
+    mujoco.mjtRndFlag.mjRND_REFLECTION.value,
+    mujoco.mjtRndFlag.mjRND_SKYBOX.value,
+    mujoco.mjtRndFlag.mjRND_HAZE.value,
+    mujoco.mjtRndFlag.mjRND_FOG.value,
+]
+_SEGMENTATION = [mujoco.mjtRndFlag.mjRND_SEGMENT.value, mujoco.mjtRndFlag.mjRND_IDCOLOR.value]
+
+
+class Painter:
+    """What lives on the thread of a renderer: the context and all that was made with it."""
+
+    def __init__(
+        self, model: mujoco.MjModel, height: int, width: int, samples: int, backend: str
+    ) -> None:
+        """Make a context, current on the calling thread, and upload the model's meshes.
+
+        Args:
+            model: The compiled model.
+            height: Height of the pictures in pixels.
+            width: Width of the pictures in pixels.
+            samples: Pictures that are averaged into one.
+            backend: A backend of `duobench.sim.opengl`.
+
+        Raises:
+            RenderingError: The backend does not work.
+        """
+        self._model = model
+        self._context = open_context(backend, height, width)
+        self.info = info_of(backend)
+        try:
+            self._drawing = _drawing(model, height, width, fine=samples > 1)
+        except mujoco.FatalError as error:
+            self._context.free()
+            raise RenderingError(f"{self.info.renderer} cannot draw the scene: {error}") from error
+        self._shadows = self._drawing.shadowFBO, self._drawing.shadowSize
+        # A stand-in for the shadow map, for pictures that use the shadows of the one before.
+        mujoco.mjr_addAux(0, 1, 1, 0, self._drawing)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
+        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom)
+        self._scene.flags[_EFFECTS] = 0
+        self._geoms = self._scene.geoms
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = np.arange(len(self._option.geomgroup)) < DRAWN_GROUPS
+        self._option.sitegroup[:] = 0
+        self._backdrop = set(np.flatnonzero(model.geom_group == BACKDROP_GEOM_GROUP).tolist())
+        self._view = mujoco.MjvCamera()
+        self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
+        self._rectangle = mujoco.MjrRect(0, 0, width, height)
+        self._pixels = np.empty((height, width, 3), dtype=np.uint8)
+        self._offsets = _offsets(samples)
+
+    def paint(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
+        """One picture of each camera."""
+        if len(self._offsets) > 1:
+            return [self._average(data, camera) for camera in cameras]
+        pictures = []
+        for number, camera in enumerate(cameras):
+            self._update(data, camera)
+            self._draw(new_shadows=number == 0)
+            pictures.append(self._pixels[::-1].copy())
+        return pictures
+
+    def segment(self, data: mujoco.MjData, camera: int) -> NDArray[np.int32]:
+        """Geom ids seen by a camera."""
+        self._update(data, camera)
+        self._scene.flags[_SEGMENTATION] = 1
+        try:
+            self._draw()
+        finally:
+            self._scene.flags[_SEGMENTATION] = 0
+        numbers = self._pixels[::-1].astype(np.int32) @ (1, 1 << 8, 1 << 16)
+        ids = np.full(self._scene.ngeom + 1, -1, dtype=np.int32)
+        for geom in self._geoms[: self._scene.ngeom]:
+            ids[geom.segid + 1] = geom.objid
+        return ids[numbers]
+
+    def free(self) -> None:
+        """Give back everything that was made with OpenGL."""
+        self._restore_shadows()
+        self._drawing.free()
+        self._context.free()
+
+    def _average(self, data: mujoco.MjData, camera: int) -> Image:
+        """The mean of pictures with the camera moved within a pixel and the lamp within itself."""
+        self._update(data, camera)
+        lenses = [_Lens(lens, self._pixels.shape) for lens in self._scene.camera]
+        radius = LAMP_RADIUS * math.sqrt(len(self._offsets))
+        lamps = [_Lamp(lamp, radius) for lamp in self._scene.lights if lamp.castshadow]
+        total = np.zeros(self._pixels.shape, dtype=np.uint32)
+        for pixel_x, pixel_y, lamp_u, lamp_v in self._offsets:
+            for lens in lenses:
+                lens.shift(pixel_x, pixel_y)
+            for lamp in lamps:
+                lamp.shift(lamp_u, lamp_v)
+            self._draw()
+            total += self._pixels
+        half = len(self._offsets) // 2
+        return ((total[::-1] + half) // len(self._offsets)).astype(np.uint8)
+
+    def _update(self, data: mujoco.MjData, camera: int) -> None:
+        self._view.fixedcamid = camera
+        mujoco.mjv_updateScene(
+            self._model, data, self._option, None, self._view, _EVERYTHING, self._scene
+        )
+        # Decor casts no shadows. The backdrop is part of the world body and so comes first.
+        left = len(self._backdrop)
+        for geom in self._geoms[: self._scene.ngeom]:
+            if not left:
+                break
+            if geom.objid in self._backdrop:
+                geom.category = _DECOR
+                left -= 1
+
+    def _draw(self, *, new_shadows: bool = True) -> None:
+        """Draw the scene into the pixels, with shadows of its own or those of the last one."""
+        if new_shadows or not self._shadows[0]:
+            self._restore_shadows()
+        else:
+            self._drawing.shadowFBO, self._drawing.shadowSize = self._drawing.auxFBO[0], 1
+            for geom in self._geoms[: self._scene.ngeom]:
+                geom.category = _DECOR
+        mujoco.mjr_render(self._rectangle, self._scene, self._drawing)
+        mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._drawing)
+
+    def _restore_shadows(self) -> None:
+        self._drawing.shadowFBO, self._drawing.shadowSize = self._shadows
+
+
+def _drawing(model: mujoco.MjModel, height: int, width: int, *, fine: bool) -> mujoco.MjrContext:
+    """Upload a model's meshes; a fine drawing gets larger shadow maps and no multisampling."""
+    quality = model.vis.quality
+    before = quality.shadowsize, quality.offsamples
+    with _MODEL:
+        try:
+            if fine:
+                quality.shadowsize, quality.offsamples = FINE_SHADOWS * before[0], 0
+            drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+        finally:
+            quality.shadowsize, quality.offsamples = before
+    mujoco.mjr_resizeOffscreen(width, height, drawing)
+    return drawing
+
+
+def _offsets(samples: int) -> NDArray[np.float64]:
+    """Offsets (samples, 4) of pixel x and y and lamp u and v, in [-1/2, 1/2) and evenly spread.
+
+    The additive recurrence with powers of the inverse of the root of x^5 = x + 1 fills four
+    dimensions evenly with any number of points [Roberts, quasirandom sequences].
+    """
+    root = 1.1673039782614187
+    steps = root ** -np.arange(1.0, 5.0)
+    return (0.5 + np.arange(samples)[:, None] * steps) % 1.0 - 0.5
+
+
+class _Lens:
+    """The frustum of a camera of the scene."""
+
+    def __init__(self, camera: mujoco.MjvGLCamera, shape: tuple[int, ...]) -> None:
+        self._camera = camera
+        self._start = camera.frustum_center, camera.frustum_bottom, camera.frustum_top
+        height = camera.frustum_top - camera.frustum_bottom
+        self._pixel_y = height / shape[0]
+        half_width = camera.frustum_width or height / 2 * shape[1] / shape[0]
+        self._pixel_x = 2 * half_width / shape[1]
+
+    def shift(self, x: float, y: float) -> None:
+        """Look from the start by parts of a pixel further to the right and up."""
+        centre, bottom, top = self._start
+        self._camera.frustum_center = centre + x * self._pixel_x
+        self._camera.frustum_bottom = bottom + y * self._pixel_y
+        self._camera.frustum_top = top + y * self._pixel_y
+
+
+class _Lamp:
+    """A light of the scene that casts shadows."""
+
+    def __init__(self, light: mujoco.MjvLight, radius: float) -> None:
+        self._light = light
+        self._radius = radius
+        self._direction = np.array(light.dir, dtype=np.float64)
+        across = np.cross(self._direction, (1.0, 0.0, 0.0))
+        self._across = across / np.linalg.norm(across)
+        self._along = np.cross(self._direction, self._across)
+
+    def shift(self, u: float, v: float) -> None:
+        """Shine from a point of the lamp, which is round; u and v are in [-1/2, 1/2)."""
+        radius, angle = self._radius * math.sqrt(u + 0.5), 2 * math.pi * v
+        direction = self._direction + radius * (
+            math.cos(angle) * self._across + math.sin(angle) * self._along
+        )
+        self._light.dir[:] = direction / np.linalg.norm(direction)

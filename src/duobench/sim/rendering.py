@@ -1,0 +1,214 @@
+"""Pictures of a simulation, drawn off screen.
+
+Importing this module touches no OpenGL, and neither does making a `Renderer`: the first picture
+does. A picture shows the whole field of view of its camera whatever its size, so a square picture
+is the native one squeezed to a square.
+"""
+
+from __future__ import annotations
+
+import os
+import weakref
+from collections.abc import Callable, Iterable
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.errors import RenderingError, UnknownNameError
+from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.sim.opengl import RenderingInfo, Thread, choose, info_of, open_context
+from duobench.sim.painting import Image, Painter
+
+T = TypeVar("T")
+
+MAX_SAMPLES = 64
+"""Most pictures that are averaged into one."""
+
+
+def prepare(processes: int = 1) -> None:
+    """Choose the OpenGL library now, on behalf of child processes too.
+
+    Call it before starting several processes that draw: they inherit the choice and need not
+    find out themselves. No OpenGL is loaded into this process.
+
+    Args:
+        processes: How many processes will draw at the same time.
+
+    Raises:
+        RenderingError: No library works, or rendering is switched off.
+    """
+    choose(processes)
+
+
+def describe() -> RenderingInfo:
+    """Say what draws pictures in this process; makes an OpenGL context to find out.
+
+    Raises:
+        RenderingError: No library works, or rendering is switched off.
+    """
+    backend = choose()
+    thread = Thread()
+    try:
+        return thread.call(lambda: _describe(backend))
+    finally:
+        thread.finish()
+
+
+def _describe(backend: str) -> RenderingInfo:
+    context = open_context(backend, 1, 1)
+    try:
+        return info_of(backend)
+    finally:
+        context.free()
+
+
+class Renderer:
+    """Draws pictures of one size from the cameras of one model.
+
+    May be used from any thread, one at a time. A process may hold several; a renderer cannot be
+    taken into another process.
+    """
+
+    def __init__(self, model: mujoco.MjModel, *, height: int, width: int, samples: int = 1) -> None:
+        """Remember what to draw; OpenGL is first touched by the first picture.
+
+        Args:
+            model: The compiled model; `Simulation.model`.
+            height: Height of the pictures in pixels, at most 720.
+            width: Width of the pictures in pixels, at most 1280.
+            samples: Pictures that are averaged into one, each with the camera moved by a part of
+                a pixel and the lamp by a part of its size. One is what policies see; with 4 or
+                more, edges are smooth and shadows soft, for people.
+
+        Raises:
+            RenderingError: The size is larger than the native one, or not positive.
+        """
+        if not (0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH):
+            raise RenderingError(
+                f"A picture of {width}x{height} cannot be drawn: the cameras have "
+                f"{NATIVE_WIDTH}x{NATIVE_HEIGHT} pixels, so width must be 1 to {NATIVE_WIDTH} "
+                f"and height 1 to {NATIVE_HEIGHT}."
+            )
+        if not 1 <= samples <= MAX_SAMPLES:
+            raise RenderingError(f"Samples must be 1 to {MAX_SAMPLES}, got {samples}.")
+        self._model = model
+        self._cameras = {model.camera(number).name: number for number in range(model.ncam)}
+        self._shape = height, width, samples
+        self._pid = os.getpid()
+        self._closed = False
+        self._open: tuple[Thread, Painter] | None = None
+        self._free: weakref.finalize[Any, Any] | None = None
+
+    def render(self, data: mujoco.MjData, camera: str) -> Image:
+        """Draw one picture.
+
+        Args:
+            data: State of the model, with up-to-date kinematics.
+            camera: Name of a camera of the model.
+
+        Returns:
+            A new array (height, width, 3), red green blue, top row first.
+
+        Raises:
+            UnknownNameError: The model has no such camera.
+            RenderingError: OpenGL does not work, or the renderer was closed.
+        """
+        return self.render_all(data, (camera,))[camera]
+
+    def render_all(self, data: mujoco.MjData, cameras: Iterable[str]) -> dict[str, Image]:
+        """Draw one picture of the same state from each of several cameras.
+
+        Faster than one call for each: the shadows are computed once.
+
+        Args:
+            data: State of the model, with up-to-date kinematics.
+            cameras: Names of cameras of the model.
+
+        Returns:
+            New arrays (height, width, 3) by camera.
+
+        Raises:
+            UnknownNameError: The model has no such camera.
+            RenderingError: OpenGL does not work, or the renderer was closed.
+        """
+        numbers = {name: self._number(name) for name in cameras}
+
+        def draw(painter: Painter) -> dict[str, Image]:
+            return dict(zip(numbers, painter.paint(data, numbers.values()), strict=True))
+
+        return self._run(draw)
+
+    def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
+        """Draw which geom is seen where.
+
+        Args:
+            data: State of the model, with up-to-date kinematics.
+            camera: Name of a camera of the model.
+
+        Returns:
+            A new array (height, width) of geom ids, -1 where there is nothing.
+
+        Raises:
+            UnknownNameError: The model has no such camera.
+            RenderingError: OpenGL does not work, or the renderer was closed.
+        """
+        number = self._number(camera)
+        return self._run(lambda painter: painter.segment(data, number))
+
+    @property
+    def info(self) -> RenderingInfo:
+        """What draws the pictures."""
+        return self._run(lambda painter: painter.info)
+
+    def close(self) -> None:
+        """Free the renderer; closing twice is harmless."""
+        self._closed = True
+        if self._free is not None and os.getpid() == self._pid:
+            self._free()
+
+    def __enter__(self) -> Self:
+        """The renderer itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Free the renderer."""
+        self.close()
+
+    def _number(self, camera: str) -> int:
+        number = self._cameras.get(camera)
+        if number is None:
+            raise UnknownNameError("camera", camera, self._cameras)
+        return number
+
+    def _run(self, job: Callable[[Painter], T]) -> T:
+        """Run a job with the painter, on its thread."""
+        if self._closed:
+            raise RenderingError("This renderer was closed; make a new one.")
+        if os.getpid() != self._pid:
+            raise RenderingError(
+                "This renderer belongs to the process that made it; make a new one in this "
+                "process, and start processes with the method 'spawn'."
+            )
+        thread, painter = self._open = self._open or self._start()
+        return thread.call(lambda: job(painter))
+
+    def _start(self) -> tuple[Thread, Painter]:
+        model, shape, backend = self._model, self._shape, choose()
+        thread = Thread()
+        try:
+            painter = thread.call(lambda: Painter(model, *shape, backend))
+        except BaseException:
+            thread.finish()
+            raise
+        # A renderer that is dropped takes its thread along; at exit there is no need.
+        self._free = weakref.finalize(self, thread.finish, painter.free)
+        self._free.atexit = False
+        return thread, painter
