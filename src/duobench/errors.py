@@ -34,6 +34,10 @@ class UnknownNameError(DuoBenchError, LookupError):
         super().__init__(f"Unknown {kind} {name!r}.{hint} Known: {', '.join(names) or '(none)'}.")
 
 
+class OptionError(DuoBenchError, ValueError):
+    """An option of an environment has a value that cannot be."""
+
+
 class LayoutError(DuoBenchError):
     """A layout is incomplete, overlapping or out of reach, or none could be drawn."""
 

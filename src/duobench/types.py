@@ -38,6 +38,13 @@ class Side(StrEnum):
 SIDES = (Side.LEFT, Side.RIGHT)
 
 
+def _flat(joints: Array, openings: Array) -> Array:
+    rows = np.empty((2, SIDE_SIZE))
+    rows[:, :ARM_JOINTS] = joints
+    rows[:, ARM_JOINTS] = openings
+    return rows.ravel()
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class DuoCommand:
     """What the two arms are told for one control step."""
@@ -56,7 +63,7 @@ class DuoCommand:
     @property
     def flat(self) -> Array:
         """The 16 numbers of `from_flat`."""
-        return np.column_stack([self.joints, self.openings]).ravel()
+        return _flat(self.joints, self.openings)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -68,9 +75,9 @@ class DuoState:
     openings: Array
     """Gripper openings (2,), 0 closed to 1 open."""
     tool_poses: Array
-    """Tool centre points in the table frame (2, 7), x y z qx qy qz qw each."""
+    """Tool centre points in the table frame (2, 7), x y z qx qy qz qw each, with qx >= 0."""
 
     @property
     def flat(self) -> Array:
         """Proprioception (16,), in the order of `DuoCommand.flat`."""
-        return np.column_stack([self.joints, self.openings]).ravel()
+        return _flat(self.joints, self.openings)

@@ -1,8 +1,8 @@
 """Who touches whom: the only place that reads the engine's contact list.
 
 Every geom belongs to one owner: a finger pad, the rest of a gripper, the rest of an arm, or the
-body that carries it. One vectorized query a control step turns the contact list into a symmetric
-boolean matrix over owners.
+body that carries it. One query a control step turns the contact list into the set of
+pairs of owners that touch; every question after that is a look-up.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from enum import StrEnum
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.errors import UnknownNameError
 from duobench.scene.naming import gripper_name, pad_names
@@ -56,58 +55,76 @@ class Contacts:
             name = _owner_of_body(model.body(model.geom_bodyid[geom]).name)
             owner[geom] = self._index.setdefault(name, len(self._index))
         self._owner = owner
-        self._touch = np.zeros((len(self._index),) * 2, dtype=bool)
+        self._owners: list[int] = owner.tolist()
+        # A pair of owners is one number, lower row first, so that one set holds all contacts.
+        self._stride = len(self._index)
+        self._touching: frozenset[int] = frozenset()
         self._fingers = {
-            side: self.ids(limb_owner(side, Limb.LEFT_PAD), limb_owner(side, Limb.RIGHT_PAD))
+            side: (
+                self._index[limb_owner(side, Limb.LEFT_PAD)],
+                self._index[limb_owner(side, Limb.RIGHT_PAD)],
+            )
             for side in SIDES
         }
-        self._grippers = {
-            side: np.append(self._fingers[side], self.ids(limb_owner(side, Limb.HAND)))
-            for side in SIDES
-        }
+        self._hands = {side: self._index[limb_owner(side, Limb.HAND)] for side in SIDES}
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """Names of all owners, in the order of the matrix."""
+        """Names of all owners of geoms."""
         return tuple(self._index)
-
-    def ids(self, *owners: str) -> NDArray[np.int64]:
-        """Rows of owners in the matrix.
-
-        Raises:
-            UnknownNameError: There is no such owner.
-        """
-        for owner in owners:
-            if owner not in self._index:
-                raise UnknownNameError("contact owner", owner, self._index)
-        return np.array([self._index[owner] for owner in owners], dtype=np.int64)
 
     def update(self) -> None:
         """Read the engine's contact list; a geom margin alone is no contact."""
         contact = self._data.contact
-        touching = contact.dist <= 0.0
-        first, second = self._owner[contact.geom[touching]].T
-        self._touch[:] = False
-        self._touch[first, second] = True
-        self._touch[second, first] = True
+        owners, stride = self._owners, self._stride
+        touching = set()
+        # Plain numbers: for a few dozen contacts they are several times faster than arrays.
+        for (first, second), distance in zip(
+            contact.geom.tolist(), contact.dist.tolist(), strict=True
+        ):
+            if distance <= 0.0:
+                one, other = owners[first], owners[second]
+                touching.add(one * stride + other if one < other else other * stride + one)
+        self._touching = frozenset(touching)
 
     def between(self, one: str, other: str) -> bool:
-        """Whether two owners are in contact."""
-        a, b = self.ids(one, other)
-        return bool(self._touch[a, b])
+        """Whether two owners are in contact.
+
+        Raises:
+            UnknownNameError: There is no such owner.
+        """
+        return self._touch(self._row(one), self._row(other))
 
     def partners(self, owner: str) -> frozenset[str]:
-        """All owners in contact with one."""
-        row = self._touch[self.ids(owner)[0]]
-        return frozenset(name for name, number in self._index.items() if row[number])
+        """All owners in contact with one.
+
+        Raises:
+            UnknownNameError: There is no such owner.
+        """
+        row = self._row(owner)
+        return frozenset(name for name, other in self._index.items() if self._touch(row, other))
 
     def gripper(self, side: Side, owner: str) -> bool:
-        """Whether a finger or the palm of a gripper is in contact with an owner."""
-        return bool(self._touch[self._grippers[side], self._index[owner]].any())
+        """Whether a finger or the palm of a gripper is in contact with an owner.
+
+        Raises:
+            UnknownNameError: There is no such owner.
+        """
+        row = self._row(owner)
+        one, other = self._fingers[side]
+        return (
+            self._touch(one, row) or self._touch(other, row) or self._touch(self._hands[side], row)
+        )
 
     def pads(self, side: Side, owner: str) -> bool:
-        """Whether both finger pads of a gripper are in contact with an owner."""
-        return bool(self._touch[self._fingers[side], self._index[owner]].all())
+        """Whether both finger pads of a gripper are in contact with an owner.
+
+        Raises:
+            UnknownNameError: There is no such owner.
+        """
+        row = self._row(owner)
+        one, other = self._fingers[side]
+        return self._touch(one, row) and self._touch(other, row)
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""
@@ -120,3 +137,13 @@ class Contacts:
             for a, b in [self._owner[contact.geom[i]]]
             if a != b
         ]
+
+    def _row(self, owner: str) -> int:
+        row = self._index.get(owner)
+        if row is None:
+            raise UnknownNameError("contact owner", owner, self._index)
+        return row
+
+    def _touch(self, one: int, other: int) -> bool:
+        low, high = (one, other) if one < other else (other, one)
+        return low * self._stride + high in self._touching

@@ -10,7 +10,6 @@ from duobench.scene.compose import SUBSTEPS
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED
 from duobench.sim.handles import DuoHandles
-from duobench.spatial import wxyz_from_matrix
 from duobench.types import ARM_JOINTS, FLAT_SIZE, SIDE_SIZE, DuoCommand, DuoState
 
 Array = NDArray[np.float64]
@@ -28,6 +27,11 @@ class Duo:
         """Resolve the robot's handles."""
         self.handles = DuoHandles.of(model)
         self._data = data
+        # Views of the engine's memory; they live as long as its data.
+        self._qpos, self._ctrl = data.qpos, data.ctrl
+        self._site_xpos, self._site_xmat = data.site_xpos, data.site_xmat
+        self._sites: list[int] = self.handles.tcp_sites.tolist()
+        self._quat = np.empty(4)
         self._fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
         ranges = np.zeros((FLAT_SIZE, 2))
         joints = np.delete(np.arange(FLAT_SIZE), _OPENING_SLOTS)
@@ -38,7 +42,7 @@ class Duo:
 
     def ramp(self, command: DuoCommand) -> Array:
         """Controls (16 substeps, 16 actuators) that lead linearly from the last to the new ones."""
-        start = self._data.ctrl[self.handles.actuators]
+        start = self._ctrl[self.handles.actuators]
         return start + self._fractions * (self._controls(command) - start)
 
     def hold(self, command: DuoCommand) -> None:
@@ -48,32 +52,37 @@ class Duo:
         """
         if not np.all(command.openings == 1.0):
             raise ValueError("The arms can be placed with open grippers only.")
-        self._data.qpos[self.handles.qpos] = command.joints
-        self._data.ctrl[self.handles.actuators] = self._controls(command)
+        self._qpos[self.handles.qpos] = command.joints
+        self._ctrl[self.handles.actuators] = self._controls(command)
 
     def command(self) -> DuoCommand:
         """The last command, as the actuators hold it."""
-        flat = self._data.ctrl[self.handles.actuators].copy()
+        flat = self._ctrl[self.handles.actuators]
         flat[_OPENING_SLOTS] = 1.0 - flat[_OPENING_SLOTS] / CTRL_CLOSED
         return DuoCommand.from_flat(flat)
 
     def read(self) -> DuoState:
         """Joint positions, openings and tool poses, as of the last physics step."""
-        data, handles = self._data, self.handles
-        tools = np.empty((2, 7))
-        for row, site in enumerate(handles.tcp_sites):
-            tools[row, :3] = data.site_xpos[site]
-            w, x, y, z = wxyz_from_matrix(data.site_xmat[site].reshape(3, 3))
-            tools[row, 3:] = x, y, z, w
-        closed = data.qpos[handles.drivers].mean(axis=1) / DRIVER_CLOSED
+        handles = self.handles
+        tools = []
+        for site in self._sites:
+            mujoco.mju_mat2Quat(self._quat, self._site_xmat[site])
+            w, x, y, z = self._quat.tolist()
+            # Of the two equal quaternions the one with qx >= 0: it does not flip its sign while
+            # a tool points down, whatever its yaw.
+            turn = [-x, -y, -z, -w] if x < 0.0 else [x, y, z, w]
+            tools.append(self._site_xpos[site].tolist() + turn)
+        drivers = self._qpos[handles.drivers].tolist()
+        openings = [1.0 - (one + other) * (0.5 / DRIVER_CLOSED) for one, other in drivers]
         return DuoState(
-            joints=data.qpos[handles.qpos],
-            openings=np.clip(1.0 - closed, 0.0, 1.0),
-            tool_poses=tools,
+            joints=self._qpos[handles.qpos],
+            openings=np.array([min(max(opening, 0.0), 1.0) for opening in openings]),
+            tool_poses=np.array(tools),
         )
 
     @staticmethod
     def _controls(command: DuoCommand) -> Array:
-        controls = command.flat
-        controls[_OPENING_SLOTS] = CTRL_CLOSED * (1.0 - controls[_OPENING_SLOTS])
-        return controls
+        rows = np.empty((len(command.openings), SIDE_SIZE))
+        rows[:, :ARM_JOINTS] = command.joints
+        rows[:, ARM_JOINTS] = CTRL_CLOSED * (1.0 - command.openings)
+        return rows.ravel()

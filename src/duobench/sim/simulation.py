@@ -49,9 +49,9 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
-        self._bodies = {
-            self.model.body(number).name: number for number in range(self.model.nbody)
-        }
+        # Views of the engine's memory; they live as long as its data.
+        self._xpos, self._xmat = self.data.xpos, self.data.xmat
+        self._bodies = {self.model.body(number).name: number for number in range(self.model.nbody)}
         self._corners = {name: corner_points(prop.solid) for name, prop in self.props.items()}
         self._state_size = mujoco.mj_stateSize(self.model, STATE)
         self._free = np.array(
@@ -144,8 +144,8 @@ class Simulation:
         return steps
 
     def _raise_on_warning(self) -> None:
-        counts = self.data.warning.number
-        if not counts.any():
+        counts = self.data.warning.number.tolist()
+        if not any(counts):
             return
         names = [
             f"{mujoco.mjtWarning(kind).name.removeprefix('mjWARN_').lower()} x{count}"
@@ -186,11 +186,20 @@ class Simulation:
 
     def position(self, body: str) -> Array:
         """Origin (3,) of a body in the table frame; a view that the next step overwrites."""
-        return self.data.xpos[self.body_id(body)]
+        return self._xpos[self.body_id(body)]
 
     def rotation(self, body: str) -> Array:
         """Rotation matrix (3, 3) of a body in the table frame; a view."""
-        return self.data.xmat[self.body_id(body)].reshape(3, 3)
+        return self._xmat[self.body_id(body)].reshape(3, 3)
+
+    def offset(self, body: str, frame: str) -> tuple[float, float, float]:
+        """Origin of a body in the frame of another body, in metres."""
+        origin = self.body_id(frame)
+        x, y, z = self._xpos[self.body_id(body)].tolist()
+        ox, oy, oz = self._xpos[origin].tolist()
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[origin].tolist()
+        x, y, z = x - ox, y - oy, z - oz
+        return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
 
     def pose(self, body: str) -> SE3:
         """Pose of a body in the table frame."""

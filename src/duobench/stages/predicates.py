@@ -118,20 +118,32 @@ def lasting(predicate: Predicate, seconds: float) -> Predicate:
 def all_of(*predicates: Predicate) -> Predicate:
     """All hold."""
     name = " and ".join(p.name for p in predicates)
-    return Predicate(f"({name})", lambda m: all(p(m) for p in predicates), predicates)
+
+    def test(m: Moment) -> bool:
+        for predicate in predicates:  # noqa: SIM110 - a third of the time of a generator
+            if not predicate(m):
+                return False
+        return True
+
+    return Predicate(f"({name})", test, predicates)
 
 
 def any_of(*predicates: Predicate) -> Predicate:
     """At least one holds."""
     name = " or ".join(p.name for p in predicates)
-    return Predicate(f"({name})", lambda m: any(p(m) for p in predicates), predicates)
+
+    def test(m: Moment) -> bool:
+        for predicate in predicates:  # noqa: SIM110 - a third of the time of a generator
+            if predicate(m):
+                return True
+        return False
+
+    return Predicate(f"({name})", test, predicates)
 
 
 def touches(arm: Side, body: str) -> Predicate:
     """A finger or the palm of that gripper is in contact with the body."""
-    return Predicate(
-        f"{arm} touches {body}", lambda m: m.simulation.contacts.gripper(arm, body)
-    )
+    return Predicate(f"{arm} touches {body}", lambda m: m.simulation.contacts.gripper(arm, body))
 
 
 def pinched(arm: Side, body: str) -> Predicate:
@@ -240,7 +252,6 @@ Region = BoxRegion | CylinderRegion
 
 def inside(prop: str, region: Region) -> Predicate:
     """Its centre (the origin of its frame) lies in a region that is fixed to another body."""
-
     return Predicate(
         f"{prop} is inside {region.body}",
         lambda m: region.contains(m.simulation.offset(prop, region.body)),

@@ -1,0 +1,100 @@
+"""Environment ids, and environments by task. Importing this loads no physics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
+
+from duobench.errors import DuoBenchError
+from duobench.tasks import catalog
+
+if TYPE_CHECKING:
+    from duobench.tasks.task import Task
+
+NAMESPACE = "duobench"
+VERSION = 1
+"""Version of the environments' interface; that of the episodes is `randomness.SUITE_VERSION`."""
+ENTRY_POINT = "duobench.envs.protocol:make_env"
+
+
+def env_id(task_id: str) -> str:
+    """Gymnasium's id of a task: `duobench/<task>-v1`."""
+    return f"{NAMESPACE}/{task_id}-v{VERSION}"
+
+
+def register_catalog() -> None:
+    """Register the tasks of the benchmark with Gymnasium; done once by `import duobench`."""
+    for name in catalog.names():
+        gym.registry.setdefault(env_id(name), _spec_of(name, name))
+
+
+def register(task: Task | str) -> str:
+    """Register a task of one's own, so that `gymnasium.make` finds it in this process.
+
+    Call it at the end of the module that defines the task; then `gymnasium.make("module:ID")` and
+    the worker processes of a vector environment find it too.
+
+    Args:
+        task: The task, or its import path "module:ATTRIBUTE".
+
+    Returns:
+        The id, `duobench/<task>-v1`. Registering it again replaces it.
+
+    Raises:
+        DuoBenchError: A task of the benchmark has the same id.
+    """
+    spec = _spec(task)
+    if spec.id in map(env_id, catalog.names()):
+        raise DuoBenchError(f"The benchmark has a task with id {spec.id!r}; give yours another id.")
+    gym.registry[spec.id] = spec
+    return spec.id
+
+
+def make(task: Task | str, **options: Any) -> gym.Env:
+    """An environment; `gymnasium.make("duobench/<task>-v1")` makes the same one.
+
+    Args:
+        task: Id of a task, import path "module:ATTRIBUTE", or a task.
+        options: `cameras` (True, False or names), `image_size` (224, or height and width),
+            `action_mode` ("joint", "joint_relative", "cartesian", "cartesian_relative"),
+            `binary_gripper`, `chunk` (actions in one step), `horizon`, `render_mode`
+            ("rgb_array"), `render_size`; see `duobench.envs.protocol.Options`.
+
+    Returns:
+        The environment; without options, that of the evaluation protocol.
+
+    Raises:
+        UnknownNameError: There is no such task or option; near misses are listed.
+        OptionError: The value of an option cannot be.
+    """
+    if isinstance(task, str) and env_id(task) in gym.registry:
+        return gym.make(env_id(task), **options)
+    return gym.make(_spec(task), **options)
+
+
+def _spec(task: Task | str) -> EnvSpec:
+    """What Gymnasium needs to know about a task that is not in the catalog."""
+    if isinstance(task, str):
+        return _spec_of(catalog.get(task).id, task)
+
+    # A function, because Gymnasium copies keyword arguments deeply and a task must stay one.
+    def create(**options: Any) -> gym.Env:
+        from duobench.envs.protocol import make_env
+
+        return make_env(task, **options)
+
+    return _spec_of(task.id, None, create)
+
+
+def _spec_of(task_id: str, path: str | None, create: Any = ENTRY_POINT) -> EnvSpec:
+    # The stack brings its own time limit and refuses steps out of order, and the tests run
+    # Gymnasium's checker on it: wrapped again, tools would not find its attributes.
+    return EnvSpec(
+        id=env_id(task_id),
+        entry_point=create,
+        order_enforce=False,
+        disable_env_checker=True,
+        kwargs={} if path is None else {"task": path},
+    )

@@ -1,0 +1,156 @@
+"""Spaces of actions and observations, and the check that an action is one.
+
+All arrays that cross the public surface are float32, as in data sets and policies of the field.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duobench.errors import ActionError
+from duobench.scene.compose import CONTROL_HZ
+from duobench.scene.fr3 import VELOCITY_LIMITS
+from duobench.types import ARM_JOINTS, SIDES, Array
+
+JOINT_MARGIN = 0.5
+"""How far a measured joint may be outside its range, in radians; the engine's limits are soft."""
+WORKSPACE = 1.5
+"""No tool gets further from the table frame's origin along any axis, in metres."""
+MAX_SHIFT = 0.1
+"""Largest relative translation in one control step, in metres: 3 m/s, the arm's limit."""
+MAX_TURN = 0.2
+"""Largest relative rotation vector component in one control step, in radians: 6 rad/s."""
+
+JOINT_LABELS = tuple(
+    f"{side} {what}"
+    for side in SIDES
+    for what in (*(f"joint {number}" for number in range(1, ARM_JOINTS + 1)), "opening")
+)
+"""What the 16 numbers of a joint action are."""
+POSE_LABELS = tuple(
+    f"{side} {what}"
+    for side in SIDES
+    for what in ("x", "y", "z", "qx", "qy", "qz", "qw", "opening")
+)
+"""What the 16 numbers of a Cartesian action are."""
+SHIFT_LABELS = tuple(
+    f"{side} {what}" for side in SIDES for what in ("dx", "dy", "dz", "rx", "ry", "rz", "opening")
+)
+"""What the 14 numbers of a relative Cartesian action are."""
+
+
+def box(low: ArrayLike, high: ArrayLike) -> gym.spaces.Box:
+    """A float32 box that lies inside float64 bounds: rounding never leaves the range."""
+    low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+    low32, high32 = low.astype(np.float32), high.astype(np.float32)
+    low32 = np.where(low32 < low, np.nextafter(low32, np.float32(np.inf)), low32)
+    high32 = np.where(high32 > high, np.nextafter(high32, np.float32(-np.inf)), high32)
+    return gym.spaces.Box(low32, high32, dtype=np.float32)
+
+
+def joint_actions(low: Array, high: Array) -> gym.spaces.Box:
+    """Absolute joint targets in radians and openings 0..1: both (16,) limits of a command."""
+    return box(low, high)
+
+
+def relative_joint_actions() -> gym.spaces.Box:
+    """Joint displacements within the velocity limits; the openings stay absolute."""
+    reach = np.array(VELOCITY_LIMITS) / CONTROL_HZ
+    return box(np.tile([*-reach, 0.0], 2), np.tile([*reach, 1.0], 2))
+
+
+def pose_actions() -> gym.spaces.Box:
+    """Absolute tool poses x y z qx qy qz qw in the table frame, and openings."""
+    high = [*[WORKSPACE] * 3, *[1.0] * 4]
+    return box(np.tile([*np.negative(high), 0.0], 2), np.tile([*high, 1.0], 2))
+
+
+def relative_pose_actions() -> gym.spaces.Box:
+    """Tool displacements: translation, rotation vector; the openings stay absolute."""
+    high = [*[MAX_SHIFT] * 3, *[MAX_TURN] * 3]
+    return box(np.tile([*np.negative(high), 0.0], 2), np.tile([*high, 1.0], 2))
+
+
+def observations(low: Array, high: Array) -> gym.spaces.Dict:
+    """What the robot reports about itself.
+
+    Args:
+        low: Lower limits (16,) of a command.
+        high: Upper limits (16,) of a command.
+
+    Returns:
+        Dict of `agent_pos` (16,), measured joints and openings in the order of an action, and
+        `tool_pose` (14,), both tool centre points in the table frame, x y z qx qy qz qw each.
+    """
+    margin = np.tile([*[JOINT_MARGIN] * ARM_JOINTS, 0.0], len(SIDES))
+    pose = np.tile([*[WORKSPACE] * 3, *[1.0] * 4], len(SIDES))
+    return gym.spaces.Dict(
+        agent_pos=gym.spaces.Box(
+            (low - margin).astype(np.float32), (high + margin).astype(np.float32), dtype=np.float32
+        ),
+        tool_pose=gym.spaces.Box(
+            (-pose).astype(np.float32), pose.astype(np.float32), dtype=np.float32
+        ),
+    )
+
+
+def opening_slots(size: int) -> list[int]:
+    """Where the openings are in an action of `size` numbers: last on each side, in every mode."""
+    side = size // len(SIDES)
+    return [side - 1, size - 1]
+
+
+def numbers(action: Any, shape: tuple[int, ...], labels: Sequence[str] = ()) -> Array:
+    """An action as float64 numbers of a given shape; `labels` say what they are, for the message.
+
+    Raises:
+        ActionError: It is not an array of numbers, or has another shape.
+    """
+    try:
+        array = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ActionError(
+            f"An action is an array of numbers of shape {shape}, got {action!r}."
+        ) from error
+    if array.shape != shape:
+        meaning = f" ({', '.join(labels)})" if labels else ""
+        raise ActionError(
+            f"An action has shape {shape} here{meaning}, got shape {array.shape}. Nothing was "
+            "moved; the environment waits for another action."
+        )
+    return array
+
+
+def checked_action(action: Any, labels: Sequence[str]) -> Array:
+    """An action as float64 numbers.
+
+    Args:
+        action: What a caller gave.
+        labels: What each of its numbers is.
+
+    Returns:
+        Array of shape (len(labels),), all finite.
+
+    Raises:
+        ActionError: It is not an array of that many numbers, or one is NaN or infinite.
+    """
+    array = numbers(action, (len(labels),), labels)
+    # A finite sum proves finite numbers, at a fraction of the cost of an array operation.
+    if not math.isfinite(sum(array.tolist())):
+        wrong = [
+            f"{label} is {value}"
+            for label, value in zip(labels, array, strict=True)
+            if not math.isfinite(value)
+        ]
+        if wrong:
+            raise ActionError(
+                f"An action must be finite, but {', '.join(wrong)}. Nothing was moved; the "
+                "environment waits for another action."
+            )
+    return array

@@ -1,0 +1,54 @@
+"""What every wrapper of this package has in common."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import gymnasium as gym
+
+from duobench.envs.duo_env import DuoEnv
+
+
+class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
+    """A wrapper around a `DuoEnv`, whatever stands between.
+
+    Gymnasium's wrappers do not pass attributes on. Those that tools of the field look for on the
+    outermost environment are passed on here.
+    """
+
+    def __init__(self, env: gym.Env, **arguments: Any) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            arguments: What the wrapper was made with, so that it can be made again.
+
+        Raises:
+            TypeError: There is no `DuoEnv` inside.
+        """
+        gym.utils.RecordConstructorArgs.__init__(self, **arguments)
+        gym.Wrapper.__init__(self, env)
+        if not isinstance(env.unwrapped, DuoEnv):
+            raise TypeError(
+                f"{type(self).__name__} wraps a DuoEnv, got {type(env.unwrapped).__name__}."
+            )
+
+    @property
+    def base(self) -> DuoEnv:
+        """The innermost environment."""
+        return cast("DuoEnv", self.unwrapped)
+
+    @property
+    def task(self) -> str:
+        """Id of the task."""
+        return self.base.task
+
+    @property
+    def task_description(self) -> str:
+        """The instruction of this episode."""
+        return self.base.task_description
+
+    @property
+    def _max_episode_steps(self) -> int:
+        """Control steps after which an episode is cut off."""
+        return self.env.get_wrapper_attr("_max_episode_steps")

@@ -1,0 +1,85 @@
+"""Cameras: pictures in the observation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from duobench.envs.duo_env import Info, Observation, Transition
+from duobench.envs.wrappers.base import DuoWrapper
+from duobench.errors import UnknownNameError
+from duobench.scene.cameras import POLICY_CAMERAS
+from duobench.sim.rendering import Renderer
+
+PIXELS = "pixels"
+"""Key of the pictures in an observation."""
+IMAGE_SIZE = (224, 224)
+"""Default height and width in pixels."""
+
+
+class Cameras(DuoWrapper):
+    """Adds `pixels` to the observation: one picture (height, width, 3), uint8, for each camera.
+
+    It belongs outside everything else: one picture of each camera is drawn for each step and each
+    reset, nothing before the first reset.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        cameras: Sequence[str] = POLICY_CAMERAS,
+        image_size: tuple[int, int] = IMAGE_SIZE,
+    ) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            cameras: Names of cameras.
+            image_size: Height and width in pixels, at most the native 720 x 1280. A picture shows
+                the whole native field of view whatever its size.
+
+        Raises:
+            UnknownNameError: There is no such camera.
+            RenderingError: The size is larger than the native one, or not positive.
+        """
+        super().__init__(env, cameras=tuple(cameras), image_size=image_size)
+        for name in cameras:
+            if name not in POLICY_CAMERAS:
+                raise UnknownNameError("camera", name, POLICY_CAMERAS)
+        self._cameras = tuple(cameras)
+        height, width = image_size
+        self._renderer = Renderer(self.base.simulation.model, height=height, width=width)
+        inner = env.observation_space
+        if not isinstance(inner, gym.spaces.Dict):
+            raise TypeError(f"Pictures are added to a Dict of observations, got {inner}.")
+
+        def picture() -> gym.spaces.Box:
+            return gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)
+
+        self.observation_space = gym.spaces.Dict(
+            {**inner.spaces, PIXELS: gym.spaces.Dict({name: picture() for name in cameras})}
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin an episode."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        return self._seen(observation), info
+
+    def step(self, action: Any) -> Transition:
+        """Advance one step of the wrapped environment, then look."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return self._seen(observation), float(reward), terminated, truncated, info
+
+    def _seen(self, observation: Observation) -> Observation:
+        data = self.base.simulation.data
+        return {**observation, PIXELS: self._renderer.render_all(data, self._cameras)}
+
+    def close(self) -> None:
+        """Free the renderer, then close the wrapped environment."""
+        self._renderer.close()
+        self.env.close()

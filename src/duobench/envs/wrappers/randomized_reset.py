@@ -1,0 +1,46 @@
+"""Random resets: every episode begins with a layout that the task draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+
+from duobench.envs.duo_env import Info, Observation
+from duobench.envs.wrappers.base import DuoWrapper
+
+SEEDS = 2**32
+"""A reset without a seed draws one below this number."""
+
+
+class RandomizedReset(DuoWrapper):
+    """Draws a layout from the task, a pure function of (task, suite version, seed).
+
+    Without a seed the next one comes from the environment's own generator, so that a seeded reset
+    decides all episodes after it. A layout that is given in the options is used as it is.
+    """
+
+    def __init__(self, env: gym.Env) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+        """
+        super().__init__(env)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin an episode; info also holds `seed`, which drew the layout, or None.
+
+        Raises:
+            LayoutError: No valid layout was found, or the given one is none.
+        """
+        options = dict(options or {})
+        used = None
+        if options.get("layout") is None:
+            used = int(self.np_random.integers(SEEDS)) if seed is None else int(seed)
+            options["layout"] = self.base.first_valid(self.base.definition.layouts(used))
+        observation, info = self.env.reset(seed=seed, options=options)
+        info["seed"] = used
+        return observation, info

@@ -1,0 +1,134 @@
+"""Relative actions: displacements from what was last commanded."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from duobench.envs import spaces
+from duobench.envs.duo_env import Info, Observation, Transition
+from duobench.envs.wrappers.base import DuoWrapper
+from duobench.sim.kinematics import Kinematics
+from duobench.spatial import SE3, rotation_about
+from duobench.types import SIDES, Array, Side
+
+LEASH = 0.02
+LEASH_TURN = 0.1
+"""How far (metres, radians) the arms may stay behind the poses that displacements add up to."""
+
+
+class RelativeJointActions(DuoWrapper):
+    """Joint displacements.
+
+    An action is 16 numbers in the order of a joint action: each joint's displacement from its last
+    commanded target in radians; the openings stay absolute. A target that leaves a joint's range
+    is clipped there, and the next displacement starts from the clipped one.
+    """
+
+    def __init__(self, env: gym.Env) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not, that takes joint targets.
+        """
+        super().__init__(env)
+        self.action_space = spaces.relative_joint_actions()
+
+    def check_action(self, action: Any) -> Array:
+        """The action as 16 float64 numbers, without executing it.
+
+        Raises:
+            ActionError: It has another shape, or holds NaN or infinity.
+        """
+        return spaces.checked_action(action, spaces.JOINT_LABELS)
+
+    def step(self, action: Any) -> Transition:
+        """Advance one control step.
+
+        Raises:
+            ActionError: See `check_action`. Nothing was moved.
+        """
+        targets = self.check_action(action) + self._start()
+        return self.env.step(targets)
+
+    def _start(self) -> Array:
+        last = self.base.simulation.duo.command().flat
+        last[spaces.opening_slots(len(last))] = 0.0
+        return last
+
+
+class RelativeCartesianActions(DuoWrapper):
+    """Tool displacements.
+
+    An action is 14 numbers, left then right: translation dx dy dz (metres) and rotation vector
+    rx ry rz (radians) of the tool centre point, both along the axes of the table frame, then the
+    absolute gripper opening. The rotation turns the tool about its tool centre point.
+
+    Displacements add up without drift: each starts from the pose that the last one led to. Where
+    the arms cannot follow (joint ranges, velocity limits), the next one starts from where they are
+    commanded to be, so that pushing against a limit stores nothing up.
+    """
+
+    def __init__(self, env: gym.Env) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: An environment with `CartesianActions` inside.
+
+        Raises:
+            AttributeError: It takes no Cartesian actions.
+        """
+        super().__init__(env)
+        self._kinematics: Kinematics = env.get_wrapper_attr("kinematics")
+        self.action_space = spaces.relative_pose_actions()
+        self._targets: dict[Side, SE3] = {}
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin an episode; the first displacement starts at home."""
+        result = self.env.reset(seed=seed, options=options)
+        self._targets = {}
+        return result
+
+    def check_action(self, action: Any) -> Array:
+        """The action as 14 float64 numbers, without executing it.
+
+        Raises:
+            ActionError: It has another shape, or holds NaN or infinity.
+        """
+        return spaces.checked_action(action, spaces.SHIFT_LABELS)
+
+    def step(self, action: Any) -> Transition:
+        """Advance one control step.
+
+        Raises:
+            ActionError: See `check_action`. Nothing was moved.
+        """
+        rows = self.check_action(action).reshape(len(SIDES), -1)
+        starts = self._starts()
+        targets = {side: _displaced(starts[side], rows[side.index]) for side in SIDES}
+        poses = [[*targets[side].tquat, rows[side.index, -1]] for side in SIDES]
+        result = self.env.step(np.ravel(poses))
+        self._targets = targets
+        return result
+
+    def _starts(self) -> dict[Side, SE3]:
+        """Where this displacement starts for each side."""
+        commanded = self._kinematics.forward(self.base.simulation.duo.command().joints)
+        starts = {}
+        for side, pose in commanded.items():
+            target = self._targets.get(side, pose)
+            length, angle = target.distance(pose)
+            starts[side] = target if length <= LEASH and angle <= LEASH_TURN else pose
+        return starts
+
+
+def _displaced(pose: SE3, displacement: Array) -> SE3:
+    """A pose shifted and turned by dx dy dz rx ry rz along the table's axes."""
+    turn = displacement[3:6]
+    angle = float(np.linalg.norm(turn))
+    rotation = rotation_about(turn, angle) @ pose.rotation if angle > 0.0 else pose.rotation
+    return SE3(rotation, pose.translation + displacement[:3])

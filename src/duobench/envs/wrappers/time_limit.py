@@ -1,0 +1,61 @@
+"""The horizon: an episode is cut off after a number of control steps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+
+from duobench.envs.duo_env import Info, Observation, ResetNeededError, Transition
+from duobench.envs.wrappers.base import DuoWrapper
+
+
+class TimeLimit(DuoWrapper):
+    """Truncates an episode, and refuses steps after its end, however it ended.
+
+    It belongs inside action chunks: then it counts control steps, not chunks.
+    """
+
+    def __init__(self, env: gym.Env, horizon: int) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            horizon: Control steps after which an episode is cut off.
+
+        Raises:
+            ValueError: The horizon is not positive.
+        """
+        if horizon < 1:
+            raise ValueError(f"A horizon is at least one control step, got {horizon}.")
+        super().__init__(env, horizon=horizon)
+        self._horizon = horizon
+        self._steps = 0
+        self._over = False
+
+    @property
+    def _max_episode_steps(self) -> int:
+        """Control steps after which an episode is cut off."""
+        return self._horizon
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin an episode and count from zero."""
+        result = self.env.reset(seed=seed, options=options)
+        self._steps, self._over = 0, False
+        return result
+
+    def step(self, action: Any) -> Transition:
+        """Advance one control step; the last one of the horizon is truncated.
+
+        Raises:
+            ResetNeededError: The episode is over.
+        """
+        if self._over:
+            raise ResetNeededError("The episode is over; call reset to begin another one.")
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self._steps += 1
+        truncated = truncated or self._steps >= self._horizon
+        self._over = terminated or truncated
+        return observation, float(reward), terminated, truncated, info
