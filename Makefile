@@ -39,6 +39,9 @@ format: setup-test  ## Format the code and fix what the linter can fix.
 bench: setup-test  ## Measure speed, as ratios and against the bars.
 	$(BIN)/python -m benchmarks
 
+docs: setup-test  ## Draw the picture of all tasks and write the table of tasks in README.md.
+	$(BIN)/python docs/build.py
+
 setup-test: $(VENV)/.installed-test
 
 # The environment belongs to one interpreter and one folder: scripts in it name both. The file

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from duobench.tasks import catalog
+
 # Runs in a child process. Everything that the import does to the outside is seen by an audit
 # hook; byte code is not written, so that every file opened for writing is the package's own doing.
 PROBE = """
@@ -75,6 +77,12 @@ def test_import_leaves_the_simulation_alone(probed: dict[str, list[str]]) -> Non
     assert rooms.isdisjoint({"assets", "scene", "sim", "stages", "experts", "evaluation"})
     tasks = {module for module in probed["modules"] if module.startswith("duobench.tasks.")}
     assert tasks == {"duobench.tasks.catalog"}, "the list of ids is all that is needed"
+
+
+def test_import_registers_every_task(probed: dict[str, list[str]]) -> None:
+    assert probed["ids"] == sorted(f"duobench/{name}-v1" for name in catalog.names())
+    assert probed["ids"]
+    assert probed["entry_points"] == [], "an entry point is a string, loaded when it is needed"
 
 
 def test_import_touches_no_file_process_or_network(probed: dict[str, list[str]]) -> None:

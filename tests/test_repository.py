@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 MEGABYTE = 1_000_000
 MODULE_LINES = 400
+TASK_LINES = 120
 
 # Where packages are fetched from is for the machine to say. Put together here, so that this file
 # does not name what it looks for.
@@ -98,6 +99,14 @@ def test_modules_stay_short() -> None:
     assert ROOT / "src/duobench/errors.py" in modules
     lengths = {str(path.relative_to(ROOT)): lines_of(path) for path in modules}
     assert {name: length for name, length in lengths.items() if length > MODULE_LINES} == {}
+
+
+def test_task_files_stay_short() -> None:
+    shared = {"__init__.py", "task.py", "catalog.py"}
+    files = [path for path in tracked("src/duobench/tasks/*.py") if path.name not in shared]
+    lengths = {path.name: lines_of(path) for path in files}
+    assert lengths
+    assert {name: length for name, length in lengths.items() if length > TASK_LINES} == {}
 
 
 def test_constraints_hold_names_and_versions_only() -> None:
