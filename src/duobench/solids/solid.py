@@ -47,7 +47,8 @@ class Solid:
     friction: tuple[float, float, float] = (PLASTIC_FRICTION, 0.005, 0.0001)
     """Sliding, torsional (metres) and rolling (metres) friction."""
     condim: int = 3
-    """MuJoCo contact dimension: 3 sliding, 4 with torsion, 6 with rolling."""
+    """MuJoCo contact dimension: 1 without friction, 3 sliding, 4 with torsion, 6 with rolling; of
+    two solids in contact the larger one holds."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

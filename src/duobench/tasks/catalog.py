@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 NAMES = (
     "hinge_chest",
+    "pour_marbles",
     "carry_pot",
+    "block_balance",
+    "join_blocks",
     "transfer_cube",
     "transfer_gate",
     "bin_sort",
