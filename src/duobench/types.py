@@ -30,7 +30,7 @@ class Side(StrEnum):
         return Side.RIGHT if self is Side.LEFT else Side.LEFT
 
     @property
-    def index(self) -> int:
+    def index(self) -> int:  # pyright: ignore[reportIncompatibleMethodOverride] - a side is no text
         """0 for left, 1 for right: the row in every array that holds both sides."""
         return 0 if self is Side.LEFT else 1
 

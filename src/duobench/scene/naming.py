@@ -1,4 +1,4 @@
-"""Names inside the compiled model, in one place: `left/joint1`, `right/tcp`, `cube`, `chest/lid`."""
+"""Names inside the compiled model, in one place: `left/joint1`, `right/tcp`, `chest/lid`."""
 
 from __future__ import annotations
 

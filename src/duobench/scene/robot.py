@@ -25,7 +25,9 @@ def add_robot(spec: mujoco.MjSpec) -> None:
         flange = bodies[-1]
         robotiq.add_gripper(spec, side, flange, fr3.FLANGE_OFFSET)
         add_wrist_camera(flange, LINK7_FROM_FLANGE, side)
-        flange.add_site(name=tcp_name(side), pos=LINK7_FROM_TCP.translation, size=[0.001] * 3, group=4)
+        flange.add_site(
+            name=tcp_name(side), pos=LINK7_FROM_TCP.translation, size=[0.001] * 3, group=4
+        )
 
 
 def kinematic_model() -> mujoco.MjModel:
@@ -37,5 +39,7 @@ def kinematic_model() -> mujoco.MjModel:
     spec.compiler.degree = False
     for side in SIDES:
         flange = fr3.add_kinematics(spec, side)[-1]
-        flange.add_site(name=tcp_name(side), pos=LINK7_FROM_TCP.translation, size=[0.001] * 3, group=4)
+        flange.add_site(
+            name=tcp_name(side), pos=LINK7_FROM_TCP.translation, size=[0.001] * 3, group=4
+        )
     return spec.compile()

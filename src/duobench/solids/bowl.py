@@ -26,7 +26,16 @@ def bowl(rgba: Colour) -> Solid:
     """A bowl whose frame is at the middle of its underside, z up."""
     inner = RADIUS - WALL
     profile = manifold3d.CrossSection(
-        [[[0, 0], [RADIUS, 0], [RADIUS, RIM_HEIGHT], [inner, RIM_HEIGHT], [inner, FLOOR], [0, FLOOR]]]
+        [
+            [
+                [0, 0],
+                [RADIUS, 0],
+                [RADIUS, RIM_HEIGHT],
+                [inner, RIM_HEIGHT],
+                [inner, FLOOR],
+                [0, FLOOR],
+            ]
+        ]
     )
     exact = manifold3d.Manifold.revolve(profile, CIRCLE_SEGMENTS)
     edge = 2 * RADIUS * math.tan(math.pi / WALL_SEGMENTS)
