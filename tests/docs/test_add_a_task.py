@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.stageplay import Stageplay
 
 import duobench
 from duobench.tasks import catalog
+from tests.stageplay import Stageplay
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
 MAX_LINES = 80

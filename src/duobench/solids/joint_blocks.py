@@ -18,7 +18,7 @@ PEG_LENGTH = 0.018
 """Square peg and how far it stands out, in metres [task definitions]."""
 CHAMFER_LENGTH = 0.005
 CHAMFER_TAPER = 0.5
-"""The tip narrows to half over its last 5 mm, so that a peg a few millimetres off still finds in."""
+"""The tip narrows to half over its last 5 mm, so a peg a few millimetres off still finds in."""
 CLEARANCE = 0.001
 """Play on each side of a peg in its socket, in metres [task definitions]."""
 SOCKET_WIDTH = PEG_WIDTH + 2 * CLEARANCE
