@@ -13,7 +13,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo test check format bench docs FORCE
+.PHONY: help setup setup-test demo test check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -41,6 +41,9 @@ bench: setup-test  ## Measure speed, as ratios and against the bars.
 
 docs: setup-test  ## Draw the picture of all tasks and write the table of tasks in README.md.
 	$(BIN)/python docs/build.py
+
+golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
+	$(BIN)/python -m tests.golden.episodes
 
 setup-test: $(VENV)/.installed-test
 

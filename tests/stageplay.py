@@ -69,7 +69,7 @@ class Stageplay:
     def act(self, script: Callable[[Arms], Script], max_steps: int = 2000) -> int:
         """Run a script through the action space, judging every control step."""
         for steps, _ in enumerate(script(self.arms)):
-            self._send()
+            self.advance()
             if steps >= max_steps:
                 raise AssertionError(f"The script did not end within {max_steps} steps.")
         return self.progress.stage
@@ -79,14 +79,13 @@ class Stageplay:
         running = script(self.arms)
         for _ in range(steps):
             next(running, None)
-            self._send()
+            self.advance()
             if self.progress.success:
                 break
         return self.progress.stage
 
-    def _send(self) -> None:
+    def advance(self) -> None:
+        """Send the arms' next action, and judge what came of it."""
         flat = np.clip(self.arms.action(), self.sim.duo.low, self.sim.duo.high)
         self.sim.step(DuoCommand.from_flat(flat))
         self.judge()
-
-
