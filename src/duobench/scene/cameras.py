@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from duobench.scene.filters import collide_as, distal
+from duobench.scene.filters import collide_as, distal, visual_only
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 
@@ -44,11 +44,15 @@ WRIST_TILT = math.radians(20.0)
 """How far a wrist camera is tilted from the flange's z towards the fingertips."""
 WRIST_FOCAL = 650.0
 """Focal length of a wrist camera in native pixels; 58 degrees vertically."""
+ZED_BASELINE, D405_BASELINE = 0.063, 0.018
+"""Distance between the two lenses of a camera in metres [data sheets]."""
 
 _PIXEL = 1e-5
 """Side of one pixel on the sensor in metres; only ratios matter."""
 _HOUSING = (0.13, 0.13, 0.14, 1.0)
 _ALUMINIUM = (0.72, 0.73, 0.75, 1.0)
+_GLASS = (0.05, 0.05, 0.06, 1.0)
+_LENS = (0.16, 0.18, 0.24, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -94,8 +98,10 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
     pose = looking(np.array(HEAD_POSITION), direction, np.array([0.0, 0.0, 1.0]))
     _add_camera(world, HEAD, pose, HEAD_FOCAL)
     # The left lens is half a baseline (31.5 mm) to the left of the housing's middle.
-    housing = pose @ SE3(np.eye(3), np.array([0.0315, 0.0, 0.014]))
-    _add_box(world, housing, (0.0622, 0.0152, 0.0130), _HOUSING)
+    middle = ZED_BASELINE / 2
+    _add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.0622, 0.0152, 0.0130), _HOUSING)
+    for x in (0.0, ZED_BASELINE):
+        _add_box(world, pose @ SE3.at(x, 0.0, 0.001), (0.011, 0.011, 0.0006), _LENS)
 
 
 def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) -> None:
@@ -111,12 +117,13 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
         np.array(WRIST_POSITION), direction, np.array([1.0, 0.0, 0.0])
     )
     _add_camera(flange, wrist_name(side), pose, WRIST_FOCAL)
-    housing = _add_box(
-        flange, pose @ SE3(np.eye(3), np.array([0, 0, 0.0125])), (0.021, 0.021, 0.0115), _HOUSING
-    )
+    housing = _add_box(flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.021, 0.021, 0.0115), _ALUMINIUM)
     collide_as(housing, distal(side))
-    bracket = flange_from_body @ SE3(np.eye(3), np.array([0.046, 0.0, 0.020]))
-    _add_box(flange, bracket, (0.004, 0.016, 0.026), _ALUMINIUM)
+    _add_box(flange, pose @ SE3.at(0.0, 0.0, 0.001), (0.019, 0.015, 0.0006), _GLASS)
+    for x in (-D405_BASELINE / 2, D405_BASELINE / 2):
+        _add_box(flange, pose @ SE3.at(x, 0.0, 0.0008), (0.0035, 0.0035, 0.0006), _LENS)
+    bracket = flange_from_body @ SE3.at(0.046, 0.0, 0.020)
+    _add_box(flange, bracket, (0.004, 0.016, 0.026), _HOUSING)
 
 
 def add_overview_camera(world: mujoco.MjsBody, view: View = OVERVIEW_VIEW) -> None:
@@ -129,14 +136,12 @@ def add_overview_camera(world: mujoco.MjsBody, view: View = OVERVIEW_VIEW) -> No
 def _add_box(
     body: mujoco.MjsBody, pose: SE3, half_size: tuple[float, float, float], rgba: tuple[float, ...]
 ) -> mujoco.MjsGeom:
-    return body.add_geom(
+    geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=half_size,
         pos=pose.translation,
         quat=pose.wxyz,
         rgba=rgba,
-        contype=0,
-        conaffinity=0,
-        density=0.0,
-        group=1,
     )
+    visual_only(geom)
+    return geom

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 
@@ -12,9 +14,18 @@ from duobench.scene.filters import (
     collide_as,
     visual_only,
 )
+from duobench.scene.shading import add_drawn_mesh
 from duobench.solids.prop import Hinge, Prop
 from duobench.solids.shapes import Shape, ShapeKind
-from duobench.solids.solid import Solid, SolidMesh, mass_properties, printable
+from duobench.solids.solid import (
+    Solid,
+    SolidMesh,
+    manifold_of,
+    mass_properties,
+    mesh_of,
+    printable,
+)
+from duobench.spatial import SE3
 
 CONTACT_SOLREF = (0.005, 1.0)
 """Contact time constant just above two time steps, the stiffest that MuJoCo keeps stable."""
@@ -97,7 +108,7 @@ def _add_shape(
     elif shape.kind is ShapeKind.SPHERE:
         size[0] = shape.size[0]
     else:
-        spec.add_mesh(name=name, uservert=np.array(shape.points).ravel())
+        _add_mesh(spec, name, mesh_of(manifold_of(replace(shape, pose=SE3()))))
     return body.add_geom(
         name=name,
         type=_GEOM_TYPES[shape.kind],
@@ -109,5 +120,4 @@ def _add_shape(
 
 
 def _add_mesh(spec: mujoco.MjSpec, name: str, mesh: SolidMesh) -> str:
-    spec.add_mesh(name=name, uservert=mesh.vertices.ravel(), userface=mesh.faces.ravel())
-    return name
+    return add_drawn_mesh(spec, name, mesh.vertices, mesh.faces)

@@ -10,18 +10,20 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-CREASE = math.radians(40.0)
-"""Edges sharper than this are drawn sharp; a prism of ten sides is still drawn round."""
-
+CREASE = math.radians(8.0)
+"""Edges sharper than this are drawn sharp: circles have 64 segments, so they are drawn round."""
 FLAT = math.radians(1.0)
 """Crease angle with which every face of a machined part is drawn flat."""
+
+_TINY = 1e-300
 
 
 def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = CREASE) -> Array:
     """One unit normal for every corner of every triangle.
 
-    A corner's normal is the mean, by area, of the triangles around its vertex that are turned by
-    at most the crease angle against its own triangle.
+    A corner's normal is the mean over the triangles around its vertex that are turned by at most
+    the crease angle against its own triangle. Each counts by its angle at the vertex, so that the
+    result depends on the surface and not on how it was cut into triangles.
 
     Args:
         vertices: Positions (n, 3).
@@ -31,23 +33,29 @@ def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = 
     Returns:
         Normals (3 m, 3), triangle by triangle.
     """
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    weighted = np.cross(b - a, c - a)
-    unit = weighted / np.maximum(np.linalg.norm(weighted, axis=1, keepdims=True), 1e-300)
+    a = vertices[faces]
+    onward = _unit(np.roll(a, -1, axis=1) - a)
+    back = _unit(np.roll(a, 1, axis=1) - a)
+    angles = np.arccos(np.clip(np.einsum("fcx,fcx->fc", onward, back), -1.0, 1.0)).ravel()
+    normals = _unit(np.cross(a[:, 1] - a[:, 0], a[:, 2] - a[:, 0]))
+    # Every pair of a corner and a corner of another triangle, or the same, at its vertex.
     corners = faces.ravel()
     by_vertex = np.argsort(corners, kind="stable")
     counts = np.bincount(corners, minlength=len(vertices))
-    starts = np.concatenate([[0], counts.cumsum()])
-    # Every pair of a corner and a triangle that has the corner's vertex.
-    own = np.repeat(np.arange(len(corners)), counts[corners])
-    rank = np.arange(len(own)) - np.repeat(
-        np.concatenate([[0], counts[corners].cumsum()[:-1]]), counts[corners]
-    )
-    other = by_vertex[starts[corners[own]] + rank] // 3
-    near = np.einsum("ij,ij->i", unit[own // 3], unit[other]) >= math.cos(crease)
-    normals = np.zeros((len(corners), 3))
-    np.add.at(normals, own[near], weighted[other[near]])
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    start = counts.cumsum() - counts
+    pairs = counts[corners]
+    one = np.repeat(np.arange(len(corners)), pairs)
+    rank = np.arange(len(one)) - np.repeat(pairs.cumsum() - pairs, pairs)
+    other = by_vertex[start[corners[one]] + rank]
+    near = np.einsum("px,px->p", normals[one // 3], normals[other // 3]) >= math.cos(crease)
+    one, other = one[near], other[near]
+    total = np.zeros((len(corners), 3))
+    np.add.at(total, one, normals[other // 3] * angles[other, None])
+    return _unit(total)
+
+
+def _unit(vectors: Array) -> Array:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), _TINY)
 
 
 def add_drawn_mesh(

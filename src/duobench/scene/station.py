@@ -54,6 +54,7 @@ _ALUMINIUM = (0.66, 0.68, 0.70, 1.0)
 # MuJoCo lets no shadow fall on what is not quite opaque: the arms' would pass through the table.
 _FLOOR = (0.60, 0.62, 0.64, 0.99)
 _WALL = (0.72, 0.77, 0.80, 0.99)
+_CEILING = (0.88, 0.88, 0.87, 0.99)
 _SKIRTING = (0.55, 0.57, 0.59, 1.0)
 
 _BASE_OUTLINE = (
@@ -84,6 +85,9 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     floor.material = _add_matte(spec, "floor", 0.10, _floor_light())
     collide_as(floor, Group.FIXTURE)
     wall_paint = _add_matte(spec, "wall", 0.35, _wall_light())
+    above = SE3.at(x, y, FLOOR_Z + ROOM_HEIGHT) @ SE3.about((1, 0, 0), np.pi)
+    ceiling = _add_plane(world, above, (half_x, half_y), _CEILING)
+    ceiling.material = _add_matte(spec, "ceiling", 0.4)
     half_z = ROOM_HEIGHT / 2
     z = FLOOR_Z + half_z
     upright = SE3.about((0, 1, 0), np.pi / 2)
@@ -204,7 +208,7 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
     spec.visual.headlight.diffuse = (0.0, 0.0, 0.0)
     spec.visual.headlight.specular = (0.0, 0.0, 0.0)
     for name, eye, colour, glint, shadow in (
-        ("lamp", (1.30, 0.80, 2.10), (0.45, 0.44, 0.42), 0.22, True),
+        ("lamp", (1.55, 0.00, 2.30), (0.45, 0.44, 0.42), 0.22, True),
         ("window", (-0.8, -2.2, 1.6), (0.20, 0.21, 0.23), 0.0, False),
         ("table_glow", (0.5, 0.0, -1.0), (0.12, 0.10, 0.08), 0.0, False),
     ):
