@@ -58,7 +58,7 @@ class Contacts:
         self._owners: list[int] = owner.tolist()
         # A pair of owners is one number, lower row first, so that one set holds all contacts.
         self._stride = len(self._index)
-        self._touching: frozenset[int] = frozenset()
+        self._touching: set[int] = set()
         self._fingers = {
             side: (
                 self._index[limb_owner(side, Limb.LEFT_PAD)],
@@ -85,7 +85,7 @@ class Contacts:
             if distance <= 0.0:
                 one, other = owners[first], owners[second]
                 touching.add(one * stride + other if one < other else other * stride + one)
-        self._touching = frozenset(touching)
+        self._touching = touching
 
     def between(self, one: str, other: str) -> bool:
         """Whether two owners are in contact.

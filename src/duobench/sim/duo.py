@@ -57,7 +57,7 @@ class Duo:
 
     def command(self) -> DuoCommand:
         """The last command, as the actuators hold it."""
-        flat = self._ctrl[self.handles.actuators]
+        flat = self._ctrl[self.handles.actuators].copy()
         flat[_OPENING_SLOTS] = 1.0 - flat[_OPENING_SLOTS] / CTRL_CLOSED
         return DuoCommand.from_flat(flat)
 

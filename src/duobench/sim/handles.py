@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import UnknownNameError
+from duobench.errors import DuoBenchError, UnknownNameError
 from duobench.scene.naming import (
     arm_joint_names,
     gripper_name,
@@ -65,8 +65,8 @@ class DuoHandles:
     """Addresses of the gripper driver joints in qpos (2, 2)."""
     tcp_sites: Ids
     """Ids of the tool sites (2,)."""
-    actuators: Ids
-    """Actuator ids (16,), in the order of a flat command."""
+    actuators: slice
+    """Where the actuators are in ctrl: 16 in a row, in the order of a flat command."""
 
     @staticmethod
     def of(model: mujoco.MjModel) -> DuoHandles:
@@ -77,15 +77,18 @@ class DuoHandles:
             resolve_all(model, joint, [f"{gripper_name(s)}/{f}_driver" for f in ("left", "right")])
             for s in SIDES
         ]
-        actuators = [
-            resolve(model, actuator, name)
-            for s in SIDES
-            for name in (*arm_joint_names(s), gripper_name(s))
-        ]
+        names = [name for s in SIDES for name in (*arm_joint_names(s), gripper_name(s))]
+        first = resolve(model, actuator, names[0])
+        actuators = slice(first, first + len(names))
+        if names_of(model, actuator)[actuators] != names:
+            raise DuoBenchError(
+                f"The robot's actuators must follow each other in the order {', '.join(names)}; "
+                f"the model has {', '.join(names_of(model, actuator))}."
+            )
         return DuoHandles(
             joints=joints,
             qpos=model.jnt_qposadr[joints].astype(np.int64),
             drivers=model.jnt_qposadr[np.array(drivers)].astype(np.int64),
             tcp_sites=resolve_all(model, mujoco.mjtObj.mjOBJ_SITE, [tcp_name(s) for s in SIDES]),
-            actuators=np.array(actuators, dtype=np.int64),
+            actuators=actuators,
         )

@@ -117,11 +117,12 @@ class Simulation:
             SimulationError: The physics diverged or a buffer overflowed.
         """
         model, data = self.model, self.data
-        ctrl, actuators = data.ctrl, self.duo.handles.actuators
+        begin, finish = mujoco.mj_step1, mujoco.mj_step2
+        ctrl = data.ctrl[self.duo.handles.actuators]
         for controls in self.duo.ramp(command):
-            ctrl[actuators] = controls
-            mujoco.mj_step2(model, data)
-            mujoco.mj_step1(model, data)
+            ctrl[:] = controls
+            finish(model, data)
+            begin(model, data)
         self._raise_on_warning()
         self.contacts.update()
         return self.duo.read()

@@ -57,7 +57,7 @@ def sorted_in(colour: str) -> Predicate:
     """The cube lies in the bowl of its colour, released."""
     cube_name, bowl_name = _cube(colour), _bowl(colour)
     region = CylinderRegion(body=bowl_name, radius=RADIUS - WALL, low=0.0, high=RIM_HEIGHT)
-    return all_of(inside(cube_name, region), touching(cube_name, bowl_name), free(cube_name))
+    return all_of(touching(cube_name, bowl_name), inside(cube_name, region), free(cube_name))
 
 
 _WHITE_IN, _BLACK_IN = sorted_in("white"), sorted_in("black")
