@@ -85,7 +85,7 @@ def _handle() -> Solid:
     stays = [SE3.at(x=sign * (BAR_LENGTH + STAY) / 2, y=(inner + outer) / 2) for sign in (-1, 1)]
     return Solid(
         shapes=(
-            cylinder(BAR_RADIUS, BAR_LENGTH, at=bar),
+            cylinder(BAR_RADIUS, BAR_LENGTH + STAY, at=bar),
             *(box(STAY, outer - inner, STAY, at=pose) for pose in stays),
         ),
         rgba=_HANDLE_COLOUR,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 NAMES = (
     "hinge_chest",
     "pour_marbles",
+    "ball_maze",
     "carry_pot",
     "block_balance",
     "join_blocks",

@@ -1,0 +1,115 @@
+"""Ball-Maze: both arms lift the board and tilt it about its middle, run by run."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from duobench.experts.motion import (
+    CONTROL_STEP,
+    Arms,
+    Script,
+    carry,
+    down,
+    grip,
+    move,
+    nearest_turn,
+)
+from duobench.scene.maze_walls import standing_walls
+from duobench.solids.maze_board import GRIP_OFFSET, cell_at, cell_centre
+from duobench.solids.mazes import Cell, Direction, Maze
+from duobench.spatial import SE3
+from duobench.types import SIDES, Side
+
+_APPROACH = 0.08
+"""Height in metres above the grips from which the tools come straight down."""
+_OPENING = 0.32
+"""Opening on the way down: wide enough for the bar, narrow enough for the gap to the rim."""
+_GRASP_HEIGHT = 0.030
+"""Height in metres of the tool centre points above the table: the fingertips keep clear of it."""
+_LIFT = 0.07
+"""Height in metres by which the board is lifted: its edge stays above the table at any tilt."""
+
+_TILT = math.radians(10)
+"""Tilt of the board during a run, in radians."""
+_TILT_RATE = math.radians(60) * CONTROL_STEP
+"""Largest change of the tilt in one control step, in radians."""
+_CENTRING, _DAMPING = 4.0, 1.0
+"""Tilt across a run for an offset from the middle of the corridor (rad/m) and for a speed across
+it (rad per m/s), so that the ball passes side openings."""
+_MAX_RUN_STEPS = 60
+_AT_REST = 0.02
+"""Speed of the ball on the board in m/s below which a run has ended."""
+
+
+def script(arms: Arms) -> Script:
+    """Lift the board and let the ball run to the goal."""
+    while not all(arms.pinches(side, "board") for side in SIDES):
+        yield from _grasp(arms)
+    yield from carry(arms, "board", arms.sim.pose("board").moved(z=_LIFT), speed=0.2)
+    hand = _Tilt(arms)
+    maze = standing_walls(arms.sim.model, "board")
+    while plan := maze.plan(cell := cell_at(*_ball(arms))):
+        yield from _run(hand, maze, cell, plan[0])
+
+
+def _grasp(arms: Arms) -> Script:
+    """Close both grippers around the two opposite grips that lie nearest to the arms' sides."""
+    board = arms.sim.pose("board")
+    yaw = nearest_turn(board.yaw, math.pi / 2)
+    x, y, _ = board.translation
+    arms.openings[:] = _OPENING
+    grasps = {}
+    for side, sign in ((Side.LEFT, 1.0), (Side.RIGHT, -1.0)):
+        reach = sign * GRIP_OFFSET
+        grasps[side] = down(
+            x - reach * math.sin(yaw), y + reach * math.cos(yaw), _GRASP_HEIGHT, yaw=yaw
+        )
+    above = {side: grasp.moved(z=_APPROACH) for side, grasp in grasps.items()}
+    yield from move(arms, above, tolerance=0.01)
+    yield from move(arms, grasps, speed=0.25)
+    # One after the other: the first grip brings the board into line with its gripper.
+    yield from grip(arms, Side.LEFT)
+    yield from grip(arms, Side.RIGHT)
+
+
+class _Tilt:
+    """The grasped board as a platform that both arms tilt about its middle."""
+
+    def __init__(self, arms: Arms) -> None:
+        self.arms = arms
+        board = arms.sim.pose("board")
+        self._grasps = {side: board.inverse() @ arms.targets[side] for side in SIDES}
+        self._level = SE3.at(*board.translation, yaw=board.yaw)
+        self.slope = np.zeros(2)
+        """Downward slope along the board's x and y, in radians."""
+
+    def towards(self, slope: np.ndarray) -> None:
+        """Set the tools one control step nearer to a slope."""
+        self.slope = self.slope + np.clip(slope - self.slope, -_TILT_RATE, _TILT_RATE)
+        axis = np.array([-self.slope[1], self.slope[0], 0.0])
+        angle = float(np.linalg.norm(axis))
+        board = self._level @ SE3.about(axis, angle) if angle > 0 else self._level
+        for side, grasp in self._grasps.items():
+            self.arms.targets[side] = board @ grasp
+
+
+def _run(hand: _Tilt, maze: Maze, cell: Cell, direction: Direction) -> Script:
+    """Tilt until the ball has come to rest at the end of a run."""
+    end = np.array(cell_centre(maze.run(cell, direction)))
+    along = np.array(direction.value, dtype=float)
+    across = 1.0 - np.abs(along)
+    last = _ball(hand.arms)
+    for _ in range(_MAX_RUN_STEPS):
+        yield
+        ball = _ball(hand.arms)
+        velocity, last = (ball - last) / CONTROL_STEP, ball
+        hand.towards(_TILT * along + across * (_CENTRING * (end - ball) - _DAMPING * velocity))
+        if along @ (ball - end) > 0.0 and np.abs(velocity).max() < _AT_REST:
+            return
+
+
+def _ball(arms: Arms) -> np.ndarray:
+    """Where the ball is on the board (2,), in the board's frame and metres."""
+    return arms.sim.pose("board").inverse().apply(arms.sim.position("ball"))[:2]

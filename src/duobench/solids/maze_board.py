@@ -1,0 +1,152 @@
+"""The board of the ball maze: floor, rim, walls and four grips, and the ball that rolls on it.
+
+The board's frame is at its middle, on the surface that the ball rolls on. In a simulation one body
+has a shape for every place of a wall, so that a board is chosen without building the model again;
+`printable_board` has the walls of one maze only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from duobench.solids.mazes import CELLS, GOAL, MAZES, SEGMENTS, START, Cell, Maze, Segment
+from duobench.solids.shapes import Shape, box, sphere
+from duobench.solids.solid import Solid, mass_properties
+from duobench.spatial import SE3
+
+PITCH = 0.040
+"""Edge of a cell in metres, from wall to wall [task definitions]."""
+WALL_HEIGHT = 0.015
+"""Height of walls and rim above the floor in metres [task definitions]."""
+WALL = 0.004
+"""Thickness of the inner walls in metres: ten lines of a printer's nozzle."""
+EDGE = 0.220
+"""Edge of the board in metres, without the grips [task definitions]."""
+FLOOR = 0.004
+"""Thickness of the floor in metres."""
+BASE = 0.005
+"""Depth of the rim's underside below the floor's surface in metres: the board stands on its rim."""
+BALL_RADIUS = 0.010
+"""Radius of the ball in metres [task definitions]."""
+HALF = CELLS * PITCH / 2
+"""Half the edge of the maze in metres, up to the middle of a wall on its outline."""
+TOP = WALL_HEIGHT + BALL_RADIUS
+"""Height in metres above the floor at which the ball's centre is over the walls."""
+
+GRIP_OFFSET = 0.145
+"""Distance in metres of a grip's bar from the board's middle: a finger fits between bar and rim."""
+BAR = (0.012, 0.050, 0.022)
+"""Edges of a grip's bar in metres: outwards, along the side between its stays, upwards. It is
+longer than the pads of a gripper are wide."""
+ROOT = 0.002
+"""How deep walls reach into the floor, and grips into the rim, in metres."""
+STAY = 0.010
+"""Width in metres of the two stays that carry a bar."""
+GRIP_LIFT = 0.001
+"""Height in metres of the underside of the grips above the table."""
+GRIP_Z = GRIP_LIFT - BASE + BAR[2] / 2
+"""Height of the middle of a bar above the floor's surface in metres."""
+
+_FLOOR_COLOUR = (0.80, 0.79, 0.76, 1.0)
+_WALL_COLOUR = (0.16, 0.34, 0.56, 1.0)
+_RIM_COLOUR = (0.11, 0.25, 0.42, 1.0)
+_GRIP_COLOUR = (0.08, 0.08, 0.09, 1.0)
+_START_COLOUR = (0.55, 0.72, 0.55, 1.0)
+_GOAL_COLOUR = (0.80, 0.10, 0.09, 1.0)
+_BALL_COLOUR = (0.95, 0.62, 0.08, 1.0)
+
+
+def cell_centre(cell: Cell) -> tuple[float, float]:
+    """Middle of a cell in the board's frame, in metres."""
+    middle = (CELLS - 1) / 2
+    return (cell[0] - middle) * PITCH, (cell[1] - middle) * PITCH
+
+
+def cell_at(x: float, y: float) -> Cell:
+    """The cell that a point of the board's frame (metres) lies in, or the nearest one."""
+    i, j = (min(max(int(v / PITCH + CELLS / 2), 0), CELLS - 1) for v in (x, y))
+    return i, j
+
+
+def ball() -> Solid:
+    """The ball; it resists rolling like a marble on a printed floor."""
+    return Solid(shapes=(sphere(BALL_RADIUS),), rgba=_BALL_COLOUR, condim=6)
+
+
+def board() -> Solid:
+    """The board for a simulation: shapes `wall_numbers()` are the walls, of which a maze has some.
+
+    Its mass is that of any of the printed boards, which all weigh the same.
+    """
+    return Solid(
+        shapes=(*_frame(), *map(_wall, SEGMENTS)),
+        rgba=_FLOOR_COLOUR,
+        mass=mass_properties(printable_board(MAZES[0])).mass,
+    )
+
+
+def wall_numbers() -> dict[Segment, int]:
+    """Number of each wall among the shapes of `board()`."""
+    return {segment: number for number, segment in enumerate(SEGMENTS, len(_frame()))}
+
+
+def printable_board(maze: Maze) -> Solid:
+    """The board of one maze."""
+    floor = box(2 * HALF, 2 * HALF, FLOOR, at=SE3.at(z=-FLOOR / 2))
+    walls = (_wall(segment) for segment in SEGMENTS if segment in maze.walls)
+    return Solid(shapes=(floor, *_rim(), *_grips(), *walls), rgba=_FLOOR_COLOUR)
+
+
+def _frame() -> tuple[Shape, ...]:
+    """Everything but the walls, which is the same on all boards."""
+    return (*_floor(), *_rim(), *_grips())
+
+
+def _floor() -> Iterable[Shape]:
+    """The floor, with the cells of start and goal in other colours and flush with the rest."""
+    inner = HALF - PITCH
+    for (x0, x1), (y0, y1), rgba in (
+        ((-HALF, HALF), (-inner, inner), _FLOOR_COLOUR),
+        ((-inner, HALF), (-HALF, -inner), _FLOOR_COLOUR),
+        ((-HALF, inner), (inner, HALF), _FLOOR_COLOUR),
+    ):
+        middle = SE3.at((x0 + x1) / 2, (y0 + y1) / 2, -FLOOR / 2)
+        yield box(x1 - x0, y1 - y0, FLOOR, at=middle, rgba=rgba)
+    for cell, rgba in ((START, _START_COLOUR), (GOAL, _GOAL_COLOUR)):
+        yield box(PITCH, PITCH, FLOOR, at=SE3.at(*cell_centre(cell), -FLOOR / 2), rgba=rgba)
+
+
+def _rim() -> Iterable[Shape]:
+    """Four bars around the floor; their inner faces are as far from the cells as a wall's."""
+    width = EDGE / 2 - (HALF - WALL / 2)
+    height = BASE + WALL_HEIGHT
+    for turn in _quarter_turns():
+        side = turn @ SE3.at(x=(EDGE - width) / 2, z=WALL_HEIGHT - height / 2)
+        yield box(width, EDGE, height, at=side, rgba=_RIM_COLOUR)
+
+
+def _grips() -> Iterable[Shape]:
+    """A bar with two stays at the middle of each side."""
+    x, y, z = BAR
+    inner, outer = EDGE / 2 - ROOT, GRIP_OFFSET
+    for turn in _quarter_turns():
+        bar = SE3.at(x=GRIP_OFFSET, z=GRIP_Z)
+        yield box(x, y + 2 * STAY, z, at=turn @ bar, rgba=_GRIP_COLOUR)
+        for sign in (-1, 1):
+            stay = SE3.at((inner + outer) / 2, sign * (y + STAY) / 2, GRIP_Z)
+            yield box(outer - inner, STAY, z, at=turn @ stay, rgba=_GRIP_COLOUR)
+
+
+def _wall(segment: Segment) -> Shape:
+    """A wall over the whole edge of a cell, from the middle of one post to that of the next."""
+    x, y = cell_centre(segment.cell)
+    along, across = PITCH + WALL, WALL
+    centre = (x, y + PITCH / 2) if segment.along_x else (x + PITCH / 2, y)
+    size = (along, across) if segment.along_x else (across, along)
+    middle = SE3.at(*centre, (WALL_HEIGHT - ROOT) / 2)
+    return box(*size, WALL_HEIGHT + ROOT, at=middle, rgba=_WALL_COLOUR)
+
+
+def _quarter_turns() -> tuple[SE3, ...]:
+    return tuple(SE3.at(yaw=k * math.pi / 2) for k in range(4))

@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+import trimesh
+
+from duobench.solids.maze_board import (
+    BALL_RADIUS,
+    BAR,
+    BASE,
+    EDGE,
+    GRIP_Z,
+    PITCH,
+    WALL,
+    WALL_HEIGHT,
+    ball,
+    board,
+    cell_at,
+    cell_centre,
+    printable_board,
+    wall_numbers,
+)
+from duobench.solids.mazes import CELLS, MAZES, SEGMENTS, Direction, Maze, Segment
+from duobench.solids.solid import PLA_DENSITY, mass_properties, printable
+
+mazes = pytest.mark.parametrize("maze", MAZES, ids=range(len(MAZES)))
+
+
+@mazes
+def test_a_printed_board_is_one_watertight_piece(maze: Maze) -> None:
+    mesh = printable(printable_board(maze))
+    body = trimesh.Trimesh(mesh.vertices, mesh.faces)
+    assert body.is_watertight
+    assert body.body_count == 1
+    assert body.bounds[:, 2] == pytest.approx([-BASE, GRIP_Z + BAR[2] / 2])
+
+
+@mazes
+def test_every_printed_board_weighs_what_the_simulated_one_does(maze: Maze) -> None:
+    print_mass = mass_properties(printable_board(maze)).mass
+    assert print_mass == pytest.approx(mass_properties(board()).mass, rel=1e-6)
+    mesh = printable(printable_board(maze))
+    volume = trimesh.Trimesh(mesh.vertices, mesh.faces).volume
+    assert print_mass == pytest.approx(volume * PLA_DENSITY)
+
+
+def test_the_ball_weighs_its_volume() -> None:
+    exact = 4 / 3 * np.pi * BALL_RADIUS**3 * PLA_DENSITY
+    assert mass_properties(ball()).mass == pytest.approx(exact, rel=0.01)
+
+
+def test_the_ball_fits_through_the_corridors_and_is_lower_than_twice_the_walls() -> None:
+    assert 2 * BALL_RADIUS < PITCH - WALL
+    assert BALL_RADIUS < WALL_HEIGHT
+
+
+def test_a_wall_stands_between_the_cells_of_its_edge() -> None:
+    shapes, numbers = board().shapes, wall_numbers()
+    assert set(numbers) == set(SEGMENTS)
+    assert sorted(numbers.values()) == list(range(len(shapes) - len(SEGMENTS), len(shapes)))
+    for i in range(CELLS):
+        for j in range(CELLS):
+            for direction in (Direction.EAST, Direction.NORTH):
+                other = direction.next((i, j))
+                if max(other) >= CELLS:
+                    continue
+                wall = shapes[numbers[Segment.beyond((i, j), direction)]]
+                between = np.mean([cell_centre((i, j)), cell_centre(other)], axis=0)
+                assert wall.pose.translation[:2] == pytest.approx(between)
+                thin = 0 if direction is Direction.EAST else 1
+                assert wall.size[thin] == pytest.approx(WALL)
+                assert wall.size[1 - thin] == pytest.approx(PITCH + WALL)
+
+
+def test_points_belong_to_the_cell_around_them() -> None:
+    for i in range(CELLS):
+        for j in range(CELLS):
+            x, y = cell_centre((i, j))
+            assert cell_at(x + 0.45 * PITCH, y - 0.45 * PITCH) == (i, j)
+    assert cell_at(-EDGE, EDGE) == (0, CELLS - 1)

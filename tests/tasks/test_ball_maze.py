@@ -1,0 +1,217 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from duobench.experts.ball_maze import script
+from duobench.experts.motion import Arms, Script, carry, down, grip, move, release, wait
+from duobench.scene.maze_walls import set_walls, standing_walls
+from duobench.sim.placement import Layout
+from duobench.solids.maze_board import (
+    BALL_RADIUS,
+    CELLS,
+    PITCH,
+    WALL,
+    cell_at,
+    cell_centre,
+    wall_numbers,
+)
+from duobench.solids.mazes import GOAL, MAZES, START, Direction, Maze
+from duobench.spatial import SE3
+from duobench.tasks.ball_maze import TASK
+from duobench.types import Side
+from tests.stageplay import Stageplay
+
+STEPS_TO_GRASP, STEPS_TO_LIFT = 60, 75
+"""Control steps in which the expert has grasped the board, and has lifted it and not yet tilted."""
+HALF_ROOM = (CELLS * PITCH - WALL) / 2 - BALL_RADIUS
+"""How far the ball's centre can be from the board's along either axis, in metres."""
+
+
+@pytest.fixture(scope="module")
+def bench() -> Stageplay:
+    return Stageplay(TASK)
+
+
+def layout_of(bench: Stageplay, seed: int, board: int) -> Layout:
+    """A seed's layout with another board."""
+    return replace(bench.start(seed), variants={"board": str(board)})
+
+
+def on_board(bench: Stageplay, x: float, y: float, z: float = BALL_RADIUS) -> SE3:
+    """A pose of the ball in the table frame, from a point of the board's."""
+    return bench.sim.pose("board") @ SE3.at(x, y, z)
+
+
+def ball(bench: Stageplay) -> np.ndarray:
+    """Where the ball is in the board's frame."""
+    return bench.sim.pose("board").inverse().apply(bench.sim.position("ball"))
+
+
+def push_ball(bench: Stageplay, speed: float, angle: float) -> None:
+    """Let the ball roll at a speed in m/s, at an angle in the board's plane."""
+    start = bench.sim.model.joint("ball").dofadr[0]
+    direction = bench.sim.rotation("board") @ [math.cos(angle), math.sin(angle), 0.0]
+    bench.sim.data.qvel[start : start + 3] = speed * direction
+
+
+@pytest.mark.parametrize("number", range(len(MAZES)))
+def test_the_expert_solves_every_board_and_passes_the_stages_in_order(
+    bench: Stageplay, number: int
+) -> None:
+    bench.start(layout=layout_of(bench, seed=number, board=number))
+    assert bench.run_for(script, TASK.horizon) == 4
+    assert bench.history == sorted(bench.history)
+    assert sorted(set(bench.history)) == [0, 1, 2, 3, 4]
+    assert bench.progress.final_holds
+
+
+# --- what must not count -----------------------------------------------------------------------
+
+
+def test_a_ball_that_was_moved_on_the_table_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    assert bench.run_for(script, STEPS_TO_GRASP) == 2
+    assert bench.sim.contacts.between("board", "table")
+    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+    assert bench.stage == 2
+
+    def lift(arms: Arms) -> Script:
+        yield from carry(arms, "board", arms.sim.pose("board").moved(z=0.05), speed=0.2)
+        yield from wait(10)
+
+    assert bench.act(lift) == 2
+    assert not bench.sim.contacts.between("board", "table")
+
+
+def test_a_ball_that_rolled_in_the_air_counts(bench: Stageplay) -> None:
+    bench.start(0)
+    assert bench.run_for(script, STEPS_TO_LIFT) == 2
+    bench.put(ball=on_board(bench, 0.0, 0.0))
+    assert bench.stage == 3
+    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+    assert bench.stage == 4
+
+
+def test_a_ball_at_the_goal_that_skipped_the_way_takes_two_steps(bench: Stageplay) -> None:
+    bench.start(0)
+    bench.run_for(script, STEPS_TO_LIFT)
+    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+    assert bench.stage == 3
+
+
+def test_a_ball_in_the_goals_cell_but_far_from_its_centre_does_not_count(
+    bench: Stageplay,
+) -> None:
+    bench.start(0)
+    bench.run_for(script, STEPS_TO_LIFT)
+    x, y = cell_centre(GOAL)
+    for _ in range(2):
+        bench.put(ball=on_board(bench, x - 0.016, y))
+    assert bench.stage == 3
+
+
+def test_a_ball_off_the_board_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    bench.run_for(script, STEPS_TO_LIFT)
+    x, y, _ = bench.sim.position("board")
+    elsewhere = SE3.at(x + 0.25, y, BALL_RADIUS)
+    below_the_goal = on_board(bench, *cell_centre(GOAL), z=-0.02)
+    above_the_goal = on_board(bench, *cell_centre(GOAL), z=0.04)
+    for pose in (elsewhere, below_the_goal, above_the_goal):
+        for _ in range(2):
+            bench.put(ball=pose)
+        assert bench.stage == 2
+
+
+def test_a_board_that_is_put_down_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    bench.run_for(script, STEPS_TO_LIFT)
+    bench.put(ball=on_board(bench, 0.0, 0.0))
+    bench.act(lambda arms: release(arms, Side.LEFT))
+    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+    assert bench.stage == 3
+
+
+def test_a_ball_that_a_finger_carried_does_not_count(bench: Stageplay) -> None:
+    def touch(arms: Arms) -> Script:
+        x, y, z = arms.sim.position("ball")
+        above = down(x, y, z + 0.10)
+        yield from grip(arms, Side.LEFT)
+        yield from move(arms, {Side.LEFT: above})
+        yield from move(arms, {Side.LEFT: above.moved(z=-0.07)}, speed=0.15)
+        yield from move(arms, {Side.LEFT: above}, speed=0.3)
+        yield from move(arms, {Side.LEFT: down(0.5, 0.25, 0.3)})
+
+    bench.start(layout=layout_of(bench, seed=0, board=0))
+    bench.act(touch)
+    assert bench.run_for(script, STEPS_TO_LIFT + 20) == 2
+    assert not bench.sim.contacts.between("board", "table")
+    for cell in (START, (2, 2), GOAL, GOAL):
+        bench.put(ball=on_board(bench, *cell_centre(cell)))
+    assert bench.stage == 2
+
+
+# --- physics -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [0.3, 1.0])
+def test_the_ball_cannot_leave_a_level_board(bench: Stageplay, speed: float) -> None:
+    for angle in np.linspace(0, 2 * math.pi, 8, endpoint=False):
+        bench.start(0)
+        set_walls(bench.sim.model, "board", Maze(frozenset()))
+        bench.put(ball=on_board(bench, 0.0, 0.0))
+        push_ball(bench, speed, angle)
+        bench.hold(45)
+        x, y, z = ball(bench)
+        assert max(abs(x), abs(y)) < HALF_ROOM + 0.002
+        assert z == pytest.approx(BALL_RADIUS, abs=0.001)
+
+
+def test_the_ball_stays_at_the_start_while_the_board_is_level(bench: Stageplay) -> None:
+    bench.start(0)
+    assert bench.run_for(script, STEPS_TO_LIFT) == 2
+    assert np.linalg.norm(ball(bench)[:2] - cell_centre(START)) < 0.012
+
+
+def test_the_walls_of_the_layouts_maze_stand_and_no_others(bench: Stageplay) -> None:
+    model = bench.sim.model
+    for board in (9, 0, 4, 4, 1):
+        bench.start(layout=layout_of(bench, seed=0, board=board))
+        assert standing_walls(model, "board") == MAZES[board]
+        for segment, number in wall_numbers().items():
+            geom = model.geom(f"board:{number}")
+            stands = segment in MAZES[board].walls
+            assert (geom.contype[0] > 0) == (geom.conaffinity[0] > 0) == stands
+            assert geom.rgba[3] == float(stands)
+
+
+def test_a_wall_stops_the_ball_and_a_passage_lets_it_through(bench: Stageplay) -> None:
+    for board in range(len(MAZES)):
+        end = MAZES[board].run(START, Direction.EAST)
+        bench.start(layout=layout_of(bench, seed=0, board=board))
+        push_ball(bench, 0.4, 0.0)
+        bench.hold(45)
+        assert cell_at(*ball(bench)[:2]) == end
+
+
+# --- objects -------------------------------------------------------------------------------------
+
+
+def test_objects_rest_apart_at_reset(bench: Stageplay) -> None:
+    for seed in range(10):
+        layout = bench.start(seed)
+        assert bench.sim.contacts.deepest(0.0005) == []
+        assert bench.sim.contacts.partners("board") == {"table", "ball"}
+        moved, turned = bench.sim.pose("board").distance(layout.poses["board"])
+        assert moved < 0.001
+        assert turned < 0.005
+        assert bench.hold(10) == 0
+        assert ball(bench) == pytest.approx([*cell_centre(START), BALL_RADIUS], abs=0.002)
+        assert bench.sim.speed("ball")[0] < 0.005
+
+
+def test_every_board_is_drawn_for_some_seed() -> None:
+    drawn = {next(TASK.layouts(seed)).variants["board"] for seed in range(100)}
+    assert drawn == {str(number) for number in range(len(MAZES))}
