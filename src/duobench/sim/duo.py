@@ -42,8 +42,10 @@ class Duo:
 
     def ramp(self, command: DuoCommand) -> Array:
         """Controls (16 substeps, 16 actuators) that lead linearly from the last to the new ones."""
-        start = self._ctrl[self.handles.actuators]
-        return start + self._fractions * (self._controls(command) - start)
+        start, end = self._ctrl[self.handles.actuators], self._controls(command)
+        rows = start + self._fractions * (end - start)
+        rows[-1] = end  # exactly, so that a command can be read back and repeated
+        return rows
 
     def hold(self, command: DuoCommand) -> None:
         """Put the arms at a command without moving there: positions, controls, linkages open.

@@ -1,0 +1,78 @@
+"""Gymnasium's own checker, with warnings as errors, over the options."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import duobench
+from tests.envs.tools import TASK
+
+# Two remarks are the checker's opinion of what was asked for: it would rather look at a bare
+# environment than at a stack of wrappers, and it recommends actions between -1 and 1, while ours
+# are joint angles in radians. Nothing else may be remarked.
+REMARKS = (
+    r"[\s\S]*is different from the unwrapped version",
+    r"[\s\S]*we recommend using a symmetric and normalized space",
+)
+SMALL: Mapping[str, Any] = {"image_size": (24, 32), "render_size": (24, 32)}
+
+
+def check(env: gym.Env) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for remark in REMARKS:
+            warnings.filterwarnings("ignore", message=remark)
+        check_env(env)
+    env.close()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"cameras": False},
+        {"cameras": False, "action_mode": "joint_relative"},
+        {"cameras": False, "action_mode": "cartesian"},
+        {"cameras": False, "action_mode": "cartesian_relative"},
+        {"cameras": False, "binary_gripper": True},
+        {"cameras": False, "action_mode": "cartesian_relative", "binary_gripper": True, "chunk": 3},
+        {"cameras": False, "chunk": 1},
+        {"cameras": False, "horizon": 10},
+        {"cameras": True},
+        {"cameras": ("left_wrist",), "chunk": 4},
+        {"cameras": ("head",), "action_mode": "cartesian", "render_mode": "rgb_array"},
+    ],
+    ids=str,
+)
+def test_every_option_passes(options: dict[str, Any]) -> None:
+    check(gym.make(f"duobench/{TASK}-v1", **SMALL, **options))
+
+
+def test_the_base_environment_passes() -> None:
+    check(gym.make(f"duobench/{TASK}-v1", cameras=False, **SMALL).unwrapped)
+
+
+def test_the_passive_checker_has_nothing_to_say() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(f"duobench/{TASK}-v1", cameras=False, disable_env_checker=False)
+        env.reset(seed=0)
+        for _ in range(3):
+            env.step(env.action_space.sample())
+    env.close()
+
+
+def test_a_normalized_action_space_is_one_wrapper_away() -> None:
+    env = gym.wrappers.RescaleAction(
+        duobench.make(TASK, cameras=False), np.float32(-1.0), np.float32(1.0)
+    )
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(env.action_space.sample())
+    assert not info["clipped"].any()
+    env.close()

@@ -1,0 +1,265 @@
+"""The base environment: what it takes, what it gives, what it refuses."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from duobench.envs.duo_env import DuoEnv, ResetNeededError
+from duobench.errors import ActionError, DuoBenchError, LayoutError, SimulationError
+from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES
+from duobench.sim.placement import Layout
+from duobench.spatial import SE3
+from duobench.tasks import catalog
+from tests.envs.tools import TASK, equal, wave, waves
+
+OPENINGS = [7, 15]
+
+
+@pytest.fixture(scope="module")
+def env() -> Iterator[DuoEnv]:
+    env = DuoEnv(catalog.get(TASK))
+    yield env
+    env.close()
+
+
+@pytest.fixture
+def running(env: DuoEnv) -> DuoEnv:
+    env.reset(seed=0)
+    return env
+
+
+def test_the_action_space_is_the_arms_own(env: DuoEnv) -> None:
+    space = env.action_space
+    assert space.shape == (16,)
+    assert space.dtype == np.float32
+    low, high = np.split(space.low, 2), np.split(space.high, 2)
+    for side in range(2):
+        assert low[side][:7] == pytest.approx(JOINT_RANGES[:, 0], abs=1e-6)
+        assert high[side][:7] == pytest.approx(JOINT_RANGES[:, 1], abs=1e-6)
+        assert (low[side][7], high[side][7]) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("corner", ["low", "high"])
+def test_no_corner_of_the_action_space_is_clipped(running: DuoEnv, corner: str) -> None:
+    _, _, _, _, info = running.step(getattr(running.action_space, corner))
+    assert not info["clipped"].any()
+
+
+def test_an_observation_is_what_the_robot_reports(env: DuoEnv) -> None:
+    observation, info = env.reset(seed=0)
+    assert observation in env.observation_space
+    assert list(observation) == ["agent_pos", "tool_pose"]
+    state = env.simulation.duo.read()
+    assert np.array_equal(observation["agent_pos"], state.flat.astype(np.float32))
+    assert np.array_equal(observation["tool_pose"], state.tool_poses.ravel().astype(np.float32))
+    assert observation["agent_pos"].reshape(2, 8)[:, :7] == pytest.approx(HOME_JOINTS, abs=1e-3)
+    assert observation["agent_pos"][OPENINGS] == pytest.approx([1.0, 1.0], abs=0.01)
+    assert not info["clipped"].any()
+
+
+def test_the_base_has_no_reward_and_no_end(running: DuoEnv) -> None:
+    for action in waves(3):
+        _, reward, terminated, truncated, _ = running.step(action)
+        assert (reward, terminated, truncated) == (0.0, False, False)
+
+
+def test_without_a_layout_every_reset_is_the_same(env: DuoEnv) -> None:
+    fingerprints = set()
+    for seed in (0, 1, None):
+        env.reset(seed=seed)
+        fingerprints.add(env.simulation.fingerprint())
+    assert len(fingerprints) == 1
+
+
+def test_targets_out_of_range_are_clipped_and_reported(running: DuoEnv) -> None:
+    action = wave(0).astype(np.float64)
+    action[[1, 7]] = [9.0, -0.5]
+    _, _, _, _, info = running.step(action)
+    assert np.flatnonzero(info["clipped"]).tolist() == [1, 7]
+    sent = running.simulation.duo.command()
+    assert sent.joints[0, 1] == JOINT_RANGES[1, 1]
+    assert sent.openings[0] == 0.0
+    _, _, _, _, info = running.step(wave(1))
+    assert not info["clipped"].any()
+
+
+BAD_ACTIONS: dict[str, Any] = {
+    "nan": np.where(np.arange(16) == 3, np.nan, 0.0),
+    "infinite": np.where(np.arange(16) == 15, -np.inf, 0.0),
+    "opposite infinities": np.array([np.inf, -np.inf, *np.zeros(14)]),
+    "short": np.zeros(14),
+    "long": np.zeros(17),
+    "matrix": np.zeros((1, 16)),
+    "scalar": 0.0,
+    "text": "left",
+    "ragged": [[0.0], [0.0, 1.0]],
+    "nothing": None,
+}
+
+
+@pytest.mark.parametrize("bad", BAD_ACTIONS.values(), ids=BAD_ACTIONS.keys())
+def test_a_bad_action_changes_nothing(running: DuoEnv, bad: Any) -> None:
+    running.step(wave(1))
+    before = running.simulation.fingerprint()
+    with pytest.raises(ActionError):
+        running.step(bad)
+    assert running.simulation.fingerprint() == before
+    after_bad = running.step(wave(2))
+    running.reset(seed=0)
+    running.step(wave(1))
+    assert equal(after_bad[0], running.step(wave(2))[0])
+
+
+def test_huge_but_finite_targets_are_clipped(running: DuoEnv) -> None:
+    _, _, _, _, info = running.step(np.full(16, 1.5e308))
+    assert info["clipped"].all()
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ("nan", ["left joint 4", "nan"]),
+        ("infinite", ["right opening", "-inf"]),
+        ("short", ["(16,)", "(14,)", "left joint 1"]),
+        ("text", ["array of numbers", "'left'"]),
+    ],
+)
+def test_the_error_says_what_was_wrong(running: DuoEnv, bad: str, words: list[str]) -> None:
+    with pytest.raises(ActionError) as caught:
+        running.step(BAD_ACTIONS[bad])
+    assert [word for word in words if word not in str(caught.value)] == []
+
+
+def test_lists_and_float64_are_actions_too(running: DuoEnv) -> None:
+    one = running.step(wave(3).tolist())[0]
+    running.reset(seed=0)
+    assert equal(one, running.step(wave(3).astype(np.float64))[0])
+
+
+def test_a_step_before_the_first_reset_is_refused() -> None:
+    fresh = DuoEnv(catalog.get(TASK), render_mode="rgb_array")
+    with pytest.raises(ResetNeededError, match="call reset"):
+        fresh.step(wave(0))
+    with pytest.raises(ResetNeededError, match="call reset"):
+        _ = fresh.layout
+    with pytest.raises(ResetNeededError, match="before the first reset"):
+        fresh.render()
+    with pytest.raises(gym.error.ResetNeeded):
+        fresh.step(wave(0))
+
+
+def test_diverged_physics_ends_the_episode(running: DuoEnv) -> None:
+    running.simulation.data.qvel[:] = 1e30
+    with pytest.raises(SimulationError, match="bad"):
+        running.step(wave(0))
+    with pytest.raises(ResetNeededError):
+        running.step(wave(0))
+    running.reset(seed=0)
+    assert running.step(wave(0))[0] in running.observation_space
+
+
+# --- layouts -------------------------------------------------------------------------------------
+
+
+def drawn(seed: int) -> Layout:
+    return next(catalog.get(TASK).layouts(seed))
+
+
+def test_a_layout_is_reported_as_plain_data_and_can_be_given_back(env: DuoEnv) -> None:
+    _, info = env.reset(options={"layout": drawn(5)})
+    first = env.simulation.fingerprint()
+    assert info["layout"].keys() == {"poses", "variants"}
+    _, again = env.reset(options={"layout": info["layout"], "unknown key": 1})
+    assert env.simulation.fingerprint() == first
+    assert again["layout"] == info["layout"]
+
+
+def test_reported_layouts_are_the_users_own(env: DuoEnv) -> None:
+    _, info = env.reset(options={"layout": drawn(5)})
+    given = info["layout"]
+    _, again = env.reset(options={"layout": given})
+    again["layout"]["poses"]["white_cube"][0] = 99.0
+    assert given["poses"]["white_cube"][0] != 99.0
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda poses: poses.pop("white_cube"), "missing.*white_cube"),
+        (lambda poses: poses.update(ghost=[0.5, 0, 0, 0, 0, 0, 1]), "unknown.*ghost"),
+        (lambda poses: poses.update(white_cube=[0.5, 0.0]), "no layout"),
+        (lambda poses: poses.update(white_cube=poses["black_cube"]), "overlap"),
+        (lambda poses: poses.update(white_cube=[2.0, 0, 0.016, 0, 0, 0, 1]), "out of reach"),
+    ],
+)
+def test_an_impossible_layout_is_refused(env: DuoEnv, spoil: Any, words: str) -> None:
+    layout = drawn(5).to_json()
+    spoil(layout["poses"])
+    env.reset(seed=0)
+    with pytest.raises(LayoutError, match=words):
+        env.reset(options={"layout": layout})
+    with pytest.raises(ResetNeededError):
+        env.step(wave(0))
+
+
+def test_first_valid_passes_over_overlaps_and_ends_the_episode(running: DuoEnv) -> None:
+    good = drawn(5)
+    pose = SE3.at(0.5, 0.0, 0.016)
+    bad = Layout(poses={**good.poses, "white_cube": pose, "black_cube": pose})
+    assert running.first_valid([bad, good]) is good
+    with pytest.raises(ResetNeededError):
+        running.step(wave(0))
+
+
+# --- names and pictures --------------------------------------------------------------------------
+
+
+def test_names_that_tools_look_for(env: DuoEnv) -> None:
+    env.reset(seed=0)
+    task = catalog.get(TASK)
+    assert (env.task, env.task_description) == (TASK, task.instruction)
+    assert env.get_wrapper_attr("_max_episode_steps") == task.horizon
+    assert env.definition is task
+    assert env.metadata["render_fps"] == 30
+
+
+def test_two_environments_share_nothing_that_changes() -> None:
+    one, other = DuoEnv(catalog.get(TASK)), DuoEnv(catalog.get(TASK))
+    one.reset(seed=0)
+    other.reset(seed=0)
+    before = other.simulation.fingerprint()
+    for action in waves(5):
+        one.step(action)
+    one.simulation.model.geom_friction[:] = 0.0
+    assert other.simulation.fingerprint() == before
+    assert other.simulation.model.geom_friction.any()
+
+
+def test_render_draws_the_overview() -> None:
+    env = DuoEnv(catalog.get(TASK), render_mode="rgb_array", render_size=(48, 64))
+    env.reset(seed=0)
+    picture = env.render()
+    assert picture.shape == (48, 64, 3)
+    assert picture.dtype == np.uint8
+    assert picture.std() > 10
+    env.close()
+    env.close()
+
+
+def test_render_without_a_mode_says_what_to_do(running: DuoEnv) -> None:
+    with pytest.raises(DuoBenchError, match="render_mode"):
+        running.render()
+
+
+def test_making_and_stepping_emits_no_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = DuoEnv(catalog.get(TASK))
+        env.reset(seed=0)
+        env.step(env.action_space.sample())

@@ -1,0 +1,72 @@
+"""What the tests of environments share: actions, whole episodes, and ways to compare them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, cast
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+import duobench
+from duobench.envs.duo_env import DuoEnv
+from duobench.scene.fr3 import HOME_JOINTS
+from duobench.types import DuoCommand
+
+TASK = "bin_sort"
+
+
+def base_of(env: gym.Env) -> DuoEnv:
+    return cast("DuoEnv", env.unwrapped)
+
+
+def wave(number: int) -> NDArray[np.float32]:
+    """Joint action: both arms swing about home, the grippers close and open."""
+    joints = HOME_JOINTS + 0.2 * math.sin(0.2 * number)
+    openings = np.full(2, 0.5 + 0.5 * math.cos(0.3 * number))
+    return DuoCommand(joints=joints, openings=openings).flat.astype(np.float32)
+
+
+def waves(count: int) -> NDArray[np.float32]:
+    return np.array([wave(number) for number in range(count)])
+
+
+def fingerprint_of_episode(
+    options: Mapping[str, Any], seed: int, steps: int = 12, *, before: int = 0, task: str = TASK
+) -> str:
+    """Fingerprint after some steps; importable, so that other processes can run it.
+
+    Args:
+        options: Options of the environment.
+        seed: Seed of the reset.
+        steps: Control steps.
+        before: Episodes, of other seeds and lengths, that are played first.
+        task: Task.
+    """
+    env = duobench.make(task, **options)
+    for other in range(before):
+        env.reset(seed=1000 + other)
+        for action in waves(5 + 3 * other):
+            env.step(action + np.float32(0.01))
+    env.reset(seed=seed)
+    for action in waves(steps):
+        env.step(action)
+    result = base_of(env).simulation.fingerprint()
+    env.close()
+    return result
+
+
+def make_small() -> gym.Env:
+    """The environment that vector environments are made of, in this or another process."""
+    return duobench.make(TASK, cameras=False)
+
+
+def equal(one: Any, other: Any) -> bool:
+    """Whether two nested structures of arrays and plain values are the same, bit for bit."""
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(equal(one[key], other[key]) for key in one)
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other)
+    return bool(one == other)
