@@ -198,6 +198,10 @@ class DuoEnv(gym.Env[Observation, Any]):
             raise
         return self._observation(state), 0.0, False, False, self._info(clipped)
 
+    def fingerprint(self) -> str:
+        """SHA-256 of the full state of the simulation; equal states, equal fingerprints."""
+        return self.simulation.fingerprint()
+
     def _configured(self, layout: Layout) -> Layout:
         if self.definition.configure is not None:
             self.definition.configure(self.simulation.model, layout)
