@@ -156,8 +156,9 @@ def test_interrupt_is_answered_in_words(tmp_path: Path) -> None:
             assert time.monotonic() < deadline
             time.sleep(0.02)
         process.send_signal(signal.SIGINT)
-        _, complaint = process.communicate()
+        told, complaint = process.communicate()
     assert process.returncode == 130
+    assert "the same command goes on" in told
     assert "Stopped" in complaint
     assert "Traceback" not in complaint
 

@@ -51,8 +51,12 @@ def evaluate(
     )
     folder = RunFolder(out)
     screen = console()
-    with progress_display(screen) as display:
-        results = play(run, folder, workers=workers, observers=[display])
+    try:
+        with progress_display(screen) as display:
+            results = play(run, folder, workers=workers, observers=[display])
+    except KeyboardInterrupt:
+        screen.print("What is finished is kept; the same command goes on from there.")
+        raise
     screen.print(results_table(results, run.episodes))
     if results.overall.errors:
         screen.print(f"{results.overall.errors} episodes broke off; the report has the tracebacks.")

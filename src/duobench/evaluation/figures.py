@@ -42,6 +42,8 @@ _STYLE: dict[Any, Any] = {
 }
 _WIDTH = 7.6
 """Width of every figure in inches."""
+_MOST_COLUMNS = 4
+"""Panels side by side."""
 _SHORTEST_LABELLED = 0.035
 """Share of a bar below which a segment is too short for its stage's number."""
 
@@ -100,8 +102,8 @@ def _stage_bar(axes: Axes, row: int, result: TaskResult) -> None:
 def progress_over_time(results: Results) -> Figure:
     """One panel a task: the mean progress over the share of the horizon that has passed."""
     tasks = [one for one in results.tasks if one.score.episodes]
-    columns = min(4, max(1, len(tasks)))
-    rows = max(1, math.ceil(len(tasks) / columns))
+    rows = max(1, math.ceil(len(tasks) / _MOST_COLUMNS))
+    columns = max(1, math.ceil(len(tasks) / rows))
     figure = Figure(figsize=(_WIDTH, 0.5 + 1.5 * rows), layout="constrained")
     time = [100 * point / (TIME_POINTS - 1) for point in range(TIME_POINTS)]
     for index, one in enumerate(tasks):

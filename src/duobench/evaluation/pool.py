@@ -11,6 +11,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections import Counter, deque
 from collections.abc import Generator, Sequence
@@ -63,6 +64,11 @@ def _work(connection: Connection, run: Run, folder: RunFolder) -> None:
         connection.send(_Refused(message=str(error)))
     except Exception as error:  # noqa: BLE001 - a process boundary; the parent raises it
         connection.send(_Refused(message=f"A worker failed.\n{traceback_text(error)}"))
+    # Everything is written and closed. Taking the interpreter down is skipped: graphics drivers
+    # have crashed there, and libraries complain on the error stream about what is left.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def _exit_with_parent() -> None:
