@@ -118,7 +118,10 @@ def choose(processes: int = 1) -> str:
     for backend in _candidates():
         outcome = probe(backend)
         if isinstance(outcome, RenderingInfo) and not outcome.software and processes > 1:
-            outcome = probe(backend, processes=min(processes, CROWD), seconds=CROWD_S)
+            crowd = min(processes, CROWD)
+            outcome = probe(backend, processes=crowd, seconds=CROWD_S)
+            if isinstance(outcome, str):
+                outcome = f"works for one process, but with {crowd} at the same time: {outcome}"
         if isinstance(outcome, RenderingInfo):
             os.environ[CHOSEN] = backend
             if outcome.software:
@@ -153,7 +156,7 @@ def probe(
     processes: int = 1,
     seconds: float = 0.0,
     timeout_s: float = PROBE_TIMEOUT_S,
-    python: str | Path = sys.executable,
+    python: str | Path | None = None,
 ) -> RenderingInfo | str:
     """Let child processes draw with a backend.
 
@@ -162,7 +165,7 @@ def probe(
         processes: How many children draw at the same time.
         seconds: How long each goes on drawing after its first picture.
         timeout_s: When to give up on a child that does not answer.
-        python: The interpreter that the children run.
+        python: The interpreter that the children run; this process's by default.
 
     Returns:
         What drew, or, where any child failed, the reason.
@@ -172,17 +175,20 @@ def probe(
     environment = {**os.environ, ASKED: backend}
     if platform.system() == "Linux":
         environment["PYOPENGL_PLATFORM"] = backend
-    children = [
-        subprocess.Popen(
-            [python, "-c", call],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for _ in range(processes)
-    ]
+    try:
+        children = [
+            subprocess.Popen(
+                [python or sys.executable, "-c", call],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            for _ in range(processes)
+        ]
+    except OSError as error:
+        return f"no child process could be started to try it: {error}"
     deadline = time.monotonic() + timeout_s
     outcomes = [_outcome(child, deadline, timeout_s) for child in children]
     failures = [outcome for outcome in outcomes if isinstance(outcome, str)]

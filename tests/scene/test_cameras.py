@@ -1,0 +1,281 @@
+"""What the cameras see, by geometry and by pixels."""
+
+import hashlib
+import math
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from duobench.scene import cameras
+from duobench.scene.naming import flange_name, pad_names, tcp_name
+from duobench.scene.station import ROOM_HEIGHT, ROOM_X, ROOM_Y
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+from duobench.solids.prop import Prop
+from duobench.solids.shapes import sphere
+from duobench.solids.solid import Solid
+from duobench.spatial import SE3
+from duobench.types import SIDES, Side
+
+Array = NDArray[np.float64]
+
+SQUARE = 224
+BALL_RADIUS = 0.02
+# The published intrinsics, written out again so that the cameras are held to them.
+FOCAL = {"head": 740.0, "left_wrist": 650.0, "right_wrist": 650.0}
+NATIVE = np.array([1280.0, 720.0])
+
+# SHA-256 of what a picture of the bare station at home is drawn from. It changes with every change
+# of look; take the new one from the failure's message after having looked at the pictures.
+GOLDEN = "b3d18971fdede67255910e6230edff25c4b32208c88b149ec66fefad83f1cc87"
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    ball = Solid(shapes=(sphere(BALL_RADIUS),), rgba=(1.0, 0.0, 1.0, 1.0))
+    return Simulation([Prop(name="ball", solid=ball, fixed=True)])
+
+
+@pytest.fixture(scope="module")
+def square(simulation: Simulation) -> Iterator[Renderer]:
+    with Renderer(simulation.model, height=SQUARE, width=SQUARE) as renderer:
+        yield renderer
+
+
+def pose_of(simulation: Simulation, camera: str) -> SE3:
+    number = simulation.model.camera(camera).id
+    data = simulation.data
+    return SE3(data.cam_xmat[number].reshape(3, 3), data.cam_xpos[number])
+
+
+def project(simulation: Simulation, camera: str, point: Array) -> Array:
+    """Where a point shows, (2,): 0 to 1 from the left and from the top; depth must be positive."""
+    x, y, z = pose_of(simulation, camera).inverse().apply(point)
+    assert z < 0, "the point is behind the camera"
+    return np.array([x, -y]) / -z * FOCAL[camera] / NATIVE + 0.5
+
+
+def centroid(mask: NDArray[np.bool_]) -> Array:
+    """Mean position (2,) of the pixels of a mask, in the same unit as `project`."""
+    rows, columns = np.nonzero(mask)
+    return (np.array([columns.mean(), rows.mean()]) + 0.5) / np.array(mask.shape[::-1])
+
+
+def geoms_below(simulation: Simulation, root: str) -> NDArray[np.int64]:
+    """Ids of the geoms of a body and of everything that hangs on it."""
+    model = simulation.model
+    start = model.body(root).id
+    inside = {start}
+    for body in range(start + 1, model.nbody):
+        if int(model.body_parentid[body]) in inside:
+            inside.add(body)
+    return np.flatnonzero(np.isin(model.geom_bodyid, list(inside)))
+
+
+def finger_tip(simulation: Simulation, side: Side, finger: int) -> Array:
+    """The far end of one finger's pad, in the table frame."""
+    model, data = simulation.model, simulation.data
+    body = model.body(pad_names(side)[finger]).id
+    flange = simulation.site_pose(flange_name(side))
+    points = data.geom_xpos[model.geom_bodyid == body]
+    return points[flange.inverse().apply(points)[:, 2].argmax()]
+
+
+@pytest.mark.parametrize("camera", cameras.POLICY_CAMERAS)
+def test_a_policy_camera_has_the_published_intrinsics(simulation: Simulation, camera: str) -> None:
+    model = simulation.model
+    number = model.camera(camera).id
+    assert model.cam_resolution[number].tolist() == NATIVE.tolist()
+    pixels_per_metre = NATIVE / model.cam_sensorsize[number]
+    focal_x, focal_y, centre_x, centre_y = model.cam_intrinsic[number]
+    assert [focal_x, focal_y] * pixels_per_metre == pytest.approx([FOCAL[camera]] * 2)
+    assert (centre_x, centre_y) == (0.0, 0.0)
+
+
+def test_the_head_camera_looks_forward_and_down_between_the_arms(simulation: Simulation) -> None:
+    pose = pose_of(simulation, cameras.HEAD)
+    assert pose.translation == pytest.approx([0.0113, 0.001, 0.695])
+    forward, right = -pose.rotation[:, 2], pose.rotation[:, 0]
+    assert forward == pytest.approx([math.cos(math.radians(41)), 0.0, -math.sin(math.radians(41))])
+    assert right == pytest.approx([0.0, -1.0, 0.0])
+    # The middle of the picture is the table, 0.8 m in front of the robot.
+    reach = pose.translation + forward * (0.695 / -forward[2])
+    assert reach == pytest.approx([0.811, 0.001, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_wrist_camera_sits_where_the_mount_holds_it(simulation: Simulation, side: Side) -> None:
+    flange = simulation.site_pose(flange_name(side))
+    flange_from_camera = flange.inverse() @ pose_of(simulation, cameras.wrist_name(side))
+    assert flange_from_camera.translation == pytest.approx([0.050, 0.0, 0.067])
+    axis = -flange_from_camera.rotation[:, 2]
+    assert axis == pytest.approx([-math.sin(math.radians(20)), 0.0, math.cos(math.radians(20))])
+    # The fingers open along the flange's y, and so does the wide side of the picture.
+    assert abs(flange_from_camera.rotation[:, 0]) == pytest.approx([0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_the_fingertips_show_at_the_lower_left_and_the_lower_right(
+    simulation: Simulation, side: Side
+) -> None:
+    camera = cameras.wrist_name(side)
+    tips = [project(simulation, camera, finger_tip(simulation, side, k)) for k in (0, 1)]
+    left, right = sorted(tips, key=lambda tip: tip[0])
+    assert 0.0 < left[0] < 0.4
+    assert 0.6 < right[0] < 1.0
+    assert left[1] == pytest.approx(right[1], abs=0.01)
+    assert 0.5 < left[1] < 1.0
+    # Further out along the gripper is further up in the picture.
+    tcp = simulation.site_pose(tcp_name(side))
+    near, far = (project(simulation, camera, tcp.apply([0, 0, z])) for z in (0.0, 0.2))
+    assert far[1] < near[1]
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_each_finger_fills_its_lower_corner(
+    simulation: Simulation, square: Renderer, side: Side
+) -> None:
+    camera = cameras.wrist_name(side)
+    ids = square.segment(simulation.data, camera)
+    fingers = []
+    for finger in ("left", "right"):
+        root = f"{side}/gripper/{finger}_driver", f"{side}/gripper/{finger}_spring_link"
+        geoms = np.concatenate([geoms_below(simulation, body) for body in root])
+        fingers.append(centroid(np.isin(ids, geoms)))
+        assert np.isin(ids, geoms).mean() > 0.03
+    left, right = sorted(fingers, key=lambda middle: middle[0])
+    assert left[0] < 0.3
+    assert right[0] > 0.7
+    assert min(left[1], right[1]) > 0.6
+    # Between them the camera sees past the gripper, and the upper half is free of it.
+    gripper = np.isin(ids, geoms_below(simulation, f"{side}/gripper/base"))
+    assert not gripper[: SQUARE // 2, :].any()
+    assert not gripper[:, int(0.45 * SQUARE) : int(0.55 * SQUARE)].any()
+
+
+def test_the_head_sees_the_table_and_both_grippers_from_above(
+    simulation: Simulation, square: Renderer
+) -> None:
+    ids = square.segment(simulation.data, cameras.HEAD)
+    table = ids == simulation.model.geom("table").id
+    assert table[SQUARE // 2 :, SQUARE // 4 : -SQUARE // 4].all()
+    tips = [centroid(np.isin(ids, geoms_below(simulation, f"{s}/gripper/base"))) for s in SIDES]
+    assert tips[0][0] < 0.4, "the left gripper is in the left half"
+    assert tips[1][0] > 0.6
+    assert max(tips[0][1], tips[1][1]) < 0.2
+
+
+@pytest.mark.parametrize("camera", cameras.POLICY_CAMERAS)
+@pytest.mark.parametrize("size", [(SQUARE, SQUARE), (720, 1280), (90, 300)])
+def test_a_picture_of_any_size_shows_the_whole_native_field_of_view(
+    simulation: Simulation, camera: str, size: tuple[int, int]
+) -> None:
+    pose = pose_of(simulation, camera)
+    number = simulation.model.body("ball").id
+    half = NATIVE / 2 / FOCAL[camera]
+    with Renderer(simulation.model, height=size[0], width=size[1]) as renderer:
+        for across, up in ((-0.85, -0.2), (0.1, 0.85), (0.85, 0.5)):
+            depth = 0.3
+            place = pose.apply([across * half[0] * depth, up * half[1] * depth, -depth])
+            simulation.place("ball", SE3.at(*place))
+            simulation.refresh()
+            ids = renderer.segment(simulation.data, camera)
+            seen = simulation.model.geom_bodyid[ids] == number
+            # A ball seen from aside is drawn as an ellipse whose middle lies a little further out.
+            apart = (centroid(seen) - project(simulation, camera, place)) * NATIVE
+            assert np.abs(apart).max() < 6.0, (across, up)
+
+
+def test_a_small_picture_is_the_native_one_made_small(simulation: Simulation) -> None:
+    simulation.place("ball", SE3.at(0.5, 0.0, 0.1))
+    simulation.refresh()
+    with Renderer(simulation.model, height=720, width=1280) as renderer:
+        native = renderer.render(simulation.data, cameras.HEAD).astype(np.float64)
+    with Renderer(simulation.model, height=90, width=80) as renderer:
+        small = renderer.render(simulation.data, cameras.HEAD).astype(np.float64)
+    made_small = native.reshape(90, 8, 80, 16, 3).mean(axis=(1, 3))
+    # Only outlines differ: one point a pixel against the mean of 128.
+    assert np.median(np.abs(small - made_small)) < 1.0
+    assert np.abs(small - made_small).mean() < 4.0
+
+
+def test_no_camera_looks_into_a_void(simulation: Simulation, square: Renderer) -> None:
+    rng = np.random.default_rng(0)
+    model, data = simulation.model, simulation.data
+    eyes = model.cam_pos.copy(), model.cam_quat.copy()
+    number = model.camera(cameras.OVERVIEW).id
+    try:
+        for _ in range(12):
+            model.cam_pos[number] = rng.uniform(
+                (ROOM_X[0] + 0.3, ROOM_Y[0] + 0.3, 0.2), (ROOM_X[1] - 0.3, ROOM_Y[1] - 0.3, 1.5)
+            )
+            quat = rng.normal(size=4)
+            model.cam_quat[number] = quat / np.linalg.norm(quat)
+            mujoco.mj_camlight(model, data)
+            assert (square.segment(data, cameras.OVERVIEW) >= 0).all()
+    finally:
+        model.cam_pos[:], model.cam_quat[:] = eyes
+        mujoco.mj_camlight(model, data)
+    assert ROOM_HEIGHT > 2.0
+
+
+def test_the_overview_shows_the_whole_robot_and_the_whole_table(simulation: Simulation) -> None:
+    with Renderer(simulation.model, height=480, width=640) as renderer:
+        ids = renderer.segment(simulation.data, cameras.OVERVIEW)
+    robot = np.concatenate([geoms_below(simulation, f"{side}/link0") for side in SIDES])
+    seen = np.isin(ids, [*robot, simulation.model.geom("table").id])
+    assert seen.mean() > 0.25, "they fill the picture"
+    border = np.concatenate([seen[0], seen[:, 0], seen[:, -1]])
+    assert not border.any()
+    table = ids == simulation.model.geom("table").id
+    assert table[-1].mean() < 0.1, "at most the corner nearest to the camera is cut"
+
+
+def picture_inputs(simulation: Simulation) -> str:
+    """SHA-256 of everything that the pictures of a state are drawn from, without OpenGL."""
+    model, data = simulation.model, simulation.data
+    total = hashlib.sha256()
+
+    def add(label: str, values: object, digits: int = 5) -> None:
+        # Adding zero turns -0.0 into 0.0.
+        rounded = np.round(np.asarray(values, dtype=np.float64), digits) + 0.0
+        total.update(label.encode() + rounded.astype("<f8").tobytes())
+
+    scene = mujoco.MjvScene(model, maxgeom=model.ngeom)
+    view = mujoco.MjvCamera()
+    view.type = mujoco.mjtCamera.mjCAMERA_FIXED
+    option = mujoco.MjvOption()
+    option.sitegroup[:] = 0
+    for camera in (*cameras.POLICY_CAMERAS, cameras.OVERVIEW):
+        view.fixedcamid = model.camera(camera).id
+        mujoco.mjv_updateScene(model, data, option, None, view, mujoco.mjtCatBit.mjCAT_ALL, scene)
+        lens = scene.camera[0]
+        add("camera", [*lens.pos, *lens.forward, *lens.up])
+        add("frustum", [lens.frustum_bottom, lens.frustum_top, lens.frustum_width], 6)
+    for geom in scene.geoms[: scene.ngeom]:
+        add("geom", [geom.type, *geom.rgba, geom.emission, geom.specular, geom.shininess])
+        if geom.type != mujoco.mjtGeom.mjGEOM_MESH:
+            add("shape", [*geom.size, *geom.pos, *geom.mat.ravel()], 4)
+            continue
+        # In the table frame: the engine turns a mesh to its principal axes, which are not unique.
+        mesh = model.geom_dataid[geom.objid]
+        start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        pose = SE3(data.geom_xmat[geom.objid].reshape(3, 3), data.geom_xpos[geom.objid])
+        points = pose.apply(model.mesh_vert[start : start + count].astype(np.float64))
+        add("mesh", [count, model.mesh_facenum[mesh]])
+        add("points", [points.mean(axis=0), *(points.T @ points / count)], 4)
+    for light in scene.lights[: scene.nlight]:
+        add("light", [*light.pos, *light.dir, *light.ambient, *light.diffuse, *light.specular])
+        add("shadow", light.castshadow)
+    add("textures", model.tex_data)
+    quality = model.vis.quality
+    add("quality", [quality.shadowsize, quality.offsamples, quality.numslices, quality.numquads])
+    add("map", [model.vis.map.shadowclip, model.stat.extent, *model.stat.center])
+    return total.hexdigest()
+
+
+def test_the_picture_is_the_same_on_every_machine() -> None:
+    assert picture_inputs(Simulation()) == GOLDEN

@@ -1,0 +1,295 @@
+"""Pictures of real scenes, drawn for real."""
+
+import gc
+import hashlib
+import os
+import subprocess
+import sys
+import threading
+import warnings
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+import pytest
+
+from duobench.errors import RenderingError, UnknownNameError
+from duobench.scene.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
+from duobench.scene.filters import BACKDROP_GEOM_GROUP, COLLISION_GEOM_GROUP, VISUAL_GEOM_GROUP
+from duobench.scene.station import TABLE_X, TABLE_Y
+from duobench.sim import rendering
+from duobench.sim.opengl import BACKENDS
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+from duobench.solids.blocks import RED, cube
+from duobench.solids.prop import Prop
+from duobench.spatial import SE3
+
+SIZE = 96
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    simulation = Simulation([Prop(name="cube", solid=cube(RED), fixed=True)])
+    simulation.place("cube", SE3.at(0.6, 0.0, 0.016))
+    simulation.refresh()
+    return simulation
+
+
+@pytest.fixture(scope="module")
+def renderer(simulation: Simulation) -> Iterator[Renderer]:
+    with Renderer(simulation.model, height=SIZE, width=SIZE) as renderer:
+        yield renderer
+
+
+def opengl_threads() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name == "duobench-opengl"]
+
+
+def run_python(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+
+
+def test_a_picture_is_an_upright_colour_image(simulation: Simulation, renderer: Renderer) -> None:
+    picture = renderer.render(simulation.data, HEAD)
+    assert picture.shape == (SIZE, SIZE, 3)
+    assert picture.dtype == np.uint8
+    assert picture.flags.c_contiguous
+    # The head sees the wooden table below and the bluish wall above.
+    below, above = picture[-10:].mean(axis=(0, 1)), picture[:10].mean(axis=(0, 1))
+    assert below[0] > below[2]
+    assert above[2] > above[0]
+    # The red cube lies on the table straight ahead.
+    red = (picture[..., 0] > 120) & (picture[..., 1] < 80)
+    rows, columns = np.nonzero(red)
+    assert columns.mean() == pytest.approx(SIZE / 2, abs=3)
+    assert rows.mean() > SIZE / 2
+
+
+def test_every_picture_is_a_new_array_and_the_same(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    first, second = (renderer.render(simulation.data, HEAD) for _ in range(2))
+    assert np.array_equal(first, second)
+    kept = first.copy()
+    second[:] = 0
+    renderer.render(simulation.data, OVERVIEW)
+    assert np.array_equal(first, kept)
+
+
+def test_pictures_of_one_observation_are_those_drawn_one_by_one(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    together = renderer.render_all(simulation.data, POLICY_CAMERAS)
+    assert tuple(together) == POLICY_CAMERAS
+    for camera, picture in together.items():
+        assert np.array_equal(picture, renderer.render(simulation.data, camera)), camera
+
+
+def test_shadows_follow_the_state(simulation: Simulation, renderer: Renderer) -> None:
+    before = renderer.render_all(simulation.data, POLICY_CAMERAS)
+    simulation.place("cube", SE3.at(0.6, 0.0, 0.15))
+    simulation.refresh()
+    after = renderer.render_all(simulation.data, POLICY_CAMERAS)
+    alone = renderer.render(simulation.data, POLICY_CAMERAS[-1])
+    simulation.place("cube", SE3.at(0.6, 0.0, 0.016))
+    simulation.refresh()
+    assert not np.array_equal(before[POLICY_CAMERAS[-1]], after[POLICY_CAMERAS[-1]])
+    assert np.array_equal(after[POLICY_CAMERAS[-1]], alone)
+
+
+def test_shadows_fall_where_the_lamp_is_hidden(simulation: Simulation) -> None:
+    model, data = simulation.model, simulation.data
+    with Renderer(model, height=480, width=640) as renderer:
+        picture = renderer.render(data, OVERVIEW).mean(axis=2)
+        table = renderer.segment(data, OVERVIEW) == model.geom("table").id
+    lamp = next(n for n in range(model.nlight) if model.light_castshadow[n])
+    to_lamp = -data.light_xdir[lamp]
+    number = model.camera(OVERVIEW).id
+    eye, turn = data.cam_xpos[number], data.cam_xmat[number].reshape(3, 3)
+    scale = 2 * np.tan(np.radians(model.cam_fovy[number]) / 2) / 480
+    groups = np.zeros(6, dtype=np.uint8)
+    groups[VISUAL_GEOM_GROUP] = 1
+    rng = np.random.default_rng(0)
+    lit, dark = [], []
+    for row, column in rng.permutation(np.argwhere(table))[:1500]:
+        ray = turn @ [(column - 319.5) * scale, (239.5 - row) * scale, -1.0]
+        point = eye - ray * eye[2] / ray[2]
+        if not (TABLE_X[0] < point[0] < TABLE_X[1] and TABLE_Y[0] < point[1] < TABLE_Y[1]):
+            continue  # a side of the table top
+        hit = np.full(1, -1, dtype=np.int32)
+        distance = mujoco.mj_ray(model, data, point, to_lamp, groups, 1, -1, hit)
+        (lit if distance < 0 else dark).append(picture[row, column])
+    assert len(dark) > 50
+    border = (np.median(lit) + np.median(dark)) / 2
+    assert np.median(dark) < 0.75 * np.median(lit)
+    # Pixels at the very edge of a shadow may be on the other side of it.
+    assert np.mean(np.array(lit) > border) > 0.98
+    assert np.mean(np.array(dark) < border) > 0.90
+
+
+def test_only_what_is_meant_to_be_seen_is_drawn(simulation: Simulation, renderer: Renderer) -> None:
+    seen = {
+        int(number)
+        for camera in (*POLICY_CAMERAS, OVERVIEW)
+        for number in np.unique(renderer.segment(simulation.data, camera))
+    }
+    groups = {int(simulation.model.geom_group[number]) for number in seen}
+    assert groups == {BACKDROP_GEOM_GROUP, VISUAL_GEOM_GROUP}
+    assert (simulation.model.geom_group == COLLISION_GEOM_GROUP).any()
+    assert simulation.model.geom("cube:0").id in seen
+
+
+def test_an_average_of_many_pictures_has_smooth_edges(simulation: Simulation) -> None:
+    def drawn(samples: int) -> np.ndarray:
+        with Renderer(simulation.model, height=120, width=160, samples=samples) as renderer:
+            return renderer.render(simulation.data, OVERVIEW).astype(np.int64)
+
+    plain, smooth = drawn(1), drawn(16)
+    assert np.abs(plain - smooth).mean() < 4.0
+    assert np.median(np.abs(plain - smooth)) <= 1.0
+
+    def steps(picture: np.ndarray) -> float:
+        return float(np.percentile(np.abs(np.diff(picture.sum(axis=2), axis=1)), 99))
+
+    assert steps(smooth) < 0.9 * steps(plain)
+
+
+def test_an_unknown_camera_is_named_with_near_misses(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    with pytest.raises(UnknownNameError, match=r"'left_wirst'.*Did you mean 'left_wrist'"):
+        renderer.render(simulation.data, "left_wirst")
+    with pytest.raises(UnknownNameError, match="camera"):
+        renderer.segment(simulation.data, "")
+
+
+@pytest.mark.parametrize(("height", "width"), [(721, 224), (224, 1281), (0, 224), (224, -1)])
+def test_a_size_beyond_the_native_one_is_refused(
+    simulation: Simulation, height: int, width: int
+) -> None:
+    with pytest.raises(RenderingError, match=f"{width}x{height}.*1280x720"):
+        Renderer(simulation.model, height=height, width=width)
+
+
+@pytest.mark.parametrize("samples", [0, 65])
+def test_a_senseless_number_of_samples_is_refused(simulation: Simulation, samples: int) -> None:
+    with pytest.raises(RenderingError, match=f"1 to 64, got {samples}"):
+        Renderer(simulation.model, height=8, width=8, samples=samples)
+
+
+def test_a_closed_renderer_says_so(simulation: Simulation) -> None:
+    renderer = Renderer(simulation.model, height=8, width=8)
+    renderer.render(simulation.data, HEAD)
+    renderer.close()
+    renderer.close()
+    with pytest.raises(RenderingError, match="closed"):
+        renderer.render(simulation.data, HEAD)
+    unused = Renderer(simulation.model, height=8, width=8)
+    unused.close()
+    with pytest.raises(RenderingError, match="closed"):
+        _ = unused.info
+
+
+def test_renderers_of_several_models_do_not_disturb_each_other(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    alone = renderer.render(simulation.data, HEAD)
+    bare = Simulation()
+    with (
+        Renderer(bare.model, height=48, width=64) as other,
+        Renderer(simulation.model, height=SIZE, width=SIZE) as twin,
+    ):
+        small = other.render(bare.data, HEAD)
+        assert np.array_equal(twin.render(simulation.data, HEAD), alone)
+        assert np.array_equal(renderer.render(simulation.data, HEAD), alone)
+        assert np.array_equal(other.render(bare.data, HEAD), small)
+    assert np.array_equal(renderer.render(simulation.data, HEAD), alone)
+
+
+def test_a_renderer_may_be_used_from_any_thread(simulation: Simulation, renderer: Renderer) -> None:
+    here = renderer.render(simulation.data, HEAD)
+    there = []
+    thread = threading.Thread(target=lambda: there.append(renderer.render(simulation.data, HEAD)))
+    thread.start()
+    thread.join()
+    assert np.array_equal(there[0], here)
+
+
+@pytest.mark.parametrize("how", ["closed", "dropped"])
+def test_a_renderer_that_is_gone_leaves_no_thread(simulation: Simulation, how: str) -> None:
+    before = set(opengl_threads())
+    renderer = Renderer(simulation.model, height=8, width=8)
+    assert set(opengl_threads()) == before, "nothing starts before the first picture"
+    renderer.render(simulation.data, HEAD)
+    (thread,) = set(opengl_threads()) - before
+    if how == "closed":
+        renderer.close()
+    del renderer
+    gc.collect()
+    thread.join(timeout=60)
+    assert not thread.is_alive()
+
+
+def test_a_renderer_is_not_taken_into_a_forked_process(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    renderer.render(simulation.data, HEAD)
+    with warnings.catch_warnings():
+        # Newer interpreters warn about forks with threads: that is what is tried here.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        try:
+            renderer.render(simulation.data, HEAD)
+        except RenderingError as error:
+            os._exit(0 if "spawn" in str(error) else 2)
+        finally:
+            os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def test_another_process_draws_the_same_picture(simulation: Simulation, renderer: Renderer) -> None:
+    code = f"""
+import hashlib
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+from duobench.solids.blocks import RED, cube
+from duobench.solids.prop import Prop
+from duobench.spatial import SE3
+simulation = Simulation([Prop(name="cube", solid=cube(RED), fixed=True)])
+simulation.place("cube", SE3.at(0.6, 0.0, 0.016))
+simulation.refresh()
+renderer = Renderer(simulation.model, height={SIZE}, width={SIZE})
+print(hashlib.sha256(renderer.render(simulation.data, "head").tobytes()).hexdigest())
+"""
+    here = hashlib.sha256(renderer.render(simulation.data, HEAD).tobytes()).hexdigest()
+    assert run_python(code).stdout.split() == [here]
+
+
+def test_nothing_of_opengl_is_loaded_before_the_first_picture() -> None:
+    code = """
+import os, sys
+os.environ.pop("MUJOCO_GL", None)
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+simulation = Simulation()
+renderer = Renderer(simulation.model, height=8, width=8)
+def loaded():
+    return any(name == "OpenGL" or name.startswith("mujoco.egl") for name in sys.modules)
+assert not loaded()
+renderer.render(simulation.data, "head")
+assert loaded()
+"""
+    run_python(code)
+
+
+def test_what_draws_is_described(renderer: Renderer) -> None:
+    info = rendering.describe()
+    assert info == renderer.info
+    assert info.backend in BACKENDS
+    assert info.renderer
+    assert info.vendor
+    assert info.version[0].isdigit()
