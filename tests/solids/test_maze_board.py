@@ -47,7 +47,7 @@ def test_the_ball_weighs_its_volume() -> None:
     assert mass_properties(ball()).mass == pytest.approx(exact, rel=0.01)
 
 
-def test_the_ball_fits_through_the_corridors_and_is_lower_than_twice_the_walls() -> None:
+def test_the_ball_fits_through_the_corridors_and_meets_walls_below_their_top() -> None:
     assert 2 * BALL_RADIUS < PITCH - WALL
     assert BALL_RADIUS < WALL_HEIGHT
 
