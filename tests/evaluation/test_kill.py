@@ -4,17 +4,15 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from duobench.evaluation.folder import RunFolder
 from tests.evaluation.conftest import small_run
+from tests.evaluation.processes import children, is_running, wait_until
 
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 120
 SCRIPT = """
 import sys
 from pathlib import Path
@@ -41,31 +39,6 @@ def start(script: Path, folder: Path, workers: int) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-
-
-def status(pid: int) -> tuple[str, int]:
-    """State and parent of a process, as Linux tells them; a process that is gone is a zombie."""
-    try:
-        words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except (FileNotFoundError, ProcessLookupError):
-        return "Z", 0
-    return words[0], int(words[1])
-
-
-def children(pid: int) -> list[int]:
-    pids = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
-    return [child for child in pids if status(child)[1] == pid]
-
-
-def is_running(pid: int) -> bool:
-    return status(pid)[0] not in {"Z", "X"}
-
-
-def wait_until(condition: Callable[[], object], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, f"{what} within {PATIENCE_S} s"
-        time.sleep(0.02)
 
 
 @pytest.fixture

@@ -51,7 +51,8 @@ class _Refused:
 
 def _work(connection: Connection, run: Run, folder: RunFolder) -> None:
     """What a worker process does until it is told to stop or its parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     threading.Thread(target=_exit_with_parent, daemon=True).start()
     try:
         seat = Seat(run, folder)
@@ -139,7 +140,12 @@ class Pool:
         context = multiprocessing.get_context("spawn")
         ours, theirs = cast("tuple[Connection, Connection]", context.Pipe())
         process = context.Process(target=_work, args=(theirs, self.run, self.folder))
-        process.start()
+        # Ctrl-C is this process's to handle: a worker is born with the signal blocked.
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
         theirs.close()
         worker = _Worker(process=process, connection=ours)
         self._staff.append(worker)
