@@ -1,17 +1,16 @@
 """The handover as logic, against a plain reading of the same sequence of events."""
 
 import itertools
-from typing import Any, cast
 
 import pytest
 
-from duobench.stages.handover import MAX_ATTEMPTS, MAX_TURNS, _in_one_go, _last
-from duobench.stages.predicates import Ever, Moment, Predicate
-from duobench.types import Side
+from duobench.stages.handover import MAX_ATTEMPTS, MAX_TURNS, _in_one_go, last_of
+from duobench.stages.predicates import Predicate
+from tests.recall import Recall
 
 
 class Sequence:
-    """A question to one letter of a sequence after another, and what it remembers."""
+    """A question to one letter of a sequence after another."""
 
     def __init__(self) -> None:
         self.now = ""
@@ -20,34 +19,27 @@ class Sequence:
         return Predicate(letter, lambda _moment: self.now == letter)
 
     def ask(self, letters: str, question: Predicate) -> list[bool]:
-        memories = {part.parts[0] for part in question.walk() if isinstance(part, Ever)}
-        remembered: frozenset[Predicate] = frozenset()
-        answers = []
+        recall, answers = Recall(question), []
         for self.now in letters:
-            moment = Moment(
-                simulation=cast(Any, None), start_lowest={}, variants={}, remembered=remembered
-            )
-            answers.append(question(moment))
-            remembered |= {p for p in memories if p(moment)}
+            answers.append(recall.ask())
         return answers
 
 
-def test_the_last_carrier_is_the_one_before_now() -> None:
+def test_the_last_of_two_is_the_one_before_now() -> None:
     sequence = Sequence()
-    last = _last({side: sequence.letter(side[0]) for side in Side})
+    lasts = last_of(sequence.letter("l"), sequence.letter("r"))
     for letters in map("".join, itertools.product("lr-", repeat=5)):
-        for side in Side:
-            expected = [letters[:n].replace("-", "")[-1:] == side[0] for n in range(5)]
-            assert sequence.ask(letters, last[side]) == expected, letters
+        for letter, last in zip("lr", lasts, strict=True):
+            expected = [letters[:n].replace("-", "")[-1:] == letter for n in range(5)]
+            assert sequence.ask(letters, last) == expected, letters
 
 
-def test_after_too_many_changes_nobody_is_the_last_carrier() -> None:
+def test_after_too_many_changes_neither_is_the_last() -> None:
     sequence = Sequence()
-    last = _last({side: sequence.letter(side[0]) for side in Side})
-    either = last[Side.LEFT] | last[Side.RIGHT]
+    left, right = last_of(sequence.letter("l"), sequence.letter("r"))
     letters = "lr" * (MAX_TURNS + 1)
-    expected = [0 < carriers <= MAX_TURNS + 1 for carriers in range(len(letters))]
-    assert sequence.ask(letters, either) == expected
+    expected = [0 < terms <= MAX_TURNS + 1 for terms in range(len(letters))]
+    assert sequence.ask(letters, left | right) == expected
 
 
 @pytest.mark.parametrize(

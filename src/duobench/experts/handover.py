@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _FIRM_GRIP_STEPS = 4
 """Control steps in which both arms hold the bar before one lets go."""
+_UPRIGHT_SINE = 1e-6
 
 
 def across(side: Side) -> float:
@@ -51,6 +52,28 @@ def tool(position: ArrayLike, *, along: ArrayLike, camera: ArrayLike) -> SE3:
     x = x - (x @ z) * z
     x = x / np.linalg.norm(x)
     return SE3(np.column_stack([x, np.cross(z, x), z]), np.asarray(position))
+
+
+def tool_for(arms: Arms, side: Side, body: str, goal: SE3) -> SE3:
+    """Tool pose at which an object, as it lies in the hand now, has a pose in the table frame."""
+    body_from_tool = arms.sim.pose(body).inverse() @ arms.tool(side)
+    return goal @ body_from_tool
+
+
+def hanging(arms: Arms, side: Side, body: str) -> SE3:
+    """Pose of a bar that is held lengthwise, turned as little as possible so that it hangs down.
+
+    Its position is the one that it has now.
+    """
+    pose = arms.sim.pose(body)
+    axis = pose.rotation[:, 0]
+    end_in_hand = -np.copysign(1.0, axis @ arms.tool(side).rotation[:, 2]) * axis
+    turn = np.cross(end_in_hand, (0.0, 0.0, 1.0))
+    sine = float(np.linalg.norm(turn))
+    if sine < _UPRIGHT_SINE:
+        return pose
+    upright = SE3.about(turn, math.atan2(sine, end_in_hand[2]))
+    return SE3(upright.rotation @ pose.rotation, pose.translation)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

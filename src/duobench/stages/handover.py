@@ -23,8 +23,7 @@ from duobench.stages.predicates import (
 from duobench.types import SIDES, Side
 
 MAX_TURNS = 4
-"""How often the object may change hands before nobody is taken to be its last carrier. An episode
-has time for about three changes."""
+"""Changes that `last_of` can follow. An episode has time for about three changes of hands."""
 MAX_ATTEMPTS = 3
 """Handovers that may end on the table before no further one counts; each costs about a quarter of
 an episode."""
@@ -45,50 +44,53 @@ class Handover:
     received: BySide
     """That arm carries it, handed over by the other one. The first handover of an episode decides
     which arm gives and which one receives: what is handed back is not received."""
-    delivered: Predicate
-    """It was received at an earlier step, and the arm that received it was the last to carry it."""
+    delivered: BySide
+    """That arm received it at an earlier step and was the last to carry it."""
 
 
-def handover(prop: str, *supports: str) -> Handover:
+def handover(prop: str, *supports: str, where: Predicate | None = None) -> Handover:
     """The predicates for an object.
 
     Args:
         prop: The object.
         supports: Where it may be put down, beside the table: on none of them it is in the air.
+        where: What must hold, beside both arms holding it, when it is handed over.
     """
     carried = {side: held(side, prop, *supports) & ~touches(side.other, prop) for side in SIDES}
     shared = all_of(*(pinched(side, prop) for side in SIDES), clear(prop, *supports))
-    last_carried = _last(carried)
+    given = shared if where is None else shared & where
+    last_carried = dict(zip(SIDES, last_of(*(carried[side] for side in SIDES)), strict=True))
     grounded = ~clear(prop, *supports)
     handed = {
-        side: carried[side] & _in_one_go(shared & last_carried[side.other], grounded)
+        side: carried[side] & _in_one_go(given & last_carried[side.other], grounded)
         for side in SIDES
     }
     received = {side: handed[side] & ~ever(handed[side.other]) for side in SIDES}
-    delivered = any_of(*(ever(received[side]) & last_carried[side] for side in SIDES))
     return Handover(
         carried=carried,
         shared=shared,
         last_carried=last_carried,
         received=received,
-        delivered=Predicate(f"{prop} was handed over", delivered.test, delivered.parts),
+        delivered={side: ever(received[side]) & last_carried[side] for side in SIDES},
     )
 
 
-def _last(carried: BySide) -> BySide:
-    """For each arm, whether it was the last to carry the object.
+def last_of(one: Predicate, other: Predicate) -> tuple[Predicate, Predicate]:
+    """For each of two predicates, whether at earlier steps it held, and the other not since.
 
-    `turns[n][side]` says that alternating arms have carried it n + 1 times, that side at the end.
-    The last carrier is the one whose longest row the other arm has not prolonged.
+    `turns[n][k]` says that the two have held in turn, n + 1 times in all, number k at the end. The
+    last one is the one whose longest such row the other has not prolonged. After `MAX_TURNS`
+    changes it is neither.
     """
-    turns = [{side: ever(carried[side]) for side in SIDES}]
+    options = (one, other)
+    turns = [tuple(ever(option) for option in options)]
     for _ in range(MAX_TURNS):
         before = turns[-1]
-        turns.append({side: ever(carried[side] & before[side.other]) for side in SIDES})
-    return {
-        side: any_of(*(turns[n][side] & ~turns[n + 1][side.other] for n in range(MAX_TURNS)))
-        for side in SIDES
-    }
+        turns.append(tuple(ever(options[k] & before[1 - k]) for k in (0, 1)))
+    first, second = (
+        any_of(*(turns[n][k] & ~turns[n + 1][1 - k] for n in range(MAX_TURNS))) for k in (0, 1)
+    )
+    return first, second
 
 
 def _in_one_go(given: Predicate, grounded: Predicate) -> Predicate:

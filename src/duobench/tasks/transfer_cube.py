@@ -71,7 +71,12 @@ TASK = Task(
         Stage(
             name="the cube is in the bowl",
             instruction="Put the cube into the bowl and let go.",
-            holds=all_of(inside(CUBE, IN_BOWL), rests_on(CUBE, BOWL), free(CUBE), _CUBE.delivered),
+            holds=all_of(
+                inside(CUBE, IN_BOWL),
+                rests_on(CUBE, BOWL),
+                free(CUBE),
+                any_of(*_CUBE.delivered.values()),
+            ),
         ),
     ),
     printable=True,

@@ -1,0 +1,79 @@
+"""Transfer-Gate: the right arm reaches through the ring, the left one takes over behind it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from duobench.experts.handover import (
+    Bar,
+    clasp,
+    hanging,
+    let_go,
+    pick_bar,
+    present,
+    receive_pose,
+    tool,
+    tool_for,
+)
+from duobench.experts.motion import Arms, Script, move, together, wait_until
+from duobench.solids.blocks import LONG_BLOCK
+from duobench.solids.gate import MAT_THICKNESS, RING_HEIGHT
+from duobench.spatial import SE3
+from duobench.types import Side
+
+BAR = Bar(body="block", giver=Side.RIGHT, grip=0.026, height=0.028)
+RISE = math.radians(45)
+RECEIVER_GRIP = 0.020
+_BEFORE, _BEYOND = -0.14, 0.020
+"""Where the block's centre waits before the ring and where it is handed over, along its axis."""
+_READY = tool((0.42, 0.30, 0.55), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
+_PRESS = 0.003
+"""How far below the mat the block is led, in metres, so that it does touch."""
+_TOUCH_STEPS = 15
+
+
+def script(arms: Arms) -> Script:
+    """Pass the block through the ring and put it on the mat."""
+    giver, receiver = BAR.giver, BAR.giver.other
+    yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
+    yield from reach_through(arms)
+    yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
+    yield from let_go(arms, giver)
+    yield from together(leave(arms, giver), lower_onto_mat(arms, receiver))
+    yield from let_go(arms, receiver)
+
+
+def ring(arms: Arms) -> np.ndarray:
+    """Centre (3,) of the ring."""
+    return arms.sim.position("gate") + np.array([0.0, 0.0, RING_HEIGHT])
+
+
+def reach_through(arms: Arms) -> Script:
+    """Bring the block's free end and centre through the ring."""
+    before, beyond = (
+        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE) for y in (_BEFORE, _BEYOND)
+    )
+    yield from move(arms, {BAR.giver: before})
+    yield from move(arms, {BAR.giver: beyond}, speed=0.25)
+
+
+def leave(arms: Arms, side: Side) -> Script:
+    """Take a hand out of the ring."""
+    y = -0.2 if side is Side.RIGHT else 0.2
+    yield from move(arms, {side: arms.targets[side].moved(y=y)})
+
+
+def lower_onto_mat(arms: Arms, side: Side) -> Script:
+    """Stand the block on the mat, until it touches the mat."""
+    yield from move(arms, {side: arms.targets[side].moved(y=0.12, z=0.06)}, arrive=False)
+    x, y, _ = arms.sim.position("mat")
+    standing = hanging(arms, side, BAR.body)
+    block = SE3(standing.rotation, np.array([x, y, MAT_THICKNESS + LONG_BLOCK / 2]))
+    goal = tool_for(arms, side, BAR.body, block)
+    yield from move(arms, {side: goal.moved(z=0.08)}, tolerance=0.012)
+    goal = tool_for(arms, side, BAR.body, block)
+    yield from move(arms, {side: goal.moved(z=0.01)}, speed=0.25)
+    yield from move(arms, {side: goal.moved(z=-_PRESS)}, speed=0.05)
+    yield from wait_until(lambda: arms.sim.contacts.between(BAR.body, "mat"), _TOUCH_STEPS)
