@@ -67,6 +67,8 @@ def equal(one: Any, other: Any) -> bool:
     """Whether two nested structures of arrays and plain values are the same, bit for bit."""
     if isinstance(one, Mapping):
         return one.keys() == other.keys() and all(equal(one[key], other[key]) for key in one)
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(equal, one, other))
     if isinstance(one, np.ndarray):
         return one.dtype == other.dtype and np.array_equal(one, other)
     return bool(one == other)

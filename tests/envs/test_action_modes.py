@@ -1,0 +1,296 @@
+"""Action modes, binary grippers and chunks: other views of the same 16 numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import duobench
+from duobench.envs.duo_env import DuoEnv
+from duobench.envs.wrappers import (
+    ActionChunks,
+    BinaryGripper,
+    CartesianActions,
+    RelativeCartesianActions,
+    RelativeJointActions,
+)
+from duobench.errors import ActionError
+from duobench.scene.fr3 import JOINT_RANGES
+from duobench.sim.kinematics import Kinematics
+from duobench.spatial import SE3, rotation_about
+from duobench.tasks import catalog
+from duobench.types import SIDES, Side
+from tests.envs.tools import TASK, base_of, equal, wave, waves
+
+OPENINGS = [7, 15]
+
+
+def begun(wrap: Any) -> Any:
+    env = wrap(DuoEnv(catalog.get(TASK)))
+    env.reset(seed=0)
+    return env
+
+
+def commanded(env: gym.Env) -> np.ndarray:
+    return base_of(env).simulation.duo.command().flat
+
+
+def tools(env: gym.Env) -> dict[Side, SE3]:
+    """Tool poses at the joints that were last commanded."""
+    return Kinematics().forward(base_of(env).simulation.duo.command().joints)
+
+
+def poses_of(env: gym.Env) -> np.ndarray:
+    """Cartesian action that stays where the arms are commanded to be, grippers open."""
+    return np.ravel([[*tools(env)[side].tquat, 1.0] for side in SIDES])
+
+
+# --- relative joints -----------------------------------------------------------------------------
+
+
+def test_joint_displacements_add_up_to_targets() -> None:
+    env = begun(RelativeJointActions)
+    start = commanded(env)
+    step = np.zeros(16, dtype=np.float32)
+    step[[0, 9]] = 0.01, -0.02
+    step[OPENINGS] = 0.25, 0.75
+    for _ in range(3):
+        env.step(step)
+    moved = commanded(env) - start
+    expected = np.zeros(16)
+    expected[[0, 9]] = 0.03, -0.06
+    joints = np.delete(np.arange(16), OPENINGS)
+    assert moved[joints] == pytest.approx(expected[joints], abs=1e-7)
+    assert commanded(env)[OPENINGS] == pytest.approx([0.25, 0.75])
+
+
+def test_no_displacement_is_exactly_no_motion() -> None:
+    env = begun(RelativeJointActions)
+    start = commanded(env)
+    for _ in range(50):
+        env.step(np.where(np.isin(np.arange(16), OPENINGS), 1.0, 0.0))
+    assert np.array_equal(commanded(env), start)
+
+
+def test_displacements_stop_at_the_range_and_come_back_from_there() -> None:
+    env = begun(RelativeJointActions)
+    up, down = np.zeros(16), np.zeros(16)
+    up[1], down[1] = 2.0, -0.01
+    clipped = [env.step(up)[4]["clipped"][1] for _ in range(3)]
+    assert clipped == [False, True, True]
+    env.step(down)
+    assert commanded(env)[1] == pytest.approx(JOINT_RANGES[1, 1] - 0.01)
+
+
+# --- Cartesian -----------------------------------------------------------------------------------
+
+
+def test_a_pose_is_reached() -> None:
+    env = begun(CartesianActions)
+    start = tools(env)
+    turn = rotation_about((0, 0, 1), 0.3)
+    goals = {
+        side: SE3(turn @ pose.rotation, pose.translation + np.array([0.05, 0.03, -0.1]))
+        for side, pose in start.items()
+    }
+    action = np.ravel([[*goals[side].tquat, 0.5] for side in SIDES]).astype(np.float32)
+    for _ in range(30):
+        observation, *_ = env.step(action)
+    for side, measured in zip(SIDES, np.split(observation["tool_pose"], 2), strict=True):
+        length, angle = goals[side].distance(SE3.from_tquat(measured))
+        assert length < 0.004
+        assert angle < 0.02
+    assert commanded(env)[OPENINGS] == pytest.approx([0.5, 0.5])
+
+
+def test_staying_is_staying() -> None:
+    env = begun(CartesianActions)
+    action = poses_of(env)
+    start = tools(env)
+    for _ in range(60):
+        env.step(action)
+    for side, pose in tools(env).items():
+        assert max(pose.distance(start[side])) < 1e-4
+
+
+def test_a_far_pose_is_approached_within_the_velocity_limits() -> None:
+    env = begun(CartesianActions)
+    action = poses_of(env)
+    action[[0, 8]] += 0.4
+    before = commanded(env)
+    env.step(action)
+    steps = np.abs(commanded(env) - before)[np.delete(np.arange(16), OPENINGS)]
+    assert 0.01 < steps.max() < 5.26 / 30
+
+
+def test_the_quaternion_is_normalized_and_its_sign_is_free() -> None:
+    one, other = begun(CartesianActions), begun(CartesianActions)
+    action = poses_of(one)
+    scaled = action.copy()
+    scaled[[3, 4, 5, 6]] *= -2.0
+    one.step(action)
+    other.step(scaled)
+    assert commanded(one) == pytest.approx(commanded(other), abs=1e-9)
+
+
+def test_a_zero_quaternion_is_refused_before_anything_moves() -> None:
+    env = begun(CartesianActions)
+    action = poses_of(env)
+    action[11:15] = 0.0
+    before = base_of(env).simulation.fingerprint()
+    with pytest.raises(ActionError, match="right quaternion"):
+        env.step(action)
+    assert base_of(env).simulation.fingerprint() == before
+
+
+# --- relative Cartesian --------------------------------------------------------------------------
+
+
+def relative() -> Any:
+    return begun(lambda env: RelativeCartesianActions(CartesianActions(env)))
+
+
+def shift(left: list[float], right: list[float]) -> np.ndarray:
+    return np.array([*left, *[0.0] * (6 - len(left)), 1.0, *right, *[0.0] * (6 - len(right)), 1.0])
+
+
+def test_displacements_of_tools_add_up_along_the_tables_axes() -> None:
+    env = relative()
+    start = tools(env)
+    action = shift([0.002, 0.0, -0.004, 0.0, 0.0, 0.01], [0.0, 0.003])
+    for _ in range(20):
+        env.step(action)
+    end = tools(env)
+    left = SE3(
+        rotation_about((0, 0, 1), 0.2) @ start[Side.LEFT].rotation,
+        start[Side.LEFT].translation + np.array([0.04, 0.0, -0.08]),
+    )
+    assert max(end[Side.LEFT].distance(left)) < 1e-3
+    right = start[Side.RIGHT].moved(y=0.06)
+    assert max(end[Side.RIGHT].distance(right)) < 1e-3
+
+
+def test_no_displacement_does_not_drift() -> None:
+    env = relative()
+    start = tools(env)
+    for _ in range(200):
+        env.step(shift([], []))
+    for side, pose in tools(env).items():
+        assert max(pose.distance(start[side])) < 1e-4
+
+
+def test_pushing_against_a_limit_stores_nothing_up() -> None:
+    env = relative()
+    for _ in range(60):
+        env.step(shift([0.05], []))
+    stuck = tools(env)[Side.LEFT].translation
+    assert stuck[0] > 0.8, "the arm was not stretched"
+    for _ in range(6):
+        env.step(shift([-0.02], []))
+    assert tools(env)[Side.LEFT].translation[0] < stuck[0] - 0.02
+
+
+def test_a_reset_forgets_the_last_targets() -> None:
+    env = relative()
+    for _ in range(5):
+        env.step(shift([0.01], [0.01]))
+    env.reset(seed=0)
+    start = tools(env)
+    env.step(shift([], []))
+    assert max(tools(env)[Side.LEFT].distance(start[Side.LEFT])) < 1e-5
+
+
+def test_it_needs_cartesian_actions_inside() -> None:
+    with pytest.raises(AttributeError, match="kinematics"):
+        RelativeCartesianActions(DuoEnv(catalog.get(TASK)))
+
+
+# --- binary grippers -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])
+def test_openings_are_rounded_in_every_mode(mode: str) -> None:
+    env = duobench.make(TASK, cameras=False, action_mode=mode, binary_gripper=True)
+    env.reset(seed=0)
+    side = env.action_space.shape[0] // 2
+    action = np.zeros((2, side))
+    action[:, 6] = 1.0  # a unit quaternion where there is one
+    action[:, -1] = 0.49, 0.5
+    env.step(action.ravel())
+    assert commanded(env)[OPENINGS].tolist() == [0.0, 1.0]
+    env.close()
+
+
+def test_rounding_leaves_the_callers_action_alone() -> None:
+    env = begun(BinaryGripper)
+    action = wave(2)
+    kept = action.copy()
+    env.step(action)
+    assert np.array_equal(action, kept)
+
+
+# --- chunks --------------------------------------------------------------------------------------
+
+
+def test_a_chunk_is_its_actions_one_after_the_other() -> None:
+    env = duobench.make(TASK, cameras=False, chunk=4)
+    single = duobench.make(TASK, cameras=False)
+    assert equal(env.reset(seed=1), single.reset(seed=1))
+    observation, reward, terminated, truncated, info = env.step(waves(4))
+    ones = [single.step(action) for action in waves(4)]
+    assert equal(observation, ones[-1][0])
+    assert (terminated, truncated) == (False, False)
+    assert reward == sum(float(one[1]) for one in ones)
+    assert info["executed"] == 4
+    assert info["rewards"].tolist() == [one[1] for one in ones]
+    assert base_of(env).simulation.fingerprint() == base_of(single).simulation.fingerprint()
+
+
+def test_a_chunk_stops_at_the_horizon() -> None:
+    env = duobench.make(TASK, cameras=False, chunk=4, horizon=6)
+    env.reset(seed=1)
+    assert env.step(waves(4))[3] is False
+    _, _, _, truncated, info = env.step(waves(4))
+    assert truncated
+    assert info["executed"] == 2
+    assert env.get_wrapper_attr("_max_episode_steps") == 6
+
+
+def test_clipping_anywhere_in_a_chunk_is_reported() -> None:
+    env = begun(lambda inner: ActionChunks(inner, 3))
+    chunk = waves(3)
+    chunk[0, 2] = 99.0
+    _, _, _, _, info = env.step(chunk)
+    assert np.flatnonzero(info["clipped"]).tolist() == [2]
+
+
+@pytest.mark.parametrize("mode", ["joint", "cartesian", "cartesian_relative"])
+def test_a_bad_action_anywhere_in_a_chunk_moves_nothing(mode: str) -> None:
+    env = duobench.make(TASK, cameras=False, action_mode=mode, chunk=3, binary_gripper=True)
+    env.reset(seed=0)
+    chunk = np.ones(env.action_space.shape)
+    before = base_of(env).simulation.fingerprint()
+    chunk[2, 4] = np.nan
+    with pytest.raises(ActionError, match="nan"):
+        env.step(chunk)
+    if mode == "cartesian":
+        chunk[2] = 0.0
+        with pytest.raises(ActionError, match="quaternion"):
+            env.step(chunk)
+    with pytest.raises(ActionError, match="shape"):
+        env.step(chunk[:2])
+    assert base_of(env).simulation.fingerprint() == before
+
+
+def test_pictures_of_chunks_play_in_real_time() -> None:
+    env = duobench.make(TASK, cameras=False, chunk=3)
+    assert env.metadata["render_fps"] == 10
+    assert env.unwrapped.metadata["render_fps"] == 30
+
+
+def test_a_chunk_of_none_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        ActionChunks(DuoEnv(catalog.get(TASK)), 0)

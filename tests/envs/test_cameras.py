@@ -1,0 +1,107 @@
+"""Pictures in the observation."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import duobench
+from duobench.envs.duo_env import DuoEnv
+from duobench.envs.wrappers import ActionChunks, Cameras
+from duobench.errors import RenderingError, UnknownNameError
+from duobench.scene.cameras import POLICY_CAMERAS
+from duobench.tasks import catalog
+from tests.envs.tools import TASK, base_of, wave, waves
+
+SIZE = (24, 32)
+
+# Nothing of OpenGL may be loaded before the first reset, so that vector environments can be made
+# in a process that never draws.
+BEFORE_RESET = """
+import os, re, sys
+import gymnasium as gym
+import duobench
+env = gym.make("duobench/bin_sort-v1", render_mode="rgb_array")
+assert "OpenGL" not in sys.modules
+if os.path.exists("/proc/self/maps"):
+    loaded = re.findall(r"lib(?:GL|EGL|OSMesa)\\.so", open("/proc/self/maps").read())
+    assert not loaded, loaded
+env.close()
+"""
+
+
+def test_the_protocol_shows_three_cameras() -> None:
+    env = duobench.make(TASK)
+    pixels = env.observation_space["pixels"]  # type: ignore[index]
+    assert tuple(pixels.spaces) == POLICY_CAMERAS == ("head", "left_wrist", "right_wrist")
+    assert {space.shape for space in pixels.spaces.values()} == {(224, 224, 3)}
+    observation, _ = env.reset(seed=0)
+    assert observation in env.observation_space
+    pictures = list(observation["pixels"].values())
+    assert all(picture.std() > 10 for picture in pictures)
+    assert not np.array_equal(pictures[1], pictures[2])
+    env.close()
+    env.close()
+
+
+def test_a_picture_follows_the_step_and_belongs_to_the_user() -> None:
+    env = duobench.make(TASK, cameras="head", image_size=SIZE)
+    first, _ = env.reset(seed=0)
+    kept = first["pixels"]["head"].copy()
+    for k in range(6):
+        last, *_ = env.step(wave(5 + k))
+    assert last["pixels"]["head"].shape == (*SIZE, 3)
+    assert not np.array_equal(last["pixels"]["head"], kept)
+    assert np.array_equal(first["pixels"]["head"], kept)
+    env.close()
+
+
+def test_cameras_change_nothing_but_the_pixels() -> None:
+    seen = duobench.make(TASK, cameras=("right_wrist",), image_size=SIZE)
+    blind = duobench.make(TASK, cameras=False)
+    one, other = seen.reset(seed=2)[0], blind.reset(seed=2)[0]
+    for k in range(3):
+        pixels = one.pop("pixels")
+        assert list(pixels) == ["right_wrist"]
+        assert one.keys() == other.keys()
+        assert all(np.array_equal(one[key], other[key]) for key in other)
+        one, other = seen.step(wave(k))[0], blind.step(wave(k))[0]
+    assert base_of(seen).simulation.fingerprint() == base_of(blind).simulation.fingerprint()
+    seen.close()
+
+
+def test_a_chunk_inside_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = Cameras(ActionChunks(DuoEnv(catalog.get(TASK)), 5), ["head"], SIZE)
+    env.reset(seed=0)
+    drawn = []
+    draw = env._renderer.render_all
+    monkeypatch.setattr(
+        env._renderer, "render_all", lambda *given: (drawn.append(given), draw(*given))[1]
+    )
+    observation, *_ = env.step(waves(5))
+    assert len(drawn) == 1
+    assert np.array_equal(
+        observation["pixels"]["head"], draw(env.base.simulation.data, ["head"])["head"]
+    )
+    env.close()
+
+
+def test_an_unknown_camera_or_size_is_refused() -> None:
+    base = DuoEnv(catalog.get(TASK))
+    with pytest.raises(UnknownNameError, match="'left_wrist'"):
+        Cameras(base, ["left_wirst"])
+    with pytest.raises(RenderingError, match="720"):
+        Cameras(base, ["head"], (721, 1280))
+
+
+def test_no_opengl_before_the_first_reset() -> None:
+    result = subprocess.run(
+        [sys.executable, "-W", "error", "-c", BEFORE_RESET],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert result.returncode == 0, result.stderr

@@ -1,0 +1,132 @@
+"""Options: what they make of an environment, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import duobench
+from duobench.envs.protocol import ACTION_MODES, Options, make_env
+from duobench.errors import DuoBenchError, OptionError, UnknownNameError
+from duobench.tasks import catalog
+from tests.envs.tools import TASK, base_of
+
+
+def stack(env: gym.Env) -> list[str]:
+    names = []
+    while isinstance(env, gym.Wrapper):
+        names.append(type(env).__name__)
+        env = env.env
+    return [*names, type(env).__name__]
+
+
+def test_the_evaluation_protocol() -> None:
+    env = gym.make(f"duobench/{TASK}-v1")
+    assert stack(env) == ["Cameras", "TimeLimit", "TaskStages", "RandomizedReset", "DuoEnv"]
+    assert env.action_space.shape == (16,)
+    assert set(env.observation_space) == {"agent_pos", "tool_pose", "pixels"}  # type: ignore[call-overload]
+    assert Options() == Options.of({})
+    env.close()
+
+
+def test_everything_at_once_keeps_its_place() -> None:
+    env = make_env(
+        TASK, cameras="head", action_mode="cartesian_relative", binary_gripper=True, chunk=30
+    )
+    assert stack(env) == [
+        "Cameras",
+        "ActionChunks",
+        "BinaryGripper",
+        "RelativeCartesianActions",
+        "CartesianActions",
+        "TimeLimit",
+        "TaskStages",
+        "RandomizedReset",
+        "DuoEnv",
+    ]
+    assert env.action_space.shape == (30, 14)
+
+
+@pytest.mark.parametrize(
+    ("mode", "size"),
+    [("joint", 16), ("joint_relative", 16), ("cartesian", 16), ("cartesian_relative", 14)],
+)
+def test_action_modes(mode: str, size: int) -> None:
+    assert mode in ACTION_MODES
+    env = make_env(TASK, cameras=False, action_mode=mode)
+    assert env.action_space.shape == (size,)
+    assert np.isfinite(env.action_space.low).all()  # type: ignore[attr-defined]
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+
+
+@pytest.mark.parametrize(
+    ("options", "shape"),
+    [
+        ({}, (224, 224, 3)),
+        ({"image_size": 64}, (64, 64, 3)),
+        ({"image_size": (48, 64)}, (48, 64, 3)),
+        ({"image_size": [720, 1280]}, (720, 1280, 3)),
+    ],
+)
+def test_image_sizes(options: dict[str, Any], shape: tuple[int, ...]) -> None:
+    env = make_env(TASK, cameras=("left_wrist",), **options)
+    assert env.observation_space["pixels"]["left_wrist"].shape == shape  # type: ignore[index]
+
+
+@pytest.mark.parametrize("none", [False, (), []])
+def test_no_cameras_no_pixels(none: Any) -> None:
+    assert "pixels" not in make_env(TASK, cameras=none).observation_space  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"camera": "head"}, UnknownNameError, "option 'camera'.*Did you mean 'cameras'"),
+        ({"seed": 3}, UnknownNameError, "option 'seed'.*Known: action_mode, binary_gripper,"),
+        ({"cameras": ("haed",)}, UnknownNameError, "camera 'haed'.*'head'"),
+        ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
+        ({"action_mode": "cartesien"}, UnknownNameError, "action mode.*'cartesian'"),
+        ({"render_mode": "human"}, UnknownNameError, "render mode 'human'.*rgb_array"),
+        ({"image_size": 721}, OptionError, "image_size.*720.*721"),
+        ({"image_size": (224, 224, 3)}, OptionError, "height, width"),
+        ({"image_size": 0}, OptionError, "image_size"),
+        ({"image_size": True}, OptionError, "image_size"),
+        ({"image_size": 224.0}, OptionError, "image_size"),
+        ({"render_size": (720, 1281)}, OptionError, "render_size"),
+        ({"chunk": 0}, OptionError, "chunk.*positive whole number.*0"),
+        ({"chunk": 2.5}, OptionError, "chunk"),
+        ({"chunk": True}, OptionError, "chunk"),
+        ({"horizon": -1}, OptionError, "horizon"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_is_refused(
+    options: dict[str, Any], error: type[DuoBenchError], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        duobench.make(TASK, **options)
+    with pytest.raises(error, match=words):
+        gym.make(f"duobench/{TASK}-v1", **options)
+
+
+def test_the_options_of_one_environment_do_not_reach_another() -> None:
+    make_env(TASK, cameras=False, horizon=3)
+    assert base_of(make_env(TASK, cameras=False)).definition is catalog.get(TASK)
+
+
+def test_attributes_are_found_on_the_outermost_environment() -> None:
+    env: Any = duobench.make(TASK, cameras="head", chunk=2)
+    env.reset(seed=0)
+    task = catalog.get(TASK)
+    for name, value in {
+        "task": TASK,
+        "task_description": task.instruction,
+        "_max_episode_steps": task.horizon,
+    }.items():
+        assert getattr(env, name) == env.get_wrapper_attr(name) == value
+        assert getattr(env.unwrapped, name) == value
+    env.close()

@@ -1,0 +1,130 @@
+"""Ids, and tasks of one's own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+import duobench
+from duobench.envs.registration import env_id
+from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+from tests.envs.tools import TASK, base_of
+
+MODULE = """
+from dataclasses import replace
+import duobench
+from duobench.tasks import catalog
+TASK = replace(catalog.get("bin_sort"), id="my_sort")
+duobench.register(TASK)
+"""
+
+
+@pytest.fixture
+def mine() -> Iterator[Task]:
+    task = replace(catalog.get(TASK), id="my_sort", horizon=5)
+    yield task
+    gym.registry.pop(env_id("my_sort"), None)
+
+
+def test_every_task_has_its_id() -> None:
+    ids = [name for name in gym.registry if name.startswith("duobench/")]
+    assert set(ids) >= {f"duobench/{name}-v1" for name in catalog.names()}
+
+
+def test_ids_are_strings_until_an_environment_is_made() -> None:
+    for name in catalog.names():
+        spec = gym.spec(f"duobench/{name}-v1")
+        assert isinstance(spec.entry_point, str)
+        assert not spec.nondeterministic
+        assert spec.to_json()
+
+
+def test_an_environment_knows_how_to_be_made_again() -> None:
+    env = duobench.make(TASK, cameras=False, chunk=3)
+    assert env.spec is not None
+    again = env.spec.make()
+    assert str(again) == str(env)
+    assert again.action_space == env.action_space
+    assert gym.spec(f"duobench/{TASK}-v1").kwargs == {"task": TASK}
+
+
+def test_the_unversioned_id_is_the_newest_version() -> None:
+    with pytest.warns(UserWarning, match="latest versioned"):
+        env = gym.make(f"duobench/{TASK}", cameras=False)
+    assert env.spec is not None
+    assert env.spec.id == f"duobench/{TASK}-v1"
+
+
+@pytest.mark.parametrize("give", ["object", "path"])
+def test_a_task_needs_no_registration(mine: Task, give: str) -> None:
+    task = mine if give == "object" else "duobench.tasks.bin_sort:TASK"
+    env = duobench.make(task, cameras=False)
+    expected = mine if give == "object" else catalog.get(TASK)
+    assert base_of(env).definition is expected
+    assert env.spec is not None
+    assert env.spec.id == env_id(expected.id)
+    _, info = env.reset(seed=0)
+    assert info["stage"] == 0
+    assert env_id("my_sort") not in gym.registry
+
+
+def test_a_registered_task_is_found_by_id(mine: Task) -> None:
+    assert duobench.register(mine) == "duobench/my_sort-v1"
+    for env in (
+        gym.make("duobench/my_sort-v1", cameras=False),
+        duobench.make("my_sort", cameras=False),
+    ):
+        assert base_of(env).definition is mine
+        assert env.get_wrapper_attr("_max_episode_steps") == 5
+
+
+def test_registering_again_replaces(mine: Task) -> None:
+    duobench.register(mine)
+    duobench.register(replace(mine, horizon=9))
+    env = duobench.make("my_sort", cameras=False)
+    assert env.get_wrapper_attr("_max_episode_steps") == 9
+
+
+def test_registering_by_path_stays_a_string(
+    mine: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "paths_to_sort.py").write_text(MODULE.replace("duobench.register(TASK)", ""))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert duobench.register("paths_to_sort:TASK") == env_id(mine.id)
+    assert gym.spec(env_id(mine.id)).kwargs == {"task": "paths_to_sort:TASK"}
+    assert base_of(gym.make(env_id(mine.id), cameras=False)).task == mine.id
+
+
+def test_a_module_that_registers_is_found_in_a_fresh_process(tmp_path: Path) -> None:
+    (tmp_path / "sorting_module.py").write_text(MODULE)
+    code = (
+        "import gymnasium as gym\n"
+        "env = gym.make('sorting_module:duobench/my_sort-v1', cameras=False)\n"
+        "print(env.unwrapped.task)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        cwd=tmp_path,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert result.stdout == "my_sort\n", result.stderr
+
+
+def test_the_benchmarks_ids_are_taken() -> None:
+    with pytest.raises(DuoBenchError, match="another id"):
+        duobench.register(replace(catalog.get(TASK), horizon=5))
+
+
+def test_an_unknown_task_lists_near_misses() -> None:
+    with pytest.raises(UnknownNameError, match="'bin_sort'"):
+        duobench.make("bin_srot")

@@ -1,0 +1,222 @@
+"""Random resets, stages and the time limit: each alone, and what they promise together."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import duobench
+from duobench.envs.duo_env import DuoEnv, ResetNeededError
+from duobench.envs.wrappers import RandomizedReset, TaskStages, TimeLimit
+from duobench.errors import ActionError, LayoutError
+from duobench.sim import placement
+from duobench.sim.placement import Layout
+from duobench.spatial import SE3
+from duobench.tasks import catalog
+from tests.envs.tools import TASK, base_of, equal, wave
+
+STEADY = ("instruction", "max_stage", "stage_to_subinstructions")
+
+
+@pytest.fixture(scope="module")
+def env() -> Iterator[gym.Env]:
+    env = duobench.make(TASK, cameras=False)
+    yield env
+    env.close()
+
+
+def fingerprint(env: gym.Env) -> str:
+    return base_of(env).simulation.fingerprint()
+
+
+def solved() -> dict[str, SE3]:
+    """Poses in which both cubes lie in the bowls of their colours."""
+    poses = dict(next(catalog.get(TASK).layouts(0)).poses)
+    for colour in ("white", "black"):
+        poses[f"{colour}_cube"] = poses[f"{colour}_bowl"].moved(z=0.0201)
+    return poses
+
+
+# --- random resets -------------------------------------------------------------------------------
+
+
+def test_a_seed_decides_the_layout_and_nothing_else_does(env: gym.Env) -> None:
+    _, info = env.reset(seed=7)
+    first = fingerprint(env)
+    env.step(wave(0))
+    env.reset(seed=8)
+    assert fingerprint(env) != first
+    _, again = env.reset(seed=7)
+    assert fingerprint(env) == first
+    assert info["seed"] == again["seed"] == 7
+    assert info["layout"] == again["layout"]
+
+
+def test_the_layout_is_the_first_valid_one_that_the_task_draws(env: gym.Env) -> None:
+    _, info = env.reset(seed=7)
+    task, simulation = catalog.get(TASK), base_of(env).simulation
+    drawn = placement.first_valid(simulation, task.layouts(7), task.id)
+    assert info["layout"] == drawn.to_json()
+
+
+def test_a_seeded_reset_decides_the_resets_after_it(env: gym.Env) -> None:
+    runs = []
+    for _ in range(2):
+        env.reset(seed=3)
+        runs.append([env.reset()[1]["seed"] for _ in range(3)])
+    assert runs[0] == runs[1]
+    assert len(set(runs[0])) == 3
+    _, info = env.reset(seed=runs[0][1])
+    assert info["seed"] == runs[0][1]
+
+
+def test_a_layout_can_be_given_instead_of_a_seed(env: gym.Env) -> None:
+    _, info = env.reset(seed=7)
+    first = fingerprint(env)
+    through_text = json.loads(json.dumps(info["layout"]))
+    _, again = env.reset(seed=99, options={"layout": through_text})
+    assert fingerprint(env) == first
+    assert again["seed"] is None
+    assert again["layout"] == info["layout"]
+
+
+def test_unknown_option_keys_are_left_alone(env: gym.Env) -> None:
+    env.reset(seed=7)
+    first = fingerprint(env)
+    env.reset(seed=7, options={"somebody_elses": True})
+    assert fingerprint(env) == first
+
+
+def test_the_callers_options_are_not_changed(env: gym.Env) -> None:
+    options: dict[str, object] = {"somebody_elses": True}
+    env.reset(seed=7, options=options)
+    assert options == {"somebody_elses": True}
+
+
+def test_a_failed_reset_leaves_no_episode(env: gym.Env) -> None:
+    env.reset(seed=0)
+    with pytest.raises(LayoutError):
+        env.reset(options={"layout": {"poses": {}}})
+    with pytest.raises(ResetNeededError):
+        env.step(wave(0))
+    env.reset(seed=0)
+    env.step(wave(0))
+
+
+# --- stages --------------------------------------------------------------------------------------
+
+
+def test_info_says_where_the_episode_stands(env: gym.Env) -> None:
+    task = catalog.get(TASK)
+    _, at_reset = env.reset(seed=0)
+    _, reward, terminated, truncated, info = env.step(wave(0))
+    for told in (at_reset, info):
+        assert told["stage"] == 0
+        assert told["max_stage"] == len(task.stages) == 5
+        assert (told["success"], told["is_success"], told["success_at_end"]) == (False,) * 3
+        assert told["instruction"] == task.instruction
+        assert told["stage_to_subinstructions"] == {
+            number: stage.instruction for number, stage in enumerate(task.stages)
+        }
+        assert told["current_subinstruction"] == task.stages[0].instruction
+    assert (reward, terminated, truncated) == (0.0, False, False)
+    assert isinstance(info["success"], bool)
+
+
+def test_what_was_told_is_the_users_own(env: gym.Env) -> None:
+    _, info = env.reset(seed=0)
+    info["stage_to_subinstructions"].clear()
+    _, _, _, _, info = env.step(wave(0))
+    assert info["stage_to_subinstructions"]
+
+
+def test_the_last_stage_terminates_with_full_reward(env: gym.Env) -> None:
+    env.reset(options={"layout": Layout(poses=solved())})
+    hold = base_of(env).simulation.duo.command().flat
+    _, reward, terminated, truncated, info = env.step(hold)
+    assert (reward, terminated, truncated) == (1.0, True, False)
+    assert (info["success"], info["is_success"], info["success_at_end"]) == (True,) * 3
+    assert info["stage"] == info["max_stage"]
+    assert info["current_subinstruction"] == catalog.get(TASK).stages[-1].instruction
+    with pytest.raises(ResetNeededError, match="over"):
+        env.step(hold)
+
+
+def test_success_at_end_is_about_now_while_success_stays() -> None:
+    env = TaskStages(DuoEnv(catalog.get(TASK)))
+    env.reset(options={"layout": Layout(poses=solved())})
+    base = env.base
+    hold = base.simulation.duo.command().flat
+    assert env.step(hold)[4]["success_at_end"]
+    base.simulation.place("white_cube", SE3.at(0.4, 0.0, 0.016))
+    base.simulation.refresh()
+    _, reward, terminated, _, info = env.step(hold)
+    assert (reward, terminated, info["success"]) == (1.0, True, True)
+    assert not info["success_at_end"]
+
+
+def test_partial_progress_is_rewarded_in_proportion() -> None:
+    env = TaskStages(DuoEnv(catalog.get(TASK)))
+    poses = solved()
+    poses["black_cube"] = SE3.at(0.4, 0.0, 0.016)
+    env.reset(options={"layout": Layout(poses=poses)})
+    _, reward, terminated, _, info = env.step(env.base.simulation.duo.command().flat)
+    assert (info["stage"], reward, terminated) == (3, 3 / 5, False)
+
+
+# --- time limit ----------------------------------------------------------------------------------
+
+
+def test_the_horizon_truncates_and_ends_the_episode() -> None:
+    env = TimeLimit(DuoEnv(catalog.get(TASK)), horizon=3)
+    for _ in range(2):
+        env.reset(seed=0)
+        assert [env.step(wave(k))[3] for k in range(3)] == [False, False, True]
+        with pytest.raises(ResetNeededError, match="over"):
+            env.step(wave(0))
+
+
+def test_a_refused_action_is_not_counted() -> None:
+    env = TimeLimit(DuoEnv(catalog.get(TASK)), horizon=2)
+    env.reset(seed=0)
+    with pytest.raises(ActionError):
+        env.step(np.full(16, np.nan))
+    assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
+
+
+def test_the_horizon_is_the_tasks_unless_asked_otherwise(env: gym.Env) -> None:
+    assert env.get_wrapper_attr("_max_episode_steps") == catalog.get(TASK).horizon
+    short = duobench.make(TASK, cameras=False, horizon=2)
+    assert short.get_wrapper_attr("_max_episode_steps") == 2
+    assert short.unwrapped.get_wrapper_attr("_max_episode_steps") == 2
+    short.reset(seed=0)
+    assert [short.step(wave(k))[3] for k in range(2)] == [False, True]
+
+
+def test_a_limit_below_one_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        TimeLimit(DuoEnv(catalog.get(TASK)), horizon=0)
+
+
+# --- the three are independent -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+def test_any_order_gives_the_same_episode(env: gym.Env, order: tuple[int, ...]) -> None:
+    wrap = (RandomizedReset, TaskStages, lambda inner: TimeLimit(inner, 216))
+    other: gym.Env = DuoEnv(catalog.get(TASK))
+    for number in order:
+        other = wrap[number](other)
+    assert equal(env.reset(seed=5), other.reset(seed=5))
+    for k in range(3):
+        assert equal(env.step(wave(k)), other.step(wave(k)))
+
+
+def test_wrappers_wrap_our_environment_only() -> None:
+    with pytest.raises(TypeError, match="DuoEnv"):
+        TaskStages(gym.make("CartPole-v1"))
