@@ -32,7 +32,7 @@ def _raised(bench: Stageplay, seed: int) -> tuple[Side, Side]:
     return sides
 
 
-def _marbles(bench: Stageplay, base: SE3) -> dict[str, SE3]:
+def _marbles(base: SE3) -> dict[str, SE3]:
     return {name: base @ SE3.at(*at) for name, at in zip(MARBLES, HEAP, strict=True)}
 
 
@@ -72,19 +72,19 @@ def test_the_instruction_names_source_and_target(bench: Stageplay) -> None:
 
 def test_marbles_on_the_table_do_not_count(bench: Stageplay) -> None:
     _raised(bench, 0)
-    bench.put(**_marbles(bench, SE3.at(0.5, 0.0, 0.001 - WALL)))
+    bench.put(**_marbles(SE3.at(0.5, 0.0, 0.001 - WALL)))
     assert bench.hold(10) == 3
 
 
 def test_marbles_in_the_air_above_the_cup_do_not_count(bench: Stageplay) -> None:
     _, target = _raised(bench, 0)
-    bench.put(**_marbles(bench, bench.sim.pose(CUPS[target]).moved(z=HEIGHT)))
+    bench.put(**_marbles(bench.sim.pose(CUPS[target]).moved(z=HEIGHT)))
     assert bench.stage == 3
 
 
 def test_marbles_that_fell_into_the_target_count(bench: Stageplay) -> None:
     _, target = _raised(bench, 0)
-    bench.put(**_marbles(bench, bench.sim.pose(CUPS[target]).moved(z=0.001)))
+    bench.put(**_marbles(bench.sim.pose(CUPS[target]).moved(z=0.001)))
     assert bench.hold(5) == 5
 
 
@@ -92,7 +92,7 @@ def test_cups_put_back_without_pouring_do_not_count(bench: Stageplay) -> None:
     source, _ = _raised(bench, 0)
     cups = _home(bench)
     bench.start(0)
-    bench.put(**cups, **_marbles(bench, cups[CUPS[source]].moved(z=0.001)))
+    bench.put(**cups, **_marbles(cups[CUPS[source]].moved(z=0.001)))
     assert bench.hold(20) == 0
     assert _in_cup(bench, source) == len(MARBLES)
 
@@ -101,14 +101,14 @@ def test_full_marks_need_both_cups_on_their_squares(bench: Stageplay) -> None:
     for offset, stage in ((0.0, 6), (0.06, 5)):
         _, target = _raised(bench, 0)
         cups = _home(bench, offset)
-        bench.act(lambda arms: _let_go(arms))
-        bench.put(**cups, **_marbles(bench, cups[CUPS[target]].moved(z=0.001)))
+        bench.act(_let_go)
+        bench.put(**cups, **_marbles(cups[CUPS[target]].moved(z=0.001)))
         assert bench.hold(20) == stage
 
 
 def test_pouring_into_a_cup_that_stands_does_not_count(bench: Stageplay) -> None:
     _, target = _sides(bench, 0)
-    bench.put(**_marbles(bench, bench.sim.pose(CUPS[target]).moved(z=0.001)))
+    bench.put(**_marbles(bench.sim.pose(CUPS[target]).moved(z=0.001)))
     assert bench.hold(5) == 0
 
 

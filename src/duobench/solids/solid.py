@@ -79,11 +79,11 @@ def manifold_of(shape: Shape) -> manifold3d.Manifold:
 
 
 def mesh_of(manifold: manifold3d.Manifold) -> SolidMesh:
-    """The triangles of an exact solid, in double precision."""
+    """The triangles of an exact solid, in double precision; copied, so that nothing keeps it."""
     mesh = manifold.to_mesh64()
     return SolidMesh(
-        vertices=np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3],
-        faces=np.asarray(mesh.tri_verts, dtype=np.int32),
+        vertices=np.array(mesh.vert_properties, dtype=np.float64)[:, :3],
+        faces=np.array(mesh.tri_verts, dtype=np.int32),
     )
 
 
