@@ -108,5 +108,3 @@ def first_valid(simulation: Simulation, candidates: Iterator[Layout], task: str)
         f"No valid layout of {task!r} in {MAX_DRAWS} draws; the last one: {'; '.join(found)}. "
         "Widen the placements or shrink the objects."
     )
-
-

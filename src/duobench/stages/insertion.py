@@ -57,6 +57,4 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
         lateral = float(np.linalg.norm(offset - height * outwards))
         return height <= -depth and lateral <= MAX_OFFSET
 
-    return Predicate(
-        f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}", test
-    )
+    return Predicate(f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}", test)
