@@ -1,0 +1,109 @@
+"""What is drawn: within its bounds, evenly, and decided by its seed alone."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from duobench.randomness import (
+    ANY_YAW,
+    SUITE_VERSION,
+    Choice,
+    Uniform,
+    around,
+    episode_seed,
+    generator,
+)
+
+DRAW = (
+    "from duobench.randomness import episode_seed, generator\n"
+    "print(generator('bin_sort', 3).integers(2**62), episode_seed('bin_sort', 3))"
+)
+
+
+def first_draw(task: str, seed: int) -> int:
+    return int(generator(task, seed).integers(2**62))
+
+
+def test_a_generator_is_a_function_of_task_and_seed() -> None:
+    assert first_draw("bin_sort", 3) == first_draw("bin_sort", 3)
+    assert first_draw("bin_sort", np.int64(3)) == first_draw("bin_sort", 3)  # type: ignore[arg-type]
+    draws = {first_draw(task, seed) for task in ("bin_sort", "carry_pot") for seed in range(50)}
+    assert len(draws) == 100
+
+
+def test_other_processes_draw_the_same() -> None:
+    expected = f"{first_draw('bin_sort', 3)} {episode_seed('bin_sort', 3)}\n"
+    for salt in ("0", "1"):
+        result = subprocess.run(
+            [sys.executable, "-c", DRAW],
+            env={**os.environ, "PYTHONHASHSEED": salt},
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        assert result.stdout == expected
+
+
+def test_the_suite_version_decides_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    draw, seed = first_draw("bin_sort", 3), episode_seed("bin_sort", 3)
+    monkeypatch.setattr("duobench.randomness.SUITE_VERSION", SUITE_VERSION + "x")
+    assert first_draw("bin_sort", 3) != draw
+    assert episode_seed("bin_sort", 3) != seed
+
+
+def test_episode_seeds_are_distinct_32_bit_numbers() -> None:
+    seeds = [episode_seed("bin_sort", episode) for episode in range(1000)]
+    assert len(set(seeds)) == 1000
+    assert all(0 <= seed < 2**32 for seed in seeds)
+    assert stats.kstest(np.array(seeds) / 2**32, "uniform").pvalue > 0.01
+    assert set(seeds).isdisjoint(episode_seed("carry_pot", episode) for episode in range(1000))
+
+
+def test_an_episode_before_the_first_is_refused() -> None:
+    with pytest.raises(ValueError, match="from 0, got -1"):
+        episode_seed("bin_sort", -1)
+
+
+def test_neighbouring_seeds_are_unrelated() -> None:
+    draws = [generator("bin_sort", seed).uniform() for seed in range(500)]
+    assert stats.kstest(draws, "uniform").pvalue > 0.01
+    assert abs(stats.pearsonr(draws[:-1], draws[1:]).statistic) < 0.15
+
+
+@pytest.mark.parametrize("box", [Uniform(-1.0, 2.0), around(0.5, 0.1), ANY_YAW])
+def test_uniform_numbers_fill_their_range(box: Uniform) -> None:
+    rng = np.random.default_rng(0)
+    draws = [box.draw(rng) for _ in range(500)]
+    assert all(box.low <= draw < box.high for draw in draws)
+    assert stats.kstest(draws, "uniform", args=(box.low, box.high - box.low)).pvalue > 0.01
+
+
+def test_around_and_any_yaw() -> None:
+    assert (around(0.5, 0.1).low, around(0.5, 0.1).high) == (0.4, 0.6)
+    assert (ANY_YAW.low, ANY_YAW.high) == (-math.pi, math.pi)
+
+
+def test_a_range_of_one_number_is_that_number() -> None:
+    assert Uniform(0.3, 0.3).draw(np.random.default_rng(0)) == 0.3
+
+
+@pytest.mark.parametrize(("low", "high"), [(1.0, 0.0), (math.nan, 1.0)])
+def test_an_empty_range_is_refused(low: float, high: float) -> None:
+    with pytest.raises(ValueError, match="low <= high"):
+        Uniform(low, high)
+
+
+def test_choices_are_equally_likely() -> None:
+    rng = np.random.default_rng(0)
+    options = ("left", "right", "both")
+    counts = dict.fromkeys(options, 0)
+    for _ in range(600):
+        counts[Choice(options).draw(rng)] += 1
+    assert stats.chisquare(list(counts.values())).pvalue > 0.01

@@ -1,0 +1,163 @@
+"""Laws of rigid transforms, on random ones and on the awkward ones."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from duobench.spatial import (
+    SE3,
+    matrix_from_wxyz,
+    rotation_about,
+    rotation_vector,
+    wxyz_from_matrix,
+)
+
+EXACT = 1e-12
+
+
+def rotations() -> list[np.ndarray]:
+    """Random rotations, half turns, quarter turns, and tiny ones."""
+    found = list(Rotation.random(40, rng=np.random.default_rng(0)).as_matrix())
+    for axis in (*np.eye(3), (1, 1, 0), (-1, 2, 3)):
+        for angle in (0.0, 1e-9, 1e-4, math.pi / 2, math.pi - 1e-7, math.pi, -math.pi / 3):
+            vector = np.asarray(axis) / np.linalg.norm(axis) * angle
+            found.append(Rotation.from_rotvec(vector).as_matrix())
+    return found
+
+
+def poses() -> list[SE3]:
+    rng = np.random.default_rng(1)
+    return [SE3(rotation, rng.normal(size=3)) for rotation in rotations()]
+
+
+def assert_same(one: SE3, other: SE3, tolerance: float = EXACT) -> None:
+    assert_allclose(one.rotation, other.rotation, atol=tolerance)
+    assert_allclose(one.translation, other.translation, atol=tolerance)
+
+
+def test_quaternions_and_matrices_agree_with_scipy() -> None:
+    for matrix in rotations():
+        w, x, y, z = wxyz_from_matrix(matrix)
+        assert w >= 0
+        assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), matrix, atol=EXACT)
+        assert_allclose(matrix_from_wxyz([w, x, y, z]), matrix, atol=EXACT)
+        assert_allclose(math.hypot(w, x, y, z), 1.0, atol=EXACT)
+
+
+def test_a_quaternion_and_its_negative_are_one_rotation() -> None:
+    for matrix in rotations():
+        quaternion = wxyz_from_matrix(matrix)
+        assert_allclose(matrix_from_wxyz(-quaternion), matrix, atol=EXACT)
+
+
+def test_rotation_vectors_agree_with_scipy() -> None:
+    for matrix in rotations():
+        ours, theirs = rotation_vector(matrix), Rotation.from_matrix(matrix).as_rotvec()
+        assert_allclose(np.linalg.norm(ours), np.linalg.norm(theirs), atol=1e-9)
+        assert_allclose(Rotation.from_rotvec(ours).as_matrix(), matrix, atol=1e-9)
+
+
+def test_a_rotation_about_an_axis_is_scipys() -> None:
+    rng = np.random.default_rng(2)
+    for axis, angle in zip(rng.normal(size=(20, 3)), rng.uniform(-7, 7, size=20), strict=True):
+        expected = Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle).as_matrix()
+        assert_allclose(rotation_about(axis, angle), expected, atol=EXACT)
+        assert_allclose(rotation_about(5 * axis, angle), expected, atol=EXACT)
+
+
+def test_composition_is_the_product_of_homogeneous_matrices() -> None:
+    def homogeneous(pose: SE3) -> np.ndarray:
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.translation
+        return matrix
+
+    for one, other in zip(poses(), reversed(poses()), strict=True):
+        assert_allclose(homogeneous(one @ other), homogeneous(one) @ homogeneous(other), atol=EXACT)
+
+
+def test_group_laws() -> None:
+    all_poses = poses()
+    for a, b, c in zip(all_poses, all_poses[1:], all_poses[2:], strict=False):
+        assert_same((a @ b) @ c, a @ (b @ c))
+        assert_same(a @ SE3(), a)
+        assert_same(SE3() @ a, a)
+        assert_same(a @ a.inverse(), SE3())
+        assert_same((a @ b).inverse(), b.inverse() @ a.inverse())
+
+
+def test_points_are_mapped_like_frames() -> None:
+    points = np.random.default_rng(3).normal(size=(5, 3))
+    for a, b in zip(poses(), reversed(poses()), strict=True):
+        assert_allclose((a @ b).apply(points), a.apply(b.apply(points)), atol=EXACT)
+        assert_allclose(a.inverse().apply(a.apply(points)), points, atol=EXACT)
+        assert_allclose(a.apply(points[0]), a.rotation @ points[0] + a.translation, atol=EXACT)
+
+
+def test_tquat_round_trip() -> None:
+    for pose in poses():
+        numbers = pose.tquat
+        assert numbers.shape == (7,)
+        assert_same(SE3.from_tquat(numbers), pose)
+        assert_same(SE3.from_tquat([*numbers[:3], *(-3.0 * numbers[3:])]), pose)
+        assert_same(SE3.from_wxyz(pose.wxyz, pose.translation), pose)
+
+
+def test_yaw_is_the_turn_of_an_upright_pose() -> None:
+    for yaw in (-3.0, -0.1, 0.0, 1.0, 3.0):
+        pose = SE3.at(1.0, 2.0, 3.0, yaw=yaw)
+        assert pose.yaw == pytest.approx(yaw)
+        assert pose.translation.tolist() == [1.0, 2.0, 3.0]
+        assert_allclose(pose.rotation[2], [0, 0, 1], atol=EXACT)
+
+
+def test_distance_is_a_metric_that_frames_do_not_change() -> None:
+    all_poses = poses()
+    for a, b, c in zip(all_poses, all_poses[1:], all_poses[2:], strict=False):
+        length, angle = a.distance(b)
+        assert (length, angle) == pytest.approx(b.distance(a), abs=1e-9)
+        assert (length, angle) == pytest.approx((c @ a).distance(c @ b), abs=1e-7)
+        assert 0 <= angle <= math.pi + 1e-9
+        assert a.distance(a) == pytest.approx((0.0, 0.0), abs=1e-7)
+        assert length <= a.distance(c)[0] + c.distance(b)[0] + EXACT
+        assert angle <= a.distance(c)[1] + c.distance(b)[1] + 1e-9
+
+
+def test_interpolation_ends_at_both_poses_and_is_even() -> None:
+    all_poses = poses()
+    for a, b in itertools.pairwise(all_poses):
+        assert_same(a.interpolate(b, 0.0), a, 1e-9)
+        assert_same(a.interpolate(b, 1.0), b, 1e-7)
+        length, angle = a.distance(b)
+        assert a.distance(a.interpolate(b, 0.3)) == pytest.approx(
+            (0.3 * length, 0.3 * angle), abs=1e-7
+        )
+
+
+def test_moved_shifts_in_the_target_frame() -> None:
+    for pose in poses():
+        assert_same(pose.moved(x=1.0, z=-2.0), SE3(np.eye(3), np.array([1.0, 0.0, -2.0])) @ pose)
+
+
+def test_a_transform_cannot_be_changed() -> None:
+    source = np.zeros(3)
+    pose = SE3(np.eye(3), source)
+    source[0] = 1.0
+    assert pose.translation[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        pose.translation[0] = 1.0
+    with pytest.raises(FrozenInstanceError):
+        pose.rotation = np.eye(3)  # type: ignore[misc]
+
+
+def test_wrong_shapes_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"\(3, 3\)"):
+        SE3(np.eye(4))
+    with pytest.raises(ValueError, match=r"\(3,\)"):
+        SE3(np.eye(3), np.zeros(2))
