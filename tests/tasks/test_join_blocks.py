@@ -137,7 +137,7 @@ def test_a_peg_does_not_pass_through_a_bar(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("make", [bars.light_bar, bars.dark_bar, bars.wall])
-def test_picture_and_collision_are_one_shape(make) -> None:  # noqa: ANN001
+def test_picture_and_collision_are_one_shape(make) -> None:
     solid: Solid = make(GREY)
     union = manifold_of(solid.shapes[0])
     for shape in solid.shapes[1:]:

@@ -1,4 +1,4 @@
-"""Block-Balance: one arm lays the beam across the cube, then both put their blocks down together."""
+"""Block-Balance: one arm lays the beam on the cube, then both put their blocks down together."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _REACH = 0.078
 _PRESS = 0.0005
 """How far the blocks are led into the beam, in metres, so that both stand on it when let go."""
 _OUTWARD = {Side.LEFT: math.pi / 2, Side.RIGHT: -math.pi / 2}
-"""Yaw at which the fingers open along x and the wrist camera is outside, away from the other hand."""
+"""Yaw at which the fingers open along x and the wrist camera points away from the other arm."""
 
 
 def script(arms: Arms) -> Script:

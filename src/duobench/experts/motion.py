@@ -36,6 +36,8 @@ ARRIVED_TURN = 0.03
 MAX_ARRIVAL_STEPS = 20
 """Control steps that a motion waits for the tool to arrive."""
 OPEN, CLOSED = 1.0, 0.0
+AT_REST = 0.004
+"""Change of an opening in one control step below which fingers have come to rest."""
 FINGER_LENGTH = 0.024
 """How far closed fingertips reach beyond the tool centre point, in metres (measured)."""
 PAD_HEIGHT = 0.0375
@@ -198,7 +200,7 @@ def grip(arms: Arms, *sides: Side, opening: float = CLOSED, max_steps: int = 20)
     for _ in range(max_steps):
         yield
         now = np.array([arms.opening(side) for side in sides])
-        if np.abs(now - last).max() < 0.004:
+        if np.abs(now - last).max() < AT_REST:
             return
         last = now
 

@@ -20,21 +20,8 @@ import math
 from duobench.randomness import around
 from duobench.solids.blocks import RED, WOOD, YELLOW, block
 from duobench.solids.prop import Prop
-from duobench.stages.predicates import (
-    Predicate,
-    all_of,
-    any_of,
-    clear,
-    ever,
-    free,
-    held_by_any,
-    lasting,
-    pinched,
-    rests_on,
-    still,
-    touching,
-    upright,
-)
+from duobench.stages import predicates as is_
+from duobench.stages.predicates import Predicate, all_of, any_of, clear, ever, pinched, touching
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import Side
@@ -50,7 +37,7 @@ STILL_SECONDS = 0.5
 BLOCKS = ("left_block", "right_block")
 
 _ON_CUBE = touching("beam", "cube") & clear("beam")
-_LEVEL = upright("beam", LEVEL)
+_LEVEL = is_.upright("beam", LEVEL)
 _EVERYTHING = ("cube", "beam", *BLOCKS)
 
 
@@ -68,12 +55,14 @@ def _on_beam() -> Predicate:
     return all_of(*(touching(name, "beam") & clear(name, "cube") for name in BLOCKS))
 
 
-_HELD = held_by_any("beam")
-_BRIDGE = all_of(rests_on("beam", "cube"), _LEVEL, ever(_HELD))
+_HELD = is_.held_by_any("beam")
+_BRIDGE = all_of(is_.rests_on("beam", "cube"), _LEVEL, ever(_HELD))
 _READY = all_of(_pinched_apart(), _ON_CUBE, ever(_BRIDGE))
 _LOADED = all_of(_on_beam(), _ON_CUBE, ever(_READY))
-_RELEASED = all_of(*(still(name) & free(name) for name in _EVERYTHING))
-_BALANCED = lasting(all_of(_on_beam(), _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & ever(_LOADED)
+_RELEASED = all_of(*(is_.still(name) & is_.free(name) for name in _EVERYTHING))
+_BALANCED = is_.lasting(all_of(_on_beam(), _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & ever(
+    _LOADED
+)
 
 TASK = Task(
     id="block_balance",

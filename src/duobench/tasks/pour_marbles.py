@@ -1,7 +1,7 @@
 """Pour-Marbles.
 
 Task:
-    Each arm takes the cup of its side; all twenty marbles are poured from one cup into the other.
+    Each arm takes the cup of its side; twenty marbles are poured from one cup into the other.
 
 Randomization:
     Each cup within 5 cm of its square's centre; which cup holds the marbles.
@@ -33,8 +33,7 @@ HALF_SQUARE = 0.05
 """A cup is inside its square when its centre is this near the square's, along x and y."""
 RAISE = 0.020
 UPRIGHT = math.radians(20.0)
-GREEN = (0.20, 0.62, 0.27, 1.0)
-LIGHT = (0.92, 0.93, 0.95, 1.0)
+GREEN, LIGHT = (0.20, 0.62, 0.27, 1.0), (0.92, 0.93, 0.95, 1.0)
 BLUE = (0.10, 0.28, 0.78, 1.0)
 
 
@@ -47,21 +46,25 @@ def _fill(layout: Layout) -> Layout:
     return Layout(poses={**layout.poses, **heap}, variants=variants)
 
 
+def _hollow(cup: str) -> is_.CylinderRegion:
+    """What a cup holds: inside its walls, up to its rim."""
+    return is_.CylinderRegion(body=cup, radius=cups.INNER_RADIUS, low=cups.WALL, high=cups.HEIGHT)
+
+
 def _poured(count: int) -> Predicate:
     """At least `count` marbles are in the cup that was empty, after both cups were raised."""
-    shape = {"radius": cups.INNER_RADIUS, "low": cups.WALL, "high": cups.HEIGHT}
-    regions = {side: is_.CylinderRegion(body=CUPS[side], **shape) for side in SIDES}
-    into = {side: is_.at_least_inside(count, MARBLES, regions[side]) for side in SIDES}
+    into = {side: is_.at_least_inside(count, MARBLES, _hollow(CUPS[side])) for side in SIDES}
     return any_of(*(is_.variant("empty", s.value) & into[s] for s in SIDES)) & ever(_RAISED)
 
 
 def _back(side: Side) -> Predicate:
     """A cup stands upright on its square, released and still."""
     cup, half = CUPS[side], HALF_SQUARE
-    square = is_.BoxRegion(body=SQUARES[side], low=(-half, -half, -half), high=(half, half, RAISE))
+    square = is_.BoxRegion(body=SQUARES[side], low=(-half, -half, -half), high=(half, half, half))
     return all_of(is_.upright(cup, UPRIGHT), is_.inside(cup, square), is_.free(cup), is_.still(cup))
 
 
+_SQUARE = cups.square_mark(2 * HALF_SQUARE, GREEN)
 _PINCHED = tuple(is_.pinched(side, CUPS[side]) for side in SIDES)
 _RAISED = all_of(*_PINCHED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
 
@@ -76,10 +79,7 @@ TASK = Task(
     horizon=442,
     props=(
         *(Prop(name=name, solid=cups.cup(LIGHT)) for name in CUPS.values()),
-        *(
-            Prop(name=name, solid=cups.square_mark(2 * HALF_SQUARE, GREEN), fixed=True)
-            for name in SQUARES.values()
-        ),
+        *(Prop(name=name, solid=_SQUARE, fixed=True) for name in SQUARES.values()),
         *(Prop(name=name, solid=cups.marble(BLUE)) for name in MARBLES),
     ),
     placements={
