@@ -36,11 +36,11 @@ from duobench.tasks import catalog
 from duobench.tasks.task import Task
 
 DOCS = Path(__file__).parent
-PAGE = DOCS / "gallery.md"
+PAGE = "gallery.md"
 FOLDER = "gallery"
-"""Where the pictures are, beside the page."""
-COVER = DOCS / "tasks.jpg"
-"""The picture of all tasks."""
+"""Where the pictures of the page are, beside it."""
+COVER = "tasks.jpg"
+"""The picture of all tasks, beside the page."""
 
 START_SIZE = (540, 960)
 CAMERA_SIZE = (180, 320)
@@ -322,29 +322,28 @@ def explanation(name: str) -> str:
     return " ".join(found[1].split())
 
 
-def sweep(folder: Path, text: str) -> None:
-    """Remove pictures that a page does not show."""
-    shown = {folder.parent / target for target in re.findall(r"\]\(([^)]+)\)", text)}
-    for file in folder.rglob("*.*"):
-        if file not in shown:
-            file.unlink()
+def sweep(folder: Path) -> None:
+    """Remove the pictures of tasks that the catalog no longer has."""
+    for own in folder.iterdir():
+        if own.name not in catalog.names():
+            shutil.rmtree(own)
 
 
 def main() -> None:
     """Draw what is asked for; if that is everything, write the page and the cover."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("tasks", nargs="*", metavar="task", help="ids; default: all")
-    parser.add_argument("--out", type=Path, default=DOCS / FOLDER, help="folder of the pictures")
+    parser.add_argument("tasks", nargs="*", metavar="task", help="ids; default: all, and the page")
+    parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page")
     given = parser.parse_args()
+    folder = given.out / FOLDER
     for name in given.tasks or catalog.names():
-        draw(name, given.out)
-        console().print(str(given.out / name), soft_wrap=True)
+        draw(name, folder)
+        console().print(str(folder / name), soft_wrap=True)
     if given.tasks:
         return
-    text = page(given.out)
-    (given.out.parent / PAGE.name).write_text(text, encoding="utf-8")
-    sweep(given.out, text)
-    cover(given.out).save(given.out.parent / COVER.name, quality=COVER_QUALITY, optimize=True)
+    sweep(folder)
+    (given.out / PAGE).write_text(page(folder), encoding="utf-8")
+    cover(folder).save(given.out / COVER, quality=COVER_QUALITY, optimize=True)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ def test_the_script_draws_a_task(tmp_path: Path) -> None:
     command = [sys.executable, "docs/gallery.py", TASK, "--out", str(tmp_path)]
     result = subprocess.run(command, cwd=ROOT, check=False, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
-    drawn = {file.stem: file for file in (tmp_path / TASK).iterdir()}
+    drawn = {file.stem: file for file in (tmp_path / "gallery" / TASK).iterdir()}
     stages = {f"stage_{number}" for number in range(1, catalog.get(TASK).max_stage + 1)}
     assert set(drawn) == {OVERVIEW, *POLICY_CAMERAS} | stages
     for file in drawn.values():
