@@ -1,0 +1,100 @@
+"""Spring-Door: the left arm pulls the door open by its bar while the right brings the cube.
+
+The left gripper pinches the bar from the left, aslant to the door and from a little below, and
+keeps its pose against the door while it swings: its forearm stays low on its own side, and the
+whole right half is free for the other arm.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from duobench.experts.motion import (
+    Arms,
+    Script,
+    down,
+    follow,
+    grip,
+    move,
+    nearest_turn,
+    pick,
+    release,
+    together,
+    wait_until,
+)
+from duobench.solids.microwave import BAR, FLOOR, FRONT, HEIGHT, HINGE
+from duobench.spatial import SE3
+from duobench.types import Side
+
+_HOLDER, _INSERTER = Side.LEFT, Side.RIGHT
+_POSTURE = (1.5, 0.7, -0.3, -2.3, -1.2, 1.9, 0.4)
+"""Joints of the left arm with a low forearm, far from its limits along the door's whole way."""
+_REACH_POSTURE = (-0.1, 0.8, -0.4, -2.2, -2.3, 2.3, 1.9)
+"""Joints of the right arm with which it reaches into the oven."""
+_ASLANT, _FROM_BELOW = -0.5, 1.85
+"""Direction of the pulling tool: against the shut door's normal, and against straight down."""
+_BAR_HEIGHT = 0.19
+"""Where the bar is pinched, in metres above the table."""
+_AROUND_BAR = 0.55
+"""Opening with which the fingers go around the bar."""
+_OPEN_ANGLE = 1.15
+"""How far the door is opened, in radians."""
+_ENOUGH = 1.05
+"""Angle in radians from which on the other arm goes in."""
+_PULL_SECONDS = 3.0
+
+_GRASP_HEIGHT = 0.031
+_CARRY_HEIGHT = 0.20
+_GRASP_LEAN = 0.35
+_AZIMUTH, _SLOPE = 0.05, 0.78
+"""Direction of the inserting tool: to the left of the oven's depth, and against straight down. The
+gripper is 0.23 m long to the flange and still fits under the roof."""
+_INSIDE = (FRONT + 0.054, 0.068, FLOOR + 0.042)
+"""Tool where it lets the cube go, in the oven's frame."""
+_BEFORE = 0.10
+"""How far the inserting tool stops ahead of where it lets go, along itself, in metres."""
+_LET_GO = 0.75
+"""Opening that frees the cube."""
+
+
+def script(arms: Arms) -> Script:
+    """Open the door, hold it open, put the cube in."""
+    yield from together(_open(arms), _insert(arms))
+
+
+def _at_bar(oven: SE3, angle: float) -> SE3:
+    """Tool pose around the bar of the door, open by `angle` radians, camera downwards."""
+    door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
+    aslant = down(0.0, 0.0, 0.0, yaw=_ASLANT, lean=_FROM_BELOW) @ SE3.at(yaw=math.pi)
+    height = _BAR_HEIGHT - HEIGHT / 2
+    return door @ SE3(aslant.rotation, np.array([*BAR, height]))
+
+
+def _open(arms: Arms) -> Script:
+    oven = arms.sim.pose("microwave")
+    side = _HOLDER
+    arms.posture = np.array([_POSTURE, _REACH_POSTURE])
+    arms.openings[side.index] = _AROUND_BAR
+    shut = _at_bar(oven, 0.0)
+    yield from move(arms, {side: shut @ SE3.at(z=-0.12)}, tolerance=0.012)
+    yield from move(arms, {side: shut}, speed=0.2)
+    yield from grip(arms, side)
+    yield from follow(arms, lambda f: {side: _at_bar(oven, f * _OPEN_ANGLE)}, _PULL_SECONDS)
+
+
+def _insert(arms: Arms) -> Script:
+    side = _INSERTER
+    oven = arms.sim.pose("microwave")
+    while not arms.pinches(side, "cube"):
+        pose = arms.sim.pose("cube")
+        x, y, _ = pose.translation
+        yaw = nearest_turn(pose.yaw, math.pi / 2)
+        yield from pick(arms, side, down(x, y, _GRASP_HEIGHT, yaw=yaw, lean=_GRASP_LEAN))
+    inside = oven @ down(*_INSIDE, yaw=_AZIMUTH, lean=_SLOPE)
+    before = inside @ SE3.at(z=-_BEFORE)
+    yield from wait_until(lambda: arms.sim.angle("microwave/door") >= _ENOUGH, 500)
+    yield from move(arms, {side: before}, tolerance=0.012)
+    yield from move(arms, {side: inside}, speed=0.25)
+    yield from release(arms, side, opening=_LET_GO)

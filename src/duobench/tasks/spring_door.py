@@ -1,0 +1,88 @@
+"""Spring-Door.
+
+Task:
+    A cube goes into a microwave whose door swings shut by itself: one arm pulls the door open by
+    its handle and holds it while the other puts the cube inside.
+
+Randomization:
+    The cube within 5 cm by 10 cm of its place on the right at any yaw, the microwave within 2 cm
+    and 3 degrees of its place.
+
+Success:
+    The cube rests on the floor of the cavity and no gripper touches it, after it had been held
+    while the door was open.
+"""
+
+from __future__ import annotations
+
+import math
+
+from duobench.randomness import ANY_YAW, around
+from duobench.solids.blocks import CUBE_EDGE, WHITE, cube
+from duobench.solids.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
+from duobench.solids.prop import Prop
+from duobench.stages.predicates import (
+    BoxRegion,
+    all_of,
+    ever,
+    free,
+    held_by_any,
+    hinge_open,
+    inside,
+    rests_on,
+)
+from duobench.stages.progress import Stage
+from duobench.tasks.task import Category, Placement, Task
+
+OPEN_ANGLE = 0.8
+"""Angle in radians from which on the door counts as open."""
+
+_REACH = CUBE_EDGE / math.sqrt(2)
+"""From the cube's centre to an upright edge: it sticks out of the front by no more than this."""
+
+FLOOR_REGION = BoxRegion(
+    body="microwave",
+    low=(FRONT + _REACH, CAVITY_CENTRE_Y - CAVITY[1] / 2, FLOOR),
+    high=(FRONT + CAVITY[0], CAVITY_CENTRE_Y + CAVITY[1] / 2, FLOOR + CUBE_EDGE),
+)
+"""Where the cube's centre is when the cube lies on the cavity's floor, behind the shut door."""
+
+_DOOR_OPEN = hinge_open("microwave/door", OPEN_ANGLE)
+_CUBE_HELD = held_by_any("cube", "microwave", "microwave/door")
+_OPEN_AND_HELD = _DOOR_OPEN & _CUBE_HELD
+_CUBE_IN = all_of(inside("cube", FLOOR_REGION), rests_on("cube", "microwave"), free("cube"))
+
+TASK = Task(
+    id="spring_door",
+    title="Spring-Door",
+    category=Category.ASYMMETRIC_SUPPORT,
+    instruction="Hold the door of the microwave open and put the white cube inside.",
+    horizon=807,
+    props=(
+        Prop(name="cube", solid=cube(WHITE)),
+        microwave("microwave"),
+    ),
+    placements={
+        "cube": Placement(x=around(0.4, 0.05), y=around(-0.35, 0.1), z=CUBE_EDGE / 2, yaw=ANY_YAW),
+        "microwave": Placement(
+            x=around(0.7, 0.02), y=around(0.0, 0.02), yaw=around(0.0, math.radians(3))
+        ),
+    },
+    stages=(
+        Stage(
+            name="the door is open or the cube is held",
+            instruction="Open the door of the microwave or pick up the cube.",
+            holds=_DOOR_OPEN | _CUBE_HELD,
+        ),
+        Stage(
+            name="the door is open and the cube is held",
+            instruction="Hold the door open with one arm and the cube with the other.",
+            holds=_OPEN_AND_HELD,
+        ),
+        Stage(
+            name="the cube is in the microwave",
+            instruction="Put the cube on the floor of the microwave and let go of it.",
+            holds=all_of(_CUBE_IN, ever(_OPEN_AND_HELD)),
+        ),
+    ),
+)
