@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.build import with_table
+from docs.table import with_table
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
