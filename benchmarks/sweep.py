@@ -1,0 +1,145 @@
+"""Play every task with a policy on seeds 0 to n-1, and count the stages that were reached.
+
+`python -m benchmarks.sweep --policy expert --seeds 100` counts the experts' successes; with
+`hold`, `zero`, `open_close` or `random` it shows what can be had for nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+import duobench
+from duobench.evaluation import policies
+from duobench.policy import BASELINES, HoldPolicy
+from duobench.tasks import catalog
+
+OPEN_CLOSE = "open_close"
+POLICIES = (policies.EXPERT, *BASELINES, OPEN_CLOSE)
+OPENINGS = (7, 15)
+"""Places of the two openings in an action."""
+HALF_PERIOD = 30
+"""Control steps for which grippers stay closed, or open."""
+SEEDS_A_JOB = 10
+
+
+class OpenClosePolicy(HoldPolicy):
+    """Closes and opens both grippers in the air, one second each."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        """Begin with closing."""
+        super().reset(instruction, seed)
+        self._steps = 0
+
+    def act(self, observation: Mapping[str, Any]) -> np.ndarray:
+        """One action (1, 16)."""
+        action = super().act(observation).copy()
+        action[:, OPENINGS] = (self._steps // HALF_PERIOD) % 2
+        self._steps += 1
+        return action
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Job:
+    """Some seeds of one task."""
+
+    task: str
+    policy: str
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Outcome:
+    """How one episode ended."""
+
+    task: str
+    seed: int
+    stage: int
+    success: bool
+    steps: int
+
+
+def play(job: Job) -> list[Outcome]:
+    """Play one job in this process."""
+    env = duobench.make(job.task, cameras=False)
+    policy = (
+        OpenClosePolicy() if job.policy == OPEN_CLOSE else policies.source(job.policy).bind(env)
+    )
+    outcomes = []
+    for seed in job.seeds:
+        observation, info = env.reset(seed=seed)
+        policy.reset(info["instruction"], seed)
+        steps, over = 0, False
+        while not over:
+            action = np.asarray(policy.act(observation))[0]
+            observation, _, terminated, truncated, info = env.step(action)
+            steps += 1
+            over = terminated or truncated
+        outcomes.append(
+            Outcome(
+                task=job.task,
+                seed=seed,
+                stage=info["stage"],
+                success=info["success"],
+                steps=steps,
+            )
+        )
+    env.close()
+    return outcomes
+
+
+def main() -> None:
+    """Play what the arguments name, and print one row a task."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.sweep", description=__doc__)
+    parser.add_argument("--policy", choices=POLICIES, default=policies.EXPERT)
+    parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=2)
+    arguments = parser.parse_args()
+    starts = range(0, arguments.seeds, SEEDS_A_JOB)
+    jobs = [
+        Job(
+            task=task,
+            policy=arguments.policy,
+            seeds=tuple(range(start, min(start + SEEDS_A_JOB, arguments.seeds))),
+        )
+        for task, start in product(arguments.tasks, starts)
+    ]
+    with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
+        done = track(pool.imap(play, jobs), description=arguments.policy, total=len(jobs))
+        outcomes = [outcome for batch in done for outcome in batch]
+    Console().print(_table(outcomes, arguments.tasks, arguments.policy))
+
+
+def _table(outcomes: list[Outcome], tasks: list[str], policy: str) -> Table:
+    table = Table(title=f"{policy}, seeds 0 to n-1")
+    for column in ("task", "episodes", "successes", "last stages", "steps mean / max", "failures"):
+        table.add_column(column)
+    for task in tasks:
+        mine = [outcome for outcome in outcomes if outcome.task == task]
+        won = [outcome.steps for outcome in mine if outcome.success]
+        stages = Counter(outcome.stage for outcome in mine)
+        failures = [f"{o.seed}: {o.stage}" for o in mine if not o.success]
+        table.add_row(
+            task,
+            str(len(mine)),
+            str(len(won)),
+            " ".join(f"{stage}: {count}" for stage, count in sorted(stages.items())),
+            f"{np.mean(won):.0f} / {max(won)}" if won else "",
+            ", ".join(failures[:6]) + (" ..." if len(failures) > 6 else ""),  # noqa: PLR2004
+        )
+    return table
+
+
+if __name__ == "__main__":
+    main()
