@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable
 
 import mujoco
@@ -44,8 +45,9 @@ class Simulation:
         Args:
             props: The task's objects.
         """
+        props = tuple(props)
+        self.model: mujoco.MjModel = compose(props).compile()
         self.props = {prop.name: prop for prop in props}
-        self.model: mujoco.MjModel = compose(self.props.values()).compile()
         self.data = mujoco.MjData(self.model)
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
@@ -54,14 +56,13 @@ class Simulation:
         self._bodies = {self.model.body(number).name: number for number in range(self.model.nbody)}
         self._corners = {name: corner_points(prop.solid) for name, prop in self.props.items()}
         self._state_size = mujoco.mj_stateSize(self.model, STATE)
-        self._free = np.array(
-            [
-                self.model.joint(name).dofadr[0] + np.arange(6)
-                for name, prop in self.props.items()
-                if not prop.fixed
-            ],
-            dtype=np.int64,
-        ).reshape(-1, 6)
+        self._dofs = {
+            name: int(self.model.joint(name).dofadr[0])
+            for name, prop in self.props.items()
+            if not prop.fixed
+        }
+        starts = np.array(list(self._dofs.values()), dtype=np.int64)
+        self._free = starts[:, None] + np.arange(6)
         self.clear()
         self.refresh()
 
@@ -213,11 +214,11 @@ class Simulation:
 
     def speed(self, prop: str) -> tuple[float, float]:
         """Linear (m/s) and angular (rad/s) speed of a free prop; zero for a fixed one."""
-        if self.props[prop].fixed:
+        start = self._dofs.get(prop)
+        if start is None:
             return 0.0, 0.0
-        start = self.model.joint(prop).dofadr[0]
-        velocity = self.data.qvel[start : start + 6]
-        return float(np.linalg.norm(velocity[:3])), float(np.linalg.norm(velocity[3:]))
+        x, y, z, turn_x, turn_y, turn_z = self.data.qvel[start : start + 6].tolist()
+        return math.hypot(x, y, z), math.hypot(turn_x, turn_y, turn_z)
 
     def angle(self, hinge: str) -> float:
         """Angle of a hinge in radians."""

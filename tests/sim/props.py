@@ -1,0 +1,24 @@
+"""Small scenes for the tests of simulation and stages."""
+
+from __future__ import annotations
+
+from duobench.sim.simulation import Simulation
+from duobench.solids.blocks import RED, WHITE, block, cube
+from duobench.solids.bowl import bowl
+from duobench.solids.chest import chest
+from duobench.solids.prop import Prop
+
+EDGE = 0.032
+LID = "chest/lid"
+
+
+def scene() -> Simulation:
+    """A cube, a slab and a bowl that are free, and a chest that is fixed; not placed yet."""
+    return Simulation(
+        [
+            Prop(name="cube", solid=cube(RED)),
+            Prop(name="slab", solid=block(0.10, 0.06, 0.02, WHITE)),
+            Prop(name="bowl", solid=bowl(WHITE)),
+            chest("chest", body=WHITE, lid=RED),
+        ]
+    )

@@ -1,0 +1,180 @@
+"""Who touches whom, against the engine's own list."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from duobench.errors import UnknownNameError
+from duobench.scene.naming import TABLE, pad_names, tcp_name
+from duobench.sim.contacts import Contacts, Limb, limb_owner
+from duobench.sim.duo import HOME
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.types import SIDES, DuoCommand, Side
+from tests.sim.props import EDGE, scene
+
+# Two arms of nothing but the parts that contacts tell apart, and two balls on a table; the second
+# ball is held 1 mm above it, within its geoms' margin.
+TOY = """
+<mujoco>
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="table"><geom type="plane" size="1 1 1"/></body>
+    <body name="ball" pos="0 0 0.0999"><freejoint/><geom size="0.1"/></body>
+    <body name="hover" pos="0.5 0 0.101"><freejoint/><geom size="0.1" margin="0.02"/></body>
+    {arms}
+  </worldbody>
+</mujoco>
+"""
+ARM = """
+<body name="{side}/link" pos="{x} 0 3"><geom size="0.1"/>
+  <body name="{side}/gripper/base" pos="0 0 0.5"><geom size="0.1"/>
+    <body name="{side}/gripper/left_pad" pos="0 0.3 0.5"><freejoint_/><geom size="0.1"/></body>
+    <body name="{side}/gripper/right_pad" pos="0 -0.3 0.5"><geom size="0.1"/></body>
+  </body>
+</body>
+"""
+
+
+def toy() -> tuple[mujoco.MjModel, mujoco.MjData, Contacts]:
+    arms = "".join(ARM.format(side=side, x=2 * side.index - 1) for side in SIDES)
+    model = mujoco.MjModel.from_xml_string(TOY.format(arms=arms.replace("<freejoint_/>", "")))
+    data = mujoco.MjData(model)
+    contacts = Contacts(model, data)
+    look(model, data, contacts)
+    return model, data, contacts
+
+
+def look(model: mujoco.MjModel, data: mujoco.MjData, contacts: Contacts) -> None:
+    mujoco.mj_forward(model, data)
+    contacts.update()
+
+
+def test_every_part_has_its_owner() -> None:
+    _, _, contacts = toy()
+    limbs = {limb_owner(side, limb) for side in SIDES for limb in Limb}
+    assert set(contacts.owners) == {TABLE, "ball", "hover"} | limbs
+
+
+def test_a_margin_alone_is_no_contact() -> None:
+    _, data, contacts = toy()
+    assert data.ncon == 2, "the engine lists both balls"
+    assert contacts.between("ball", TABLE)
+    assert not contacts.between("hover", TABLE)
+
+
+def test_contact_is_symmetric_and_of_the_moment() -> None:
+    model, data, contacts = toy()
+    assert contacts.between(TABLE, "ball")
+    assert contacts.partners(TABLE) == {"ball"}
+    assert contacts.partners("ball") == {TABLE}
+    data.qpos[2] = 0.4
+    look(model, data, contacts)
+    assert not contacts.between(TABLE, "ball")
+    assert contacts.partners("ball") == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("height", "gripper", "pads"),
+    [(3.0, False, False), (3.5, True, False), (4.0, False, False)],
+)
+def test_limbs_are_told_apart(height: float, gripper: bool, pads: bool) -> None:
+    model, data, contacts = toy()
+    data.qpos[:3] = [-1.15, 0.0, height]
+    look(model, data, contacts)
+    assert contacts.gripper(Side.LEFT, "ball") is gripper
+    assert contacts.pads(Side.LEFT, "ball") is pads
+    assert not contacts.gripper(Side.RIGHT, "ball")
+
+
+def test_pads_means_both() -> None:
+    model, data, contacts = toy()
+    for y in (0.3, -0.3):
+        data.qpos[:3] = [-1.0, y, 4.19]
+        look(model, data, contacts)
+        assert contacts.gripper(Side.LEFT, "ball")
+        assert not contacts.pads(Side.LEFT, "ball")
+
+
+def test_deepest_names_what_overlaps() -> None:
+    model, data, contacts = toy()
+    data.qpos[2] = 0.09
+    look(model, data, contacts)
+    ((one, other, depth),) = contacts.deepest(0.005)
+    assert {one, other} == {TABLE, "ball"}
+    assert depth == pytest.approx(0.01)
+    assert contacts.deepest(0.02) == []
+
+
+@pytest.mark.parametrize("question", ["between", "partners", "gripper", "pads"])
+def test_an_unknown_owner_is_an_error(question: str) -> None:
+    _, _, contacts = toy()
+    first = {"between": ["ball"], "partners": [], "gripper": [Side.LEFT], "pads": [Side.LEFT]}
+    with pytest.raises(UnknownNameError, match=r"'bal'.*'ball'"):
+        getattr(contacts, question)(*first[question], "bal")
+
+
+# --- the real robot ------------------------------------------------------------------------------
+
+
+def held_cube(sim: Simulation) -> None:
+    """The left gripper closes on a cube that was put between its fingers."""
+    sim.clear()
+    for name, x in (("slab", 0.4), ("bowl", 0.6), ("chest", 0.8)):
+        sim.place(name, SE3.at(x, -0.5, 0.011))
+    sim.refresh()
+    tool = sim.site_pose(tcp_name(Side.LEFT))
+    grasp = DuoCommand(joints=HOME.joints, openings=np.array([0.0, 1.0]))
+    for _ in range(15):
+        sim.place("cube", tool)
+        sim.refresh()
+        sim.step(grasp)
+    for _ in range(5):
+        sim.step(grasp)
+
+
+def test_a_real_gripper_pinches_and_lets_go() -> None:
+    sim = scene()
+    held_cube(sim)
+    assert sim.contacts.pads(Side.LEFT, "cube")
+    assert sim.contacts.gripper(Side.LEFT, "cube")
+    assert not sim.contacts.gripper(Side.RIGHT, "cube")
+    assert not sim.contacts.between("cube", TABLE)
+    pads = {limb_owner(Side.LEFT, Limb.LEFT_PAD), limb_owner(Side.LEFT, Limb.RIGHT_PAD)}
+    assert pads <= sim.contacts.partners("cube")
+    for _ in range(20):
+        sim.step(HOME)
+    assert not sim.contacts.gripper(Side.LEFT, "cube")
+    assert sim.position("cube")[2] == pytest.approx(EDGE / 2, abs=0.03)
+
+
+def test_the_set_is_the_engines_list() -> None:
+    sim = scene()
+    held_cube(sim)
+    listed = set()
+    for contact in sim.data.contact:
+        if contact.dist <= 0:
+            bodies = [sim.model.body(sim.model.geom_bodyid[geom]).name for geom in contact.geom]
+            listed.add(frozenset(map(owner_of, bodies)))
+    assert listed
+    owners = sim.contacts.owners
+    found = {
+        frozenset((one, other))
+        for one in owners
+        for other in owners
+        if sim.contacts.between(one, other)
+    }
+    assert found == listed
+
+
+def owner_of(body: str) -> str:
+    for side in SIDES:
+        if body in pad_names(side):
+            return f"{side}/{body.rsplit('/', 1)[1]}"
+        if body.startswith(f"{side}/gripper/"):
+            return f"{side}/hand"
+        if body.startswith(f"{side}/"):
+            return f"{side}/arm"
+    return body

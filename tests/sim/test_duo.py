@@ -1,0 +1,145 @@
+"""Commands in, state out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from duobench.scene.compose import SUBSTEPS
+from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES
+from duobench.scene.naming import tcp_name
+from duobench.sim.duo import HOME, Duo
+from duobench.sim.kinematics import Kinematics
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.types import SIDES, DuoCommand, Side
+
+
+@pytest.fixture(scope="module")
+def shared() -> Simulation:
+    return Simulation()
+
+
+@pytest.fixture
+def sim(shared: Simulation) -> Simulation:
+    shared.clear()
+    shared.refresh()
+    return shared
+
+
+@pytest.fixture
+def duo(sim: Simulation) -> Duo:
+    return sim.duo
+
+
+def command(left: float = 0.0, right: float = 0.0, opening: float = 1.0) -> DuoCommand:
+    joints = HOME.joints + np.array([[left], [right]])
+    return DuoCommand(joints=joints, openings=np.full(2, opening))
+
+
+def test_the_limits_are_the_arms_own(duo: Duo) -> None:
+    joints = np.delete(np.arange(16), [7, 15])
+    assert duo.low[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 0], 2))
+    assert duo.high[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 1], 2))
+    assert duo.low[[7, 15]].tolist() == [0.0, 0.0]
+    assert duo.high[[7, 15]].tolist() == [1.0, 1.0]
+
+
+def test_targets_move_linearly_over_the_step(sim: Simulation, duo: Duo) -> None:
+    start = sim.data.ctrl.copy()
+    goal = command(left=0.16, right=-0.08, opening=0.5)
+    rows = duo.ramp(goal)
+    assert rows.shape == (SUBSTEPS, 16)
+    sim.step(goal)
+    end = sim.data.ctrl.copy()
+    assert np.array_equal(rows[-1], end)
+    for number, row in enumerate(rows, start=1):
+        assert row == pytest.approx(start + (end - start) * number / SUBSTEPS)
+
+
+def test_a_command_can_be_read_back_exactly(sim: Simulation, duo: Duo) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        joints = HOME.joints + rng.uniform(-0.1, 0.1, size=(2, 7))
+        sent = DuoCommand(joints=joints, openings=rng.uniform(size=2))
+        sim.step(sent)
+        assert np.array_equal(duo.command().joints, sent.joints)
+        assert duo.command().openings == pytest.approx(sent.openings, abs=1e-12)
+
+
+def test_what_was_read_back_is_a_copy(sim: Simulation, duo: Duo) -> None:
+    read = duo.command()
+    kept = read.flat
+    sim.step(command(left=0.1))
+    assert np.array_equal(read.flat, kept)
+
+
+def test_a_repeated_command_is_no_ramp(sim: Simulation, duo: Duo) -> None:
+    goal = command(left=0.1, opening=0.3)
+    sim.step(goal)
+    assert np.ptp(duo.ramp(goal), axis=0).max() == 0.0
+
+
+def test_a_state_is_a_copy_too(sim: Simulation, duo: Duo) -> None:
+    state = duo.read()
+    kept = state.flat.copy(), state.tool_poses.copy()
+    for _ in range(5):
+        sim.step(command(left=0.2, opening=0.0))
+    assert np.array_equal(state.flat, kept[0])
+    assert np.array_equal(state.tool_poses, kept[1])
+
+
+def test_the_arms_follow_and_each_is_its_own(sim: Simulation) -> None:
+    goal = command(left=0.2)
+    for _ in range(30):
+        state = sim.step(goal)
+    assert state.joints == pytest.approx(goal.joints, abs=0.01)
+    assert np.abs(state.joints[1] - HOME_JOINTS[1]).max() < 0.002
+
+
+@pytest.mark.parametrize("opening", [0.0, 0.25, 0.5, 0.75, 1.0])
+def test_the_grippers_open_as_far_as_told(sim: Simulation, opening: float) -> None:
+    for _ in range(25):
+        state = sim.step(command(opening=opening))
+    assert state.openings == pytest.approx([opening] * 2, abs=0.03)
+    assert np.all((state.openings >= 0) & (state.openings <= 1))
+
+
+def test_tool_poses_are_those_of_the_sites_and_of_forward_kinematics(sim: Simulation) -> None:
+    for _ in range(30):
+        state = sim.step(command(left=0.2, right=-0.1))
+    forward = Kinematics().forward(state.joints)
+    for side, numbers in zip(SIDES, state.tool_poses, strict=True):
+        pose = SE3.from_tquat(numbers)
+        assert max(pose.distance(sim.site_pose(tcp_name(side)))) < 1e-9
+        assert max(pose.distance(forward[side])) < 1e-6
+
+
+def test_the_quaternion_of_a_tool_that_points_down_does_not_flip(sim: Simulation) -> None:
+    """Seen while a tool is turned about the vertical and leans to and fro, through qw = 0."""
+    kinematics = Kinematics()
+    joints = HOME.joints.copy()
+    seen = []
+    for number in range(90):
+        yaw, lean = -1.0 + 2.0 * number / 90, 0.3 * math.sin(0.1 * number)
+        turn = SE3.about((0, 0, 1), yaw) @ SE3.about((1, 0, 0), math.pi)
+        turn = turn @ SE3.about((1, 1, 0), lean)
+        goal = SE3(turn.rotation, np.array([0.5, 0.2, 0.3]))
+        joints = kinematics.step(joints, {Side.LEFT: goal})
+        state = sim.step(DuoCommand(joints=joints, openings=np.ones(2)))
+        seen.append(state.tool_poses[0, 3:])
+    quaternions = np.array(seen)
+    assert quaternions[:, 3].min() < -0.01 < 0.01 < quaternions[:, 3].max()
+    assert np.abs(np.diff(quaternions, axis=0)).max() < 0.1
+    assert np.linalg.norm(quaternions, axis=1) == pytest.approx(1.0)
+    assert (quaternions[:, 0] >= 0).all()
+
+
+def test_arms_are_put_at_home_with_open_grippers_only(sim: Simulation, duo: Duo) -> None:
+    duo.hold(command(left=0.3))
+    sim.refresh()
+    assert duo.read().joints[0] == pytest.approx(HOME_JOINTS[0] + 0.3)
+    with pytest.raises(ValueError, match="open grippers"):
+        duo.hold(command(opening=0.5))

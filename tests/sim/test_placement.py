@@ -1,0 +1,129 @@
+"""Layouts: as data, applied, and refused where they cannot be."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from duobench.errors import LayoutError
+from duobench.sim.placement import MAX_DRAWS, Layout, apply, first_valid, problems
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from tests.sim.props import EDGE, scene
+
+GOOD = Layout(
+    poses={
+        "cube": SE3.at(0.5, 0.1, EDGE / 2, yaw=0.3),
+        "slab": SE3.at(0.5, -0.2, 0.01),
+        "bowl": SE3.at(0.7, 0.3),
+        "chest": SE3.at(0.7, -0.3, yaw=0.1),
+    },
+    variants={"lid": "red"},
+)
+
+
+@pytest.fixture(scope="module")
+def sim() -> Simulation:
+    return scene()
+
+
+def changed(**poses: SE3) -> Layout:
+    return Layout(poses={**GOOD.poses, **poses})
+
+
+def test_a_layout_survives_text() -> None:
+    text = json.dumps(GOOD.to_json())
+    again = Layout.from_json(json.loads(text))
+    assert again.variants == GOOD.variants
+    for name, pose in GOOD.poses.items():
+        assert max(again.poses[name].distance(pose)) < 1e-12
+    assert json.loads(text)["poses"]["bowl"] == [0.7, 0.3, 0.0, 0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {},
+        {"poses": [1, 2]},
+        {"poses": {"cube": [0.5, 0.0]}},
+        {"poses": {"cube": ["a"] * 7}},
+        {"poses": {"cube": None}},
+        {"poses": {}, "variants": 3},
+        None,
+    ],
+)
+def test_what_is_no_layout_is_refused(data: object) -> None:
+    with pytest.raises(LayoutError, match=r"no layout.*poses.*variants"):
+        Layout.from_json(data)  # type: ignore[arg-type]
+
+
+def test_applying_puts_every_prop_in_its_place(sim: Simulation) -> None:
+    sim.clear()
+    apply(sim, GOOD)
+    for name, pose in GOOD.poses.items():
+        assert max(sim.pose(name).distance(pose)) < 1e-9
+
+
+def test_a_layout_names_exactly_the_props(sim: Simulation) -> None:
+    poses = {**GOOD.poses, "ghost": SE3()}
+    del poses["slab"]
+    with pytest.raises(LayoutError, match=r"missing \['slab'\], unknown \['ghost'\]"):
+        apply(sim, Layout(poses=poses))
+
+
+@pytest.mark.parametrize(
+    ("layout", "words"),
+    [
+        (changed(cube=SE3.at(0.5, -0.2, EDGE / 2)), "cube and slab overlap|slab and cube overlap"),
+        (changed(cube=SE3.at(0.5, 0.1, 0.0)), "table"),
+        (changed(cube=SE3.at(0.51, 0.25, 0.54)), "cube touches the robot"),
+        (changed(cube=SE3.at(1.06, 0.1, EDGE / 2)), "cube is out of reach"),
+        (changed(cube=SE3.at(0.5, -0.66, EDGE / 2)), "cube is out of reach"),
+    ],
+)
+def test_problems_are_named(sim: Simulation, layout: Layout, words: str) -> None:
+    found = problems(sim, layout)
+    assert any(word in problem for word in words.split("|") for problem in found), found
+
+
+def test_standing_on_the_table_is_no_problem(sim: Simulation) -> None:
+    assert problems(sim, GOOD) == []
+
+
+def test_fixed_props_may_stand_out_of_reach(sim: Simulation) -> None:
+    assert problems(sim, changed(chest=SE3.at(1.2, 0.0))) == []
+
+
+def test_the_first_valid_layout_is_taken(sim: Simulation) -> None:
+    bad = changed(cube=SE3.at(2.0, 0.0, EDGE / 2))
+    later = changed(cube=SE3.at(0.45, 0.1, EDGE / 2))
+    assert first_valid(sim, iter([bad, bad, GOOD, later]), "test") is GOOD
+
+
+def test_drawing_is_bounded_and_the_error_says_why(sim: Simulation) -> None:
+    bad = changed(cube=SE3.at(2.0, 0.0, EDGE / 2))
+    drawn = 0
+
+    def candidates() -> Iterator[Layout]:
+        nonlocal drawn
+        for _ in itertools.count():
+            drawn += 1
+            yield bad
+
+    with pytest.raises(LayoutError, match=f"'test' in {MAX_DRAWS} draws.*cube is out of reach"):
+        first_valid(sim, candidates(), "test")
+    assert drawn == MAX_DRAWS
+
+
+def test_no_candidates_are_an_error_too(sim: Simulation) -> None:
+    with pytest.raises(LayoutError, match="no candidate"):
+        first_valid(sim, iter([]), "test")
+
+
+def test_a_quaternion_of_any_length_is_an_orientation() -> None:
+    data = {"poses": {"cube": [0.5, 0.1, 0.0, 0.0, 0.0, 2.0, 2.0]}}
+    assert Layout.from_json(data).poses["cube"].yaw == pytest.approx(np.pi / 2)

@@ -1,0 +1,264 @@
+"""State, stepping, settling and questions about props."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from duobench.errors import DuoBenchError, SimulationError, UnknownNameError
+from duobench.scene.compose import CONTROL_HZ
+from duobench.sim.duo import HOME
+from duobench.sim.simulation import MAX_SETTLE_STEPS, Simulation
+from duobench.solids.blocks import RED, cube
+from duobench.solids.prop import Prop
+from duobench.spatial import SE3
+from duobench.types import DuoCommand
+from tests.sim.props import EDGE, LID, scene
+
+REST = {
+    "cube": SE3.at(0.5, 0.1, EDGE / 2, yaw=0.3),
+    "slab": SE3.at(0.5, -0.2, 0.01),
+    "bowl": SE3.at(0.7, 0.3),
+    "chest": SE3.at(0.7, -0.3, yaw=0.1),
+}
+
+
+@pytest.fixture(scope="module")
+def shared() -> Simulation:
+    return scene()
+
+
+@pytest.fixture
+def sim(shared: Simulation) -> Simulation:
+    """The scene at rest, however it was left."""
+    begin(shared)
+    return shared
+
+
+def begin(sim: Simulation) -> None:
+    sim.clear()
+    for name, pose in REST.items():
+        sim.place(name, pose)
+    sim.refresh()
+    sim.settle()
+
+
+def busy(number: int) -> DuoCommand:
+    """Commands that swing the arms over the table and work the grippers."""
+    joints = HOME.joints + 0.3 * math.sin(0.4 * number)
+    return DuoCommand(joints=joints, openings=np.full(2, 0.5 + 0.5 * math.cos(0.5 * number)))
+
+
+def falling(sim: Simulation) -> None:
+    """Something with many contacts is going on."""
+    sim.place("cube", SE3.at(0.7, 0.3, 0.15, yaw=0.4))
+    sim.place("slab", SE3(SE3.about((1, 2, 3), 1.0).rotation, np.array([0.72, 0.3, 0.3])))
+    sim.refresh()
+
+
+# --- state ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("prepare", [begin, falling], ids=["at rest", "falling"])
+@pytest.mark.parametrize("at", [0, 1, 7])
+def test_restoring_and_stepping_is_the_uninterrupted_episode(
+    sim: Simulation, prepare: Callable[[Simulation], None], at: int
+) -> None:
+    prepare(sim)
+    for k in range(at):
+        sim.step(busy(k))
+    state = sim.save()
+    straight = []
+    for k in range(at, at + 12):
+        sim.step(busy(k))
+        straight.append(sim.save())
+    begin(sim)
+    falling(sim)
+    for k in range(9):
+        sim.step(busy(3 * k))
+    sim.restore(state)
+    assert np.array_equal(sim.save(), state)
+    for number, k in enumerate(range(at, at + 12)):
+        sim.step(busy(k))
+        assert np.array_equal(sim.save(), straight[number]), f"step {number} differs"
+
+
+def test_a_state_can_be_restored_into_another_simulation_of_the_same_props(sim: Simulation) -> None:
+    falling(sim)
+    state = sim.save()
+    other = scene()
+    other.restore(state)
+    for k in range(8):
+        sim.step(busy(k))
+        other.step(busy(k))
+    assert other.fingerprint() == sim.fingerprint()
+
+
+def test_restoring_brings_poses_and_contacts_along(sim: Simulation) -> None:
+    state, pose = sim.save(), sim.pose("cube")
+    sim.place("cube", SE3.at(0.5, 0.1, 0.5))
+    sim.refresh()
+    assert not sim.contacts.between("cube", "table")
+    sim.restore(state)
+    assert sim.contacts.between("cube", "table")
+    assert sim.pose("cube").distance(pose) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("size", [-1, 1])
+def test_a_state_of_another_model_is_refused(sim: Simulation, size: int) -> None:
+    with pytest.raises(SimulationError, match="another task or version"):
+        sim.restore(np.zeros(len(sim.save()) + size))
+
+
+def test_fingerprints_tell_states_apart(sim: Simulation) -> None:
+    before = sim.fingerprint()
+    assert sim.fingerprint() == before
+    sim.data.qpos[0] = np.nextafter(sim.data.qpos[0], 1.0)
+    assert sim.fingerprint() != before
+
+
+def test_clearing_forgets_everything(sim: Simulation) -> None:
+    sim.clear()
+    first = sim.fingerprint()
+    begin(sim)
+    falling(sim)
+    for k in range(6):
+        sim.step(busy(k))
+    sim.clear()
+    assert sim.fingerprint() == first
+    assert np.array_equal(sim.duo.command().flat, HOME.flat)
+
+
+# --- motion --------------------------------------------------------------------------------------
+
+
+def test_a_step_takes_a_thirtieth_of_a_second(sim: Simulation) -> None:
+    for _ in range(30):
+        sim.step(HOME)
+    assert sim.data.time == pytest.approx(1.0)
+    assert sim.control_hz == CONTROL_HZ == 30.0
+
+
+def test_after_a_step_everything_is_up_to_date(sim: Simulation) -> None:
+    falling(sim)
+    for k in range(5):
+        sim.step(busy(k))
+    pose, lowest = sim.pose("cube"), sim.lowest("cube")
+    touching = sim.contacts.partners("cube")
+    sim.refresh()
+    assert sim.pose("cube").distance(pose) == (0.0, 0.0)
+    assert sim.lowest("cube") == lowest
+    assert sim.contacts.partners("cube") == touching
+
+
+def test_settling_ends_at_rest_at_time_zero(sim: Simulation) -> None:
+    sim.place("cube", SE3.at(0.5, 0.1, EDGE / 2 + 0.005))
+    sim.refresh()
+    steps = sim.settle()
+    assert 1 < steps < MAX_SETTLE_STEPS
+    assert sim.data.time == 0.0
+    assert sim.contacts.between("cube", "table")
+    speed, turn = sim.speed("cube")
+    assert speed < 0.01
+    assert turn < 0.5
+
+
+def test_settling_is_bounded(sim: Simulation) -> None:
+    sim.place("cube", SE3.at(0.5, 0.1, 30.0))
+    sim.refresh()
+    assert sim.settle() == MAX_SETTLE_STEPS
+
+
+def test_a_scene_without_free_props_settles_at_once() -> None:
+    assert Simulation().settle() == 1
+
+
+def test_diverged_physics_is_an_error_and_a_reset_heals_it(sim: Simulation) -> None:
+    sim.data.qvel[:] = 1e30
+    with pytest.raises(SimulationError, match=r"bad.*reset the environment"):
+        sim.step(HOME)
+    begin(sim)
+    sim.step(HOME)
+
+
+# --- props ---------------------------------------------------------------------------------------
+
+
+def test_props_are_placed_where_they_are_told(sim: Simulation) -> None:
+    for name in REST:
+        pose = SE3.at(0.4, 0.1, 0.6, yaw=-0.7) @ SE3.about((1, 0, 0), 0.5)
+        sim.place(name, pose)
+        sim.refresh()
+        assert max(sim.pose(name).distance(pose)) < 1e-9
+
+
+def test_a_placed_prop_is_at_rest(sim: Simulation) -> None:
+    falling(sim)
+    for _ in range(4):
+        sim.step(HOME)
+    assert sim.speed("cube")[0] > 0.3
+    sim.place("cube", REST["cube"])
+    assert sim.speed("cube") == (0.0, 0.0)
+
+
+def test_fixed_props_stay(sim: Simulation) -> None:
+    sim.place("cube", SE3.at(0.7, -0.3, 0.2))
+    sim.refresh()
+    for _ in range(15):
+        sim.step(HOME)
+    assert max(sim.pose("chest").distance(REST["chest"])) < 1e-9
+    assert sim.speed("chest") == (0.0, 0.0)
+
+
+def test_positions_and_offsets(sim: Simulation) -> None:
+    chest, cube_pose = sim.pose("chest"), sim.pose("cube")
+    assert sim.position("cube") == pytest.approx(cube_pose.translation)
+    assert sim.rotation("cube") == pytest.approx(cube_pose.rotation)
+    expected = chest.inverse().apply(cube_pose.translation)
+    assert sim.offset("cube", "chest") == pytest.approx(expected)
+    assert sim.offset("cube", "cube") == pytest.approx((0, 0, 0))
+
+
+def test_the_lowest_point_of_a_tilted_block(sim: Simulation) -> None:
+    tilt = 0.4
+    sim.place("slab", SE3.at(0.5, -0.2, 0.2) @ SE3.about((0, 1, 0), tilt))
+    sim.refresh()
+    expected = 0.2 - 0.05 * math.sin(tilt) - 0.01 * math.cos(tilt)
+    assert sim.lowest("slab") == pytest.approx(expected)
+
+
+def test_speed_of_a_falling_and_turning_prop(sim: Simulation) -> None:
+    sim.place("cube", SE3.at(0.5, 0.1, 1.5))
+    start = sim.model.joint("cube").dofadr[0]
+    sim.data.qvel[start : start + 6] = [0.3, 0.0, 0.4, 0.0, 2.0, 0.0]
+    assert sim.speed("cube") == pytest.approx((0.5, 2.0))
+
+
+def test_the_angle_of_a_hinge(sim: Simulation) -> None:
+    assert sim.angle(LID) == pytest.approx(0.0, abs=0.01)
+    sim.data.qpos[sim.model.joint(LID).qposadr[0]] = 0.7
+    assert sim.angle(LID) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda sim: sim.position("cbue"),
+        lambda sim: sim.pose("cbue"),
+        lambda sim: sim.place("cbue", SE3()),
+        lambda sim: sim.offset("cube", "cbue"),
+        lambda sim: sim.angle("cbue"),
+        lambda sim: sim.site_pose("cbue"),
+    ],
+)
+def test_unknown_names_are_errors(sim: Simulation, ask: Callable[[Simulation], object]) -> None:
+    with pytest.raises(UnknownNameError, match="'cbue'"):
+        ask(sim)
+
+
+def test_two_props_of_one_name_are_refused() -> None:
+    with pytest.raises(DuoBenchError, match="its own name"):
+        Simulation([Prop(name="cube", solid=cube(RED))] * 2)
