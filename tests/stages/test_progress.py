@@ -1,0 +1,219 @@
+"""The rule: stages never fall, jumps are allowed, and memory is of earlier steps only."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from duobench.sim.duo import HOME
+from duobench.sim.simulation import Simulation
+from duobench.solids.blocks import RED, cube
+from duobench.solids.prop import Prop
+from duobench.spatial import SE3
+from duobench.stages.predicates import Predicate, ever, lasting, raised, variant
+from duobench.stages.progress import Progress, Stage
+
+
+@pytest.fixture(scope="module")
+def sim() -> Simulation:
+    return Simulation([Prop(name="cube", solid=cube(RED))])
+
+
+class Bench:
+    """Facts that a test switches on and off, and the progress of stages made of them."""
+
+    def __init__(self, sim: Simulation) -> None:
+        self.sim = sim
+        self.true: set[str] = set()
+        self.asked: list[str] = []
+
+    def fact(self, name: str) -> Predicate:
+        def test(_moment: object) -> bool:
+            self.asked.append(name)
+            return name in self.true
+
+        return Predicate(name, test)
+
+    def begin(self, *constraints: Predicate, **variants: str) -> Progress:
+        progress = Progress(
+            tuple(Stage(name=p.name, instruction=f"do {p.name}", holds=p) for p in constraints)
+        )
+        progress.reset(self.sim, variants)
+        return progress
+
+    def play(self, progress: Progress, *steps: str) -> list[int]:
+        """Stage after each step; a step is the facts that hold, one letter each."""
+        stages = []
+        for step in steps:
+            self.true = set(step)
+            stages.append(progress.update(self.sim))
+        return stages
+
+
+@pytest.fixture
+def bench(sim: Simulation) -> Bench:
+    return Bench(sim)
+
+
+def reference(steps: tuple[str, ...], letters: str) -> list[int]:
+    """The rule of the paper, word for word."""
+    stages, stage = [], 0
+    for step in steps:
+        stage = max({stage} | {k for k, letter in enumerate(letters, 1) if letter in step})
+        stages.append(stage)
+    return stages
+
+
+STEPS = ["", "a", "b", "c", "ab", "ac", "bc", "abc"]
+
+
+@pytest.mark.parametrize("steps", list(itertools.product(STEPS, repeat=2)), ids=",".join)
+def test_the_rule_of_the_paper(bench: Bench, steps: tuple[str, ...]) -> None:
+    for last in STEPS:
+        progress = bench.begin(*map(bench.fact, "abc"))
+        played = (*steps, last)
+        assert bench.play(progress, *played) == reference(played, "abc")
+        assert progress.final_holds == ("c" in last)
+        assert progress.success == any("c" in step for step in played)
+        assert progress.max_stage == 3
+
+
+def test_a_jump_skips_stages_and_nothing_falls(bench: Bench) -> None:
+    progress = bench.begin(*map(bench.fact, "abc"))
+    assert bench.play(progress, "", "b", "", "a", "c", "") == [0, 2, 2, 2, 3, 3]
+    assert progress.success
+    assert not progress.final_holds
+
+
+def test_final_holds_follows_the_moment(bench: Bench) -> None:
+    progress = bench.begin(*map(bench.fact, "ab"))
+    seen = []
+    for step in ("", "b", "", "ab"):
+        bench.play(progress, step)
+        seen.append(progress.final_holds)
+    assert seen == [False, True, False, True]
+
+
+def test_what_to_do_next(bench: Bench) -> None:
+    progress = bench.begin(*map(bench.fact, "ab"))
+    told = [progress.next_instruction]
+    for step in ("a", "b"):
+        bench.play(progress, step)
+        told.append(progress.next_instruction)
+    assert told == ["do a", "do b", "do b"]
+
+
+def test_a_reset_forgets(bench: Bench) -> None:
+    progress = bench.begin(bench.fact("a"), bench.fact("b") & ever(bench.fact("a")))
+    bench.play(progress, "a", "b")
+    assert progress.success
+    progress.reset(bench.sim, {})
+    assert (progress.stage, progress.success, progress.final_holds) == (0, False, False)
+    assert bench.play(progress, "b") == [0]
+
+
+# --- memory --------------------------------------------------------------------------------------
+
+
+def test_ever_means_an_earlier_step(bench: Bench) -> None:
+    a, b = bench.fact("a"), bench.fact("b")
+    assert bench.play(bench.begin(b & ever(a)), "ab") == [0], "not the same step"
+    assert bench.play(bench.begin(b & ever(a)), "a", "b") == [0, 1]
+    assert bench.play(bench.begin(b & ever(a)), "b", "b") == [0, 0]
+
+
+def test_the_same_step_counts_from_the_next_on(bench: Bench) -> None:
+    assert bench.play(bench.begin(bench.fact("b") & ever(bench.fact("a"))), "ab", "b") == [0, 1]
+
+
+def test_nested_memories_see_events_in_order(bench: Bench) -> None:
+    a, b, c = map(bench.fact, "abc")
+    ordered = c & ever(b & ever(a))
+    assert bench.play(bench.begin(ordered), "a", "b", "c") == [0, 0, 1]
+    assert bench.play(bench.begin(ordered), "b", "a", "c") == [0, 0, 0]
+    assert bench.play(bench.begin(ordered), "a", "bc", "") == [0, 0, 0], "c came with b"
+    assert bench.play(bench.begin(ordered), "ab", "c", "c") == [0, 0, 0], "b came with a"
+    assert bench.play(bench.begin(ordered), "ab", "b", "c") == [0, 0, 1]
+    assert bench.play(bench.begin(ordered), "a", "", "b", "", "c") == [0, 0, 0, 0, 1]
+
+
+def test_four_events_in_a_row(bench: Bench) -> None:
+    a, b, c, d = map(bench.fact, "abcd")
+    ordered = d & ever(c & ever(b & ever(a)))
+    for order in itertools.permutations("abcd"):
+        expected = 1 if order == ("a", "b", "c", "d") else 0
+        assert bench.play(bench.begin(ordered), *order)[-1] == expected, order
+
+
+def test_memories_are_found_wherever_they_are_written(bench: Bench) -> None:
+    a, b = bench.fact("a"), bench.fact("b")
+    for constraint in (b & (b | ever(a)) & ever(a), b & ~~ever(a), ever(a) & b):
+        assert bench.play(bench.begin(constraint), "b", "a", "b") == [0, 0, 1]
+
+
+def test_not_ever(bench: Bench) -> None:
+    constraint = bench.fact("b") & ~ever(bench.fact("a"))
+    assert bench.play(bench.begin(constraint), "b") == [1]
+    assert bench.play(bench.begin(constraint), "a", "b") == [0, 0]
+
+
+def test_two_episodes_at_once_do_not_share_memory(bench: Bench) -> None:
+    constraint = bench.fact("b") & ever(bench.fact("a"))
+    one, other = bench.begin(constraint), bench.begin(constraint)
+    bench.play(one, "a")
+    assert bench.play(other, "b") == [0]
+    assert bench.play(one, "b") == [1]
+
+
+def test_a_memory_that_is_certain_is_not_asked_again(bench: Bench) -> None:
+    progress = bench.begin(bench.fact("z") & ever(bench.fact("a")))
+    bench.play(progress, "", "a", "", "")
+    assert bench.asked.count("a") == 2
+
+
+# --- lasting -------------------------------------------------------------------------------------
+
+
+def test_lasting_needs_every_step_of_the_time(bench: Bench) -> None:
+    progress = bench.begin(lasting(bench.fact("a"), 0.1))
+    assert bench.play(progress, "a", "a", "", "a", "a", "a") == [0, 0, 0, 0, 0, 1]
+
+
+def test_lasting_starts_anew_with_an_episode(bench: Bench) -> None:
+    progress = bench.begin(lasting(bench.fact("a"), 0.1))
+    bench.play(progress, "a", "a")
+    progress.reset(bench.sim, {})
+    assert bench.play(progress, "a", "a", "a") == [0, 0, 1]
+
+
+# --- what an episode brings along ----------------------------------------------------------------
+
+
+def test_heights_count_from_the_start_of_the_episode(sim: Simulation) -> None:
+    progress = Progress((Stage(name="up", instruction="up", holds=raised("cube", 0.03)),))
+    sim.clear()
+    for start in (0.0, 0.2):
+        sim.place("cube", SE3.at(0.5, 0.0, start + 0.016))
+        sim.refresh()
+        progress.reset(sim, {})
+        sim.place("cube", SE3.at(0.5, 0.0, start + 0.016 + 0.029))
+        sim.refresh()
+        assert progress.update(sim) == 0
+        sim.place("cube", SE3.at(0.5, 0.0, start + 0.016 + 0.031))
+        sim.refresh()
+        assert progress.update(sim) == 1
+
+
+def test_variants_are_those_of_the_layout(bench: Bench) -> None:
+    assert bench.play(bench.begin(variant("full", "left"), full="left"), "") == [1]
+    assert bench.play(bench.begin(variant("full", "left"), full="right"), "") == [0]
+
+
+def test_judging_changes_nothing_in_the_simulation(sim: Simulation) -> None:
+    progress = Progress((Stage(name="up", instruction="up", holds=raised("cube", 0.03)),))
+    progress.reset(sim, {})
+    sim.step(HOME)
+    before = sim.fingerprint()
+    progress.update(sim)
+    assert sim.fingerprint() == before
