@@ -9,28 +9,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 import duobench
-from tests.envs.tools import TASK
+from tests.envs.tools import TASK, check
 
-# Two remarks are the checker's opinion of what was asked for: it would rather look at a bare
-# environment than at a stack of wrappers, and it recommends actions between -1 and 1, while ours
-# are joint angles in radians. Nothing else may be remarked.
-REMARKS = (
-    r"[\s\S]*is different from the unwrapped version",
-    r"[\s\S]*we recommend using a symmetric and normalized space",
-)
 SMALL: Mapping[str, Any] = {"image_size": (24, 32), "render_size": (24, 32)}
-
-
-def check(env: gym.Env) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for remark in REMARKS:
-            warnings.filterwarnings("ignore", message=remark)
-        check_env(env)
-    env.close()
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 import duobench
@@ -16,6 +18,14 @@ from duobench.scene.fr3 import HOME_JOINTS
 from duobench.types import DuoCommand
 
 TASK = "bin_sort"
+
+# Two remarks are the checker's opinion of what was asked for: it would rather look at a bare
+# environment than at a stack of wrappers, and it recommends actions between -1 and 1, while ours
+# are joint angles in radians. Nothing else may be remarked.
+REMARKS = (
+    r"[\s\S]*is different from the unwrapped version",
+    r"[\s\S]*we recommend using a symmetric and normalized space",
+)
 
 
 def base_of(env: gym.Env) -> DuoEnv:
@@ -72,3 +82,13 @@ def equal(one: Any, other: Any) -> bool:
     if isinstance(one, np.ndarray):
         return one.dtype == other.dtype and np.array_equal(one, other)
     return bool(one == other)
+
+
+def check(env: gym.Env) -> None:
+    """Run Gymnasium's checker with warnings as errors, then close the environment."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for remark in REMARKS:
+            warnings.filterwarnings("ignore", message=remark)
+        check_env(env)
+    env.close()

@@ -1,0 +1,199 @@
+"""What holds for every task of the catalog."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import multiprocessing
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from importlib import import_module
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import duobench
+from duobench.sim.placement import MAX_OVERLAP, REACH_X, REACH_Y
+from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+from duobench.types import SIDES
+from tests.envs.tools import base_of, check, equal, fingerprint_of_episode, waves
+
+SEEDS = range(20)
+MAX_LINES = 120
+HEADINGS = ("Task:", "Randomization:", "Success:")
+MAX_SETTLING = 0.02
+"""How far an object may move while it settles, in metres."""
+
+# Stages and horizon of each task [paper, data sets].
+PAPER = {
+    "hinge_chest": (3, 441),
+    "spring_door": (3, 807),
+    "pour_marbles": (6, 442),
+    "ball_maze": (4, 350),
+    "carry_pot": (3, 450),
+    "block_balance": (5, 766),
+    "join_blocks": (3, 829),
+    "transfer_cube": (4, 441),
+    "transfer_gate": (4, 523),
+    "transfer_reorient": (4, 505),
+    "bin_sort": (5, 216),
+}
+
+
+@pytest.fixture(scope="module", params=catalog.names())
+def task(request: pytest.FixtureRequest) -> Task:
+    return catalog.get(request.param)
+
+
+@pytest.fixture(scope="module")
+def env(task: Task) -> Iterator[gym.Env]:
+    env = duobench.make(task.id, cameras=False)
+    yield env
+    env.close()
+
+
+@pytest.fixture
+def sim(env: gym.Env) -> Simulation:
+    return base_of(env).simulation
+
+
+# --- the declaration -----------------------------------------------------------------------------
+
+
+def test_a_task_is_one_short_file_that_says_what_it_is(task: Task) -> None:
+    module = import_module(f"duobench.tasks.{task.id}")
+    lines = Path(inspect.getfile(module)).read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= MAX_LINES
+    docstring = inspect.getdoc(module) or ""
+    places = [docstring.find(f"\n{heading}\n    ") for heading in HEADINGS]
+    assert -1 not in places, f"the docstring needs the headings {HEADINGS}, each with a text"
+    assert places == sorted(places)
+
+
+def test_the_numbers_are_the_papers(task: Task) -> None:
+    assert (task.max_stage, task.horizon) == PAPER[task.id]
+    assert task.title == task.id.replace("_", "-").title()
+
+
+def test_stages_have_names_and_instructions_of_their_own(task: Task) -> None:
+    for told in ([s.name for s in task.stages], [s.instruction for s in task.stages]):
+        assert len(set(told)) == len(told)
+        assert all(text == text.strip() != "" for text in told)
+    assert all(stage.instruction.endswith(".") for stage in task.stages)
+
+
+def test_instructions_leave_no_variant_open(task: Task) -> None:
+    drawn: dict[str, set[str]] = {name: set() for name in task.variants}
+    for seed in range(60):
+        layout = next(task.layouts(seed))
+        assert layout.variants.keys() >= task.variants.keys()
+        texts = [task.instruct(layout), *task.subinstructions(layout).values()]
+        assert not any("{" in text or "}" in text for text in texts)
+        assert texts[0].endswith(".")
+        for name, values in drawn.items():
+            values.add(layout.variants[name])
+    for name, choice in task.variants.items():
+        assert drawn[name] == set(choice.options), f"60 seeds do not draw every {name}"
+
+
+def test_layouts_follow_from_the_seed(task: Task) -> None:
+    once = [next(task.layouts(seed)).to_json() for seed in SEEDS]
+    assert [next(task.layouts(seed)).to_json() for seed in SEEDS] == once
+    assert len({json.dumps(layout) for layout in once}) == len(once)
+
+
+# --- resets --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_reset_leaves_everything_apart_within_reach_and_at_rest(
+    env: gym.Env, sim: Simulation, seed: int
+) -> None:
+    _, info = env.reset(seed=seed)
+    assert sim.contacts.deepest(MAX_OVERLAP) == []
+    robot = tuple(f"{side}/" for side in SIDES)
+    for name, prop in sim.props.items():
+        parts = [name, *(prop.part_name(part.name) for part in prop.parts)]
+        for part in set(parts) & set(sim.contacts.owners):
+            touching = sim.contacts.partners(part)
+            assert not any(owner.startswith(robot) for owner in touching), part
+        speed, turn = sim.speed(name)
+        assert speed < STILL_SPEED, name
+        assert turn < STILL_TURN, name
+        start = np.array(info["layout"]["poses"][name][:3])
+        moved = np.linalg.norm(sim.position(name) - start)
+        assert moved < MAX_SETTLING, f"{name} moved by {moved:.4f} m while it settled"
+        if not prop.fixed:
+            x, y, z = sim.position(name)
+            assert REACH_X[0] <= x <= REACH_X[1], name
+            assert REACH_Y[0] <= y <= REACH_Y[1], name
+            assert z > -0.001, name
+    assert sim.data.time == 0.0
+
+
+def test_a_given_layout_begins_the_same_episode(env: gym.Env, sim: Simulation) -> None:
+    for seed in (0, 1, 2):
+        _, info = env.reset(seed=seed)
+        before = sim.fingerprint()
+        env.reset(seed=seed + 100)
+        text = json.dumps(info["layout"])
+        _, again = env.reset(options={"layout": json.loads(text)})
+        assert sim.fingerprint() == before
+        assert again["layout"] == info["layout"]
+        assert again["instruction"] == info["instruction"]
+
+
+# --- episodes ------------------------------------------------------------------------------------
+
+
+def test_gymnasiums_checker_passes(task: Task) -> None:
+    small = {"image_size": (24, 32), "render_size": (24, 32)}
+    check(gym.make(f"duobench/{task.id}-v1", cameras=False, **small))
+
+
+def test_holding_still_reaches_nothing(env: gym.Env, sim: Simulation) -> None:
+    for seed in (0, 1, 2):
+        env.reset(seed=seed)
+        action = sim.duo.command().flat
+        for _ in range(20):
+            _, reward, _, _, info = env.step(action)
+            assert (info["stage"], reward) == (0, 0.0)
+
+
+def test_a_restored_state_continues_exactly(env: gym.Env, sim: Simulation) -> None:
+    actions = waves(14)
+    env.reset(seed=3)
+    for action in actions[:6]:
+        env.step(action)
+    state = sim.save()
+    straight = [env.step(action)[0] for action in actions[6:]]
+    end = sim.save()
+    sim.restore(state)
+    assert equal([env.step(action)[0] for action in actions[6:]], straight)
+    assert np.array_equal(sim.save(), end)
+
+
+def test_another_process_plays_the_same_episodes() -> None:
+    """One process plays all tasks, each after another episode; this one plays them backwards."""
+    options = {"cameras": False}
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        there = {
+            name: pool.submit(fingerprint_of_episode, options, 5, 6, before=1, task=name)
+            for name in catalog.names()
+        }
+        here = {
+            name: fingerprint_of_episode(options, 5, 6, task=name)
+            for name in reversed(catalog.names())
+        }
+        assert here == {name: future.result() for name, future in there.items()}
+
+
+def test_the_catalog_is_the_papers_in_its_order() -> None:
+    order = list(PAPER)
+    assert list(catalog.names()) == [name for name in order if name in catalog.names()]
+    for name in catalog.names():
+        assert catalog.get(name).id == name
