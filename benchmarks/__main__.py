@@ -46,7 +46,8 @@ def machine() -> str:
     drawing = rendering.describe()
     return (
         f"{cpu}, {os.cpu_count()} cores, Python {platform.python_version()}, "
-        f"MuJoCo {mujoco.__version__}, {drawing.renderer} ({drawing.backend})"
+        f"MuJoCo {mujoco.__version__}, {drawing.renderer} ({drawing.backend}), "
+        f"load {os.getloadavg()[0]:.1f}"
     )
 
 
@@ -60,7 +61,7 @@ def main() -> int:
         parser.error(f"no such kind: {', '.join(unknown)}; known: {', '.join(KINDS)}")
     table = Table(title=machine())
     table.add_column("measured", no_wrap=True)
-    table.add_column("value", justify="right")
+    table.add_column("value", justify="right", no_wrap=True)
     table.add_column("bar", justify="right")
     table.add_column("")
     met = True

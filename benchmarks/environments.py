@@ -5,7 +5,8 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import gymnasium as gym
 import mujoco
@@ -20,6 +21,8 @@ from duobench.sim.simulation import STATE
 
 STEPS = 240
 """Control steps in one timed stretch: eight seconds of an episode."""
+PIECE = 8
+"""Control steps that are timed at a time."""
 SWING = 0.1
 """How far every joint swings meanwhile, in radians."""
 
@@ -34,17 +37,12 @@ env.close()
 """
 
 
-def measure_steps(name: str, repeats: int = 10) -> Iterator[Measurement]:
+def measure_steps(name: str, repeats: int = 15) -> Iterator[Measurement]:
     """Measure control steps without cameras, against bare physics steps of the same motion."""
     env = duobench.make(name, cameras=False, horizon=STEPS + 1)
     actions = swinging(env)
-
-    def run() -> None:
-        for action in actions:
-            env.step(action)
-
     wrapped, bare = seconds(
-        Work(run=run, prepare=lambda: begin(env)), bare_physics(env, actions), repeats=repeats
+        wrapped_physics(env, actions), bare_physics(env, actions), repeats=repeats
     )
     env.close()
     yield Measurement(
@@ -101,6 +99,24 @@ def swinging(env: gym.Env) -> NDArray[np.float32]:
     return (state.flat + SWING * np.sin(phase)[:, None] * moves).astype(np.float32)
 
 
+def in_pieces(step: Callable[[Any], object], inputs: Sequence[Any]) -> list[Callable[[], object]]:
+    """Cut a motion, one input a control step, into pieces of `PIECE` steps."""
+
+    def piece(start: int) -> Callable[[], object]:
+        def run() -> None:
+            for given in inputs[start : start + PIECE]:
+                step(given)
+
+        return run
+
+    return [piece(start) for start in range(0, len(inputs), PIECE)]
+
+
+def wrapped_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
+    """Return the motion as steps of the environment."""
+    return Work(pieces=in_pieces(env.step, list(actions)), prepare=lambda: begin(env))
+
+
 def bare_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
     """Return the same motion as `mj_step` alone, on the same model and from the same state."""
     simulation = base_of(env).simulation
@@ -111,13 +127,12 @@ def bare_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
         env.step(action)
         controls.append(simulation.data.ctrl.copy())
 
-    def prepare() -> None:
-        mujoco.mj_setState(model, data, state, STATE)
+    def step(control: NDArray[np.float64]) -> None:
+        data.ctrl[:] = control
+        for _ in range(SUBSTEPS):
+            mujoco.mj_step(model, data)
 
-    def run() -> None:
-        for control in controls:
-            data.ctrl[:] = control
-            for _ in range(SUBSTEPS):
-                mujoco.mj_step(model, data)
-
-    return Work(run=run, prepare=prepare)
+    return Work(
+        pieces=in_pieces(step, controls),
+        prepare=lambda: mujoco.mj_setState(model, data, state, STATE),
+    )

@@ -1,7 +1,8 @@
 """What a benchmark reports, and how it takes the time."""
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 
@@ -37,27 +38,28 @@ class Measurement:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Work:
-    """What is timed, and what has to happen before each time without being counted."""
+    """What is timed, piece by piece, and what has to happen before without being counted."""
 
-    run: Callable[[], object]
-    """What is timed."""
+    pieces: Sequence[Callable[[], object]]
+    """What is timed, in order; the shorter a piece, the likelier it runs undisturbed once."""
     prepare: Callable[[], object] = lambda: None
-    """What comes before, not timed."""
+    """What comes before the first piece."""
 
 
 def seconds(*works: Work, repeats: int) -> list[float]:
-    """Return the shortest time of each work.
+    """Return how long each work takes undisturbed: the shortest time of each piece, summed up.
 
     Whatever took longer was somebody else's doing: an interrupt, another process, a cold cache.
-    Several works are taken in turns, so that all of them see the same machine.
+    Works with the same number of pieces take turns piece by piece, so that all of them see the
+    same machine.
     """
-    rounds = []
+    best = [[math.inf] * len(work.pieces) for work in works]
     for _ in range(repeats):
-        times = []
         for work in works:
             work.prepare()
-            start = time.perf_counter()
-            work.run()
-            times.append(time.perf_counter() - start)
-        rounds.append(times)
-    return [min(times) for times in zip(*rounds, strict=True)]
+        for number, pieces in enumerate(zip(*(work.pieces for work in works), strict=True)):
+            for piece, times in zip(pieces, best, strict=True):
+                start = time.perf_counter()
+                piece()
+                times[number] = min(times[number], time.perf_counter() - start)
+    return [sum(times) for times in best]

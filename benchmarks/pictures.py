@@ -21,7 +21,7 @@ def measure(name: str, repeats: int = 60) -> Iterator[Measurement]:
     with rendering.Renderer(simulation.model, height=height, width=width) as renderer:
 
         def draw(*cameras: str) -> Work:
-            return Work(run=lambda: renderer.render_all(simulation.data, cameras))
+            return Work(pieces=[lambda: renderer.render_all(simulation.data, cameras)])
 
         works = [*map(draw, POLICY_CAMERAS), draw(*POLICY_CAMERAS)]
         *frames, observation = seconds(*works, repeats=repeats)
