@@ -16,10 +16,11 @@ from duobench.spatial import SE3
 from duobench.types import Side
 
 _BARS = {Side.LEFT: "light_block", Side.RIGHT: "dark_block"}
-_LEANS = {Side.LEFT: math.radians(30.0), Side.RIGHT: math.radians(-15.0)}
+_LEANS = {Side.LEFT: math.radians(20.0), Side.RIGHT: math.radians(-20.0)}
+"""How far each hand leans back; much more is out of reach for a bar that lies close."""
 _GRASP_X = {Side.LEFT: -0.012, Side.RIGHT: 0.0}
 """Where along its bar a hand grasps, in metres from the middle."""
-_GRASP_HEIGHT = 0.028
+_GRASP_HEIGHT = 0.026
 """Height of the tool above the table when it grasps, in metres."""
 _MEETING_X = 0.565
 """Where the middle of the dark bar waits for the light one, in metres."""
