@@ -71,9 +71,7 @@ def script(arms: Arms) -> Script:
 
 def _lifting(chest: SE3, x: float, z: float) -> SE3:
     """Tool pose of the rod at (x, z) of the chest's frame, camera towards the table."""
-    along = SE3.about((0, 0, 1), math.pi / 2) @ SE3.about((1, 0, 0), math.pi)
-    turn = along @ SE3.about((0, 1, 0), _SLOPE) @ SE3.about((0, 0, 1), math.pi)
-    return chest @ SE3(turn.rotation, np.array([x, _ROD_Y, z]))
+    return chest @ down(x, _ROD_Y, z, yaw=math.pi / 2, lean=_SLOPE) @ SE3.at(yaw=math.pi)
 
 
 def _under_lid(chest: SE3, angle: float) -> SE3:

@@ -52,10 +52,10 @@ HINGE = (FRONT, WIDTH / 2, HEIGHT / 2)
 
 _RELIEF = 0.001
 """How far window, panel and display stand out of what carries them, in metres."""
-_BODY = (0.17, 0.18, 0.20, 1.0)
+_BODY = (0.38, 0.39, 0.42, 1.0)
 _PANEL = (0.07, 0.07, 0.08, 1.0)
 _DISPLAY = (0.10, 0.42, 0.36, 1.0)
-_FRAME = (0.30, 0.31, 0.33, 1.0)
+_FRAME = (0.20, 0.21, 0.23, 1.0)
 _WINDOW = (0.04, 0.05, 0.07, 1.0)
 _STEEL = (0.72, 0.73, 0.75, 1.0)
 

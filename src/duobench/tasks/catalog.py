@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 NAMES = (
     "hinge_chest",
+    "spring_door",
     "pour_marbles",
     "ball_maze",
     "carry_pot",
@@ -24,6 +25,7 @@ NAMES = (
     "join_blocks",
     "transfer_cube",
     "transfer_gate",
+    "transfer_reorient",
     "bin_sort",
 )
 """Task ids in the order of the paper's categories."""

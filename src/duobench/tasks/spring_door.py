@@ -30,6 +30,7 @@ from duobench.stages.predicates import (
     hinge_open,
     inside,
     rests_on,
+    touching,
 )
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
@@ -37,20 +38,22 @@ from duobench.tasks.task import Category, Placement, Task
 OPEN_ANGLE = 0.8
 """Angle in radians from which on the door counts as open."""
 
-_REACH = CUBE_EDGE / math.sqrt(2)
-"""From the cube's centre to an upright edge: it sticks out of the front by no more than this."""
-
 FLOOR_REGION = BoxRegion(
     body="microwave",
-    low=(FRONT + _REACH, CAVITY_CENTRE_Y - CAVITY[1] / 2, FLOOR),
+    low=(FRONT + CUBE_EDGE / 2, CAVITY_CENTRE_Y - CAVITY[1] / 2, FLOOR),
     high=(FRONT + CAVITY[0], CAVITY_CENTRE_Y + CAVITY[1] / 2, FLOOR + CUBE_EDGE),
 )
-"""Where the cube's centre is when the cube lies on the cavity's floor, behind the shut door."""
+"""Where the cube's centre is when the cube lies on the cavity's floor, behind the front."""
 
 _DOOR_OPEN = hinge_open("microwave/door", OPEN_ANGLE)
 _CUBE_HELD = held_by_any("cube", "microwave", "microwave/door")
 _OPEN_AND_HELD = _DOOR_OPEN & _CUBE_HELD
-_CUBE_IN = all_of(inside("cube", FLOOR_REGION), rests_on("cube", "microwave"), free("cube"))
+_CUBE_IN = all_of(
+    inside("cube", FLOOR_REGION),
+    rests_on("cube", "microwave"),
+    ~touching("cube", "microwave/door"),
+    free("cube"),
+)
 
 TASK = Task(
     id="spring_door",
