@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 
 from duobench.envs.duo_env import DuoEnv, ResetNeededError
 from duobench.errors import ActionError, DuoBenchError, LayoutError, SimulationError
+from duobench.randomness import Choice
 from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES
 from duobench.sim.placement import Layout
 from duobench.spatial import SE3
 from duobench.tasks import catalog
+from duobench.tasks.task import Task
 from tests.envs.tools import TASK, equal, wave, waves
 
 OPENINGS = [7, 15]
@@ -215,6 +219,70 @@ def test_first_valid_passes_over_overlaps_and_ends_the_episode(running: DuoEnv) 
     assert running.first_valid([bad, good]) is good
     with pytest.raises(ResetNeededError):
         running.step(wave(0))
+
+
+# --- variants ------------------------------------------------------------------------------------
+
+
+def light_or_heavy(model: mujoco.MjModel, layout: Layout) -> None:
+    model.opt.gravity[2] = {"light": -1.0, "heavy": -20.0}[layout.variants["world"]]
+
+
+@pytest.fixture
+def worlds() -> Task:
+    """A task with two variants that differ in the compiled model."""
+    return replace(
+        catalog.get(TASK),
+        instruction="Sort in a {world} world.",
+        variants={"world": Choice(("light", "heavy"))},
+        configure=light_or_heavy,
+    )
+
+
+def test_a_layouts_variant_is_switched_in_the_model(worlds: Task) -> None:
+    env = DuoEnv(worlds)
+    assert env.task_description == "Sort in a {world} world."
+    fingerprints: dict[str, set[str]] = {"light": set(), "heavy": set()}
+    for world in ("light", "heavy", "light", "light", "heavy"):
+        layout = Layout(poses=drawn(5).poses, variants={"world": world})
+        _, info = env.reset(options={"layout": layout})
+        assert info["instruction"] == env.task_description == f"Sort in a {world} world."
+        assert info["layout"]["variants"] == {"world": world}
+        env.step(wave(0))
+        fingerprints[world].add(env.simulation.fingerprint())
+    assert [len(found) for found in fingerprints.values()] == [1, 1]
+    assert fingerprints["light"] != fingerprints["heavy"]
+
+
+def test_every_candidate_is_tried_in_its_own_variant(worlds: Task) -> None:
+    seen = []
+
+    def note(model: mujoco.MjModel, layout: Layout) -> None:
+        light_or_heavy(model, layout)
+        seen.append(layout.variants["world"])
+
+    env = DuoEnv(replace(worlds, configure=note))
+    pose = SE3.at(0.5, 0.0, 0.016)
+    poses = drawn(5).poses
+    bad = Layout(
+        poses={**poses, "white_cube": pose, "black_cube": pose}, variants={"world": "heavy"}
+    )
+    good = Layout(poses=poses, variants={"world": "light"})
+    env.reset(options={"layout": env.first_valid([bad, good])})
+    assert seen == ["heavy", "light", "light"]
+
+
+@pytest.mark.parametrize("variants", [{}, {"world": "flat"}])
+def test_an_unknown_variant_is_refused(worlds: Task, variants: dict[str, str]) -> None:
+    env = DuoEnv(worlds)
+    with pytest.raises(LayoutError, match="variant 'world', one of light, heavy"):
+        env.reset(options={"layout": {**drawn(5).to_json(), "variants": variants}})
+
+
+def test_a_variant_that_only_the_instruction_names_must_be_given(worlds: Task) -> None:
+    env = DuoEnv(replace(worlds, instruction="Go from {here}.", variants={}, configure=None))
+    with pytest.raises(LayoutError, match="'here'"):
+        env.reset(options={"layout": drawn(5)})
 
 
 # --- names and pictures --------------------------------------------------------------------------

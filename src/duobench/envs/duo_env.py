@@ -145,10 +145,11 @@ class DuoEnv(gym.Env[Observation, Any]):
         Raises:
             LayoutError: The layout is incomplete, overlapping or out of reach.
         """
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else int(seed))  # NumPy's integers too
         self._running = False
         plain = self._asked_for(options or {})
         layout = Layout.from_json(plain)
+        instruction = self._instruct(layout)
         simulation = self.simulation
         problems = placement.problems(simulation, self._configured(layout))
         if problems:
@@ -156,8 +157,7 @@ class DuoEnv(gym.Env[Observation, Any]):
                 f"Task {self.task!r} cannot begin with this layout: {'; '.join(problems)}."
             )
         simulation.settle()
-        self._layout = layout
-        self._instruction = self.definition.instruct(layout)
+        self._layout, self._instruction = layout, instruction
         self._running = True
         info = self._info(np.zeros(len(self._low), dtype=bool))
         info["layout"] = plain
@@ -221,6 +221,23 @@ class DuoEnv(gym.Env[Observation, Any]):
         layout = Layout.from_json(given)
         poses = {name: [float(number) for number in given["poses"][name]] for name in layout.poses}
         return {"poses": poses, "variants": dict(layout.variants)}
+
+    def _instruct(self, layout: Layout) -> str:
+        """The instruction for a layout, whose variants must be complete."""
+        for name, choice in self.definition.variants.items():
+            value = layout.variants.get(name)
+            if value not in choice.options:
+                raise LayoutError(
+                    f"Task {self.task!r} has a variant {name!r}, one of "
+                    f"{', '.join(choice.options)}; the layout says {value!r}."
+                )
+        try:
+            return self.definition.instruct(layout)
+        except KeyError as error:
+            raise LayoutError(
+                f"The instruction of task {self.task!r} names the variant {error}, which the "
+                f"layout lacks; it has {dict(layout.variants)}."
+            ) from error
 
     def _info(self, clipped: NDArray[np.bool_]) -> Info:
         return {"instruction": self._instruction, "clipped": clipped}
