@@ -133,9 +133,7 @@ def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
     """
     free = bar.free_end(arms)
     opening = arms.tool(bar.giver).rotation[:, 1]
-    faces = arms.sim.rotation(bar.body)[:, 1:]
-    clasped = faces[:, np.argmax(np.abs(opening @ faces))]
-    normal = clasped - (clasped @ free) * free
+    normal = opening - (opening @ free) * free
     upwards = np.cross(normal, free)
     upwards *= np.sign(upwards[2])
     along = -math.cos(slant) * free - math.sin(slant) * upwards

@@ -1,0 +1,63 @@
+"""Transfer-Reorient: the left arm takes the peg lengthwise, so that it hangs from the hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from duobench.experts.handover import (
+    Bar,
+    clasp,
+    hanging,
+    let_go,
+    pick_bar,
+    present,
+    receive_pose,
+    tool,
+    tool_for,
+)
+from duobench.experts.motion import Arms, Script, move, nearest_turn, together
+from duobench.solids.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
+from duobench.spatial import SE3
+from duobench.types import Side
+
+BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027)
+MEETING_POINT = np.array([0.50, 0.0, 0.34])
+RISE = math.radians(25)
+RECEIVER_GRIP = 0.032
+_READY = tool((0.50, 0.25, 0.45), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
+_HEXAGON_TURN = math.pi / 3
+_PRECISE = 0.001
+"""Distance in metres at which the peg is over its hole."""
+
+
+def script(arms: Arms) -> Script:
+    """Hand the peg to the left arm, which inserts it."""
+    giver, receiver = BAR.giver, BAR.giver.other
+    yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
+    yield from move(arms, {giver: present(BAR, MEETING_POINT, RISE)}, tolerance=0.012)
+    yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
+    yield from let_go(arms, giver)
+    hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
+    yield from insert(arms, receiver, hole)
+    yield from let_go(arms, receiver)
+
+
+def insert(arms: Arms, side: Side, hole: SE3) -> Script:
+    """Turn the peg upright over a hole, look again from near, lower it."""
+    yield from lead(arms, side, hole, 0.06, speed=0.4)
+    for height in (0.010, 0.004):
+        yield from lead(arms, side, hole, height, speed=0.12)
+    yield from lead(arms, side, hole, -0.024, speed=0.06)
+
+
+def lead(arms: Arms, side: Side, hole: SE3, height: float, *, speed: float) -> Script:
+    """Bring the peg's lower end to a height above a hole, upright and turned like the hole."""
+    peg = hanging(arms, side, BAR.body)
+    corner = math.atan2(peg.rotation[1, 1], peg.rotation[0, 1])
+    turn = nearest_turn(hole.yaw - corner, _HEXAGON_TURN)
+    rotation = SE3.about((0, 0, 1), turn).rotation @ peg.rotation
+    goal = SE3(rotation, hole.translation + np.array([0.0, 0.0, height + PEG_LENGTH / 2]))
+    pose = tool_for(arms, side, BAR.body, goal)
+    yield from move(arms, {side: pose}, speed=speed, tolerance=_PRECISE)

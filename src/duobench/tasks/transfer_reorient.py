@@ -1,0 +1,101 @@
+"""Transfer-Reorient.
+
+Task:
+    One arm picks up a lying hexagonal peg and hands it to the other arm, which turns it upright and
+    inserts it into the one of three holes that has its shape.
+
+Randomization:
+    The peg lies anywhere within 15 cm of its place on the right, turned by up to 30 degrees. The
+    board lies within 10 cm of its place on the left and does not move.
+
+Success:
+    The peg is at least 15 mm deep in the hexagonal hole, brought by the arm that received it from
+    the one that picked it up.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from duobench.randomness import Uniform, around
+from duobench.solids.blocks import WHITE
+from duobench.solids.hexagon_peg import (
+    ACROSS_FLATS,
+    BOARD_HEIGHT,
+    HEXAGON,
+    PEG_LENGTH,
+    peg,
+    socket_board,
+)
+from duobench.solids.prop import Prop
+from duobench.spatial import SE3
+from duobench.stages.handover import handover
+from duobench.stages.insertion import Port, inserted
+from duobench.stages.predicates import any_of, held_by_any
+from duobench.stages.progress import Stage
+from duobench.tasks.task import Category, Placement, Task
+
+PEG, BOARD = "peg", "board"
+DEPTH = 0.015
+"""How deep the peg is inserted at least, in metres."""
+MAX_YAW = math.radians(30)
+BLUE = (0.12, 0.33, 0.70, 1.0)
+
+TIPS = tuple(
+    Port(
+        body=PEG,
+        pose=SE3(SE3.about((0, 1, 0), end * math.pi / 2).rotation, np.array([x, 0.0, 0.0])),
+    )
+    for end, x in ((1, PEG_LENGTH / 2), (-1, -PEG_LENGTH / 2))
+)
+"""Either end of the peg."""
+MOUTH = Port(body=BOARD, pose=SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT))
+
+_PEG = handover(PEG, BOARD)
+
+TASK = Task(
+    id="transfer_reorient",
+    title="Transfer-Reorient",
+    category=Category.SEQUENTIAL_HANDOFF,
+    instruction="Pick up the peg, hand it to the other arm and insert it into the hexagonal hole.",
+    horizon=505,
+    props=(
+        Prop(name=PEG, solid=peg(BLUE)),
+        Prop(name=BOARD, solid=socket_board(WHITE), fixed=True),
+    ),
+    placements={
+        PEG: Placement(
+            x=around(0.5, 0.15),
+            y=around(-0.2, 0.15),
+            z=ACROSS_FLATS / 2,
+            yaw=Uniform(-MAX_YAW, MAX_YAW),
+        ),
+        BOARD: Placement(x=around(0.5, 0.10), y=around(0.3, 0.10)),
+    },
+    stages=(
+        Stage(
+            name="the peg is held",
+            instruction="Pick up the peg.",
+            holds=held_by_any(PEG, BOARD),
+        ),
+        Stage(
+            name="both grippers hold the peg",
+            instruction="Grip the peg with the other arm as well.",
+            holds=_PEG.shared,
+        ),
+        Stage(
+            name="the other arm holds the peg",
+            instruction="Let the other arm take the peg.",
+            holds=any_of(*_PEG.received.values()),
+        ),
+        Stage(
+            name="the peg is in the hexagonal hole",
+            instruction="Turn the peg upright and insert it into the hexagonal hole.",
+            holds=any_of(*(inserted(tip, MOUTH, DEPTH) for tip in TIPS))
+            & any_of(*_PEG.delivered.values()),
+        ),
+    ),
+    printable=True,
+)
