@@ -5,7 +5,8 @@ from __future__ import annotations
 from duobench.solids.shapes import Colour, box
 from duobench.solids.solid import Solid
 
-BLACK = (0.07, 0.07, 0.08, 1.0)
+BLACK = (0.12, 0.12, 0.13, 1.0)
+"""Black plastic; any darker, and a black cube in a black bowl could not be seen."""
 WHITE = (0.95, 0.95, 0.95, 1.0)
 RED = (0.80, 0.10, 0.09, 1.0)
 WOOD = (0.72, 0.53, 0.34, 1.0)
