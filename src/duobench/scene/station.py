@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from duobench.scene.cameras import HEAD_POSITION
 from duobench.scene.filters import (
     BACKDROP_GEOM_GROUP,
-    COLLISION_GEOM_GROUP,
     Group,
     collide_as,
     visual_only,
@@ -182,15 +181,19 @@ def _add_table(spec: mujoco.MjSpec) -> None:
 def _add_mount(spec: mujoco.MjSpec) -> None:
     """The column, the block whose two faces carry the arms, and the post of the head camera."""
     world = spec.worldbody
-    column = _add_box(world, SE3.at(PEDESTAL_X, 0.0, PEDESTAL_SIZE[2] / 2), PEDESTAL_SIZE, _STEEL)
-    column.group = COLLISION_GEOM_GROUP
+    length, width, height = PEDESTAL_SIZE
+    column = _add_box(world, SE3.at(PEDESTAL_X, 0.0, height / 2), PEDESTAL_SIZE, _STEEL)
     collide_as(column, Group.FIXTURE)
-    outline = np.array([(px, s * py, -0.0005) for px, py in _BASE_OUTLINE for s in (1, -1)])
+    plate = SE3.at(PEDESTAL_X, 0.0, 0.0075)
+    _add_box(world, plate, (length + 0.1, width + 0.1, 0.015), _ALUMINIUM)
+    outline = np.array([(x, s * y, -0.0005) for x, y in _BASE_OUTLINE for s in (1, -1)])
     faces = [pose.apply(outline) for pose in BASE_POSES.values()]
-    foot = [(px, py, 0.17) for px in (-0.15, 0.045) for py in (-0.085, 0.085)]
+    foot = [
+        (PEDESTAL_X + s * (length / 2 + 0.005), t * (width / 2 + 0.005), 0.17)
+        for s in (1, -1)
+        for t in (1, -1)
+    ]
     _add_solid(spec, "mount/block", hull(np.vstack([*faces, foot]).tolist()), _ALUMINIUM)
-    _add_box(world, SE3.at(-0.0525, 0.0, 0.095), (0.16, 0.14, 0.16), _STEEL)
-    _add_box(world, SE3.at(-0.0525, 0.0, 0.0075), (0.26, 0.26, 0.015), _ALUMINIUM)
     top = HEAD_POSITION[2] + 0.012
     low = 0.35
     _add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)

@@ -307,9 +307,10 @@ class Thread:
         self._lost = False
         self._jobs: queue.SimpleQueue[_Order | None] = queue.SimpleQueue()
         # A daemon, so that a driver that never comes back does not keep the process alive.
-        threading.Thread(
+        self._worker = threading.Thread(
             target=_serve, args=(self._jobs,), name="duobench-opengl", daemon=True
-        ).start()
+        )
+        self._worker.start()
 
     def call(self, job: Callable[[], T]) -> T:
         """Run a job on the thread, and return or raise what it returns or raises.
@@ -330,10 +331,16 @@ class Thread:
         return future.result()
 
     def finish(self, *jobs: Callable[[], object]) -> None:
-        """Run last jobs on the thread and end it; does not wait."""
+        """Run last jobs on the thread and wait for its end, unless it is lost.
+
+        Without waiting, a process could end while its driver is still at work, and crash.
+        """
         for job in jobs:
             self._jobs.put((Future(), job))
         self._jobs.put(None)
+        # The garbage collector may drop a renderer while it runs on this very thread.
+        if not self._lost and threading.current_thread() is not self._worker:
+            self._worker.join(self._timeout_s)
 
 
 def _serve(jobs: queue.SimpleQueue[_Order | None]) -> None:

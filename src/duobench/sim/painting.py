@@ -26,6 +26,8 @@ the more samples, the wider a shadow's edge can be before it shows the single on
 FINE_SHADOWS = 2
 """How much finer the shadow map is, along each side, when a picture has many samples."""
 
+_STAND_IN = 4
+"""Side of the stand-in for a shadow map: the smallest that leaves something inside its border."""
 _EVERYTHING = mujoco.mjtCatBit.mjCAT_ALL.value
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
 _EFFECTS = [
@@ -65,7 +67,7 @@ class Painter:
             raise RenderingError(f"{self.info.renderer} cannot draw the scene: {error}") from error
         self._shadows = self._drawing.shadowFBO, self._drawing.shadowSize
         # A stand-in for the shadow map, for pictures that use the shadows of the one before.
-        mujoco.mjr_addAux(0, 1, 1, 0, self._drawing)
+        mujoco.mjr_addAux(0, _STAND_IN, _STAND_IN, 0, self._drawing)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom)
         self._scene.flags[_EFFECTS] = 0
@@ -147,7 +149,8 @@ class Painter:
         if new_shadows or not self._shadows[0]:
             self._restore_shadows()
         else:
-            self._drawing.shadowFBO, self._drawing.shadowSize = self._drawing.auxFBO[0], 1
+            self._drawing.shadowFBO = self._drawing.auxFBO[0]
+            self._drawing.shadowSize = _STAND_IN
             for geom in self._geoms[: self._scene.ngeom]:
                 geom.category = _DECOR
         mujoco.mjr_render(self._rectangle, self._scene, self._drawing)

@@ -166,7 +166,8 @@ class Renderer:
     def close(self) -> None:
         """Free the renderer; closing twice is harmless."""
         self._closed = True
-        if self._free is not None and os.getpid() == self._pid:
+        self._open = None
+        if self._free is not None:
             self._free()
 
     def __enter__(self) -> Self:
