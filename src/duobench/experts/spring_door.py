@@ -46,7 +46,6 @@ _ENOUGH = 1.05
 _PULL_SECONDS = 3.0
 
 _GRASP_HEIGHT = 0.031
-_CARRY_HEIGHT = 0.20
 _GRASP_LEAN = 0.35
 _AZIMUTH, _SLOPE = 0.05, 0.78
 """Direction of the inserting tool: to the left of the oven's depth, and against straight down. The
