@@ -48,8 +48,8 @@ _PULL_SECONDS = 3.0
 _GRASP_HEIGHT = 0.031
 _GRASP_LEAN = 0.35
 _AZIMUTH, _SLOPE = 0.05, 0.78
-"""Direction of the inserting tool: to the left of the oven's depth, and against straight down. The
-gripper is 0.23 m long to the flange and still fits under the roof."""
+"""Direction of the inserting tool: to the left of the oven's depth, and against straight down:
+steep enough for the wrist to go on as it was when it picked, flat enough to fit under the roof."""
 _INSIDE = (FRONT + 0.054, 0.068, FLOOR + 0.042)
 """Tool where it lets the cube go, in the oven's frame."""
 _BEFORE = 0.10
