@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Iterable
 
 import mujoco
@@ -15,16 +14,12 @@ from duobench.scene.filters import BACKDROP_GEOM_GROUP
 from duobench.sim.opengl import info_of, open_context
 
 Image = NDArray[np.uint8]
-_MODEL = threading.Lock()
-"""Held while a model's settings are changed for a moment."""
 
 DRAWN_GROUPS = 3
 """Geom groups 0 to 2 are drawn; collision shapes are in group 3."""
 LAMP_RADIUS = 0.007
 """Tangent of half the angle under which the lamp appears, times the root of the number of samples:
 the more samples, the wider a shadow's edge can be before it shows the single ones."""
-FINE_SHADOWS = 2
-"""How much finer the shadow map is, along each side, when a picture has many samples."""
 
 _STAND_IN = 4
 """Side of the stand-in for a shadow map: the smallest that leaves something inside its border."""
@@ -61,7 +56,8 @@ class Painter:
         self._context = open_context(backend, height, width)
         self.info = info_of(backend)
         try:
-            self._drawing = _drawing(model, height, width, fine=samples > 1)
+            self._drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+            mujoco.mjr_resizeOffscreen(width, height, self._drawing)
         except mujoco.FatalError as error:
             self._context.free()
             raise RenderingError(f"{self.info.renderer} cannot draw the scene: {error}") from error
@@ -158,21 +154,6 @@ class Painter:
 
     def _restore_shadows(self) -> None:
         self._drawing.shadowFBO, self._drawing.shadowSize = self._shadows
-
-
-def _drawing(model: mujoco.MjModel, height: int, width: int, *, fine: bool) -> mujoco.MjrContext:
-    """Upload a model's meshes; a fine drawing gets larger shadow maps and no multisampling."""
-    quality = model.vis.quality
-    before = quality.shadowsize, quality.offsamples
-    with _MODEL:
-        try:
-            if fine:
-                quality.shadowsize, quality.offsamples = FINE_SHADOWS * before[0], 0
-            drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
-        finally:
-            quality.shadowsize, quality.offsamples = before
-    mujoco.mjr_resizeOffscreen(width, height, drawing)
-    return drawing
 
 
 def _offsets(samples: int) -> NDArray[np.float64]:
