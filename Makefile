@@ -20,9 +20,9 @@ help:  ## Say what each verb does.
 
 setup: $(VENV)/.installed  ## Make the virtual environment and install the package.
 
-demo: setup  ## Evaluate the scripted experts, five episodes a task; leaves demo-run/ with a report.
+demo: setup  ## Evaluate the scripted experts, three episodes a task; leaves demo-run/ with a report.
 	rm -rf $(DEMO_RUN)
-	$(BIN)/duobench eval --policy expert --episodes 5 --workers 2 --videos 1 --out $(DEMO_RUN)
+	$(BIN)/duobench eval --policy expert --episodes 3 --workers 2 --videos 1 --out $(DEMO_RUN)
 
 test: check  ## Check format, lint and types, then run the tests.
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope

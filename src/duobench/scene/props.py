@@ -61,6 +61,8 @@ def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
         pos=hinge.position,
         range=hinge.limits,
         limited=True,
+        solref_limit=CONTACT_SOLREF,
+        solimp_limit=CONTACT_SOLIMP,
         stiffness=[hinge.stiffness, 0, 0],
         springref=hinge.rest,
         damping=[hinge.damping, 0, 0],

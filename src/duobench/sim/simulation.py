@@ -69,7 +69,10 @@ class Simulation:
     # --- state ---------------------------------------------------------------------------------
 
     def clear(self) -> None:
-        """Forget everything: time, velocities, controls, warm start; arms home, grippers open."""
+        """Forget everything: time, velocities, controls, warm start; arms home, grippers open.
+
+        Call `refresh` before the next step, once everything is where it shall be.
+        """
         mujoco.mj_resetData(self.model, self.data)
         self.duo.hold(HOME)
 
