@@ -44,10 +44,10 @@ COVER = "tasks.jpg"
 
 START_SIZE = (540, 960)
 CAMERA_SIZE = (180, 320)
-STAGE_SIZE = (360, 480)
+STAGE_SIZE = (480, 640)
 """Height and width in pixels: the start, what a policy's camera shows of it, a stage."""
 SAMPLES = 16
-QUALITY = 80
+QUALITY = 82
 COVER_WIDTH = 1440
 COVER_QUALITY = 85
 COLUMNS = 3
@@ -71,10 +71,15 @@ class Shot:
 SHOTS: Mapping[str, Shot] = MappingProxyType(
     {
         "hinge_chest": Shot(
-            view=View(eye=(1.0, 0.75, 0.85), target=(0.51, 0.0, 0.08), fovy_deg=32.0), best=2
+            view=View(eye=(1.0, 0.75, 0.85), target=(0.50, -0.07, 0.11), fovy_deg=30.0), best=2
+        ),
+        "spring_door": Shot(
+            # The door opens towards the robot: only from beside it can one see both sides of it.
+            view=View(eye=(0.32, -1.48, 0.8), target=(0.46, -0.08, 0.17), fovy_deg=31.0),
+            best=2,
         ),
         "pour_marbles": Shot(
-            view=View(eye=(1.4, -0.12, 0.85), target=(0.46, 0.0, 0.12), fovy_deg=33.0), best=4
+            view=View(eye=(1.4, -0.12, 0.85), target=(0.44, 0.0, 0.14), fovy_deg=31.0), best=4
         ),
         "ball_maze": Shot(
             view=View(eye=(1.1, 0.6, 1.0), target=(0.5, 0.02, 0.10), fovy_deg=26.0), best=3
@@ -94,8 +99,11 @@ SHOTS: Mapping[str, Shot] = MappingProxyType(
         "transfer_gate": Shot(
             view=View(eye=(1.5, -0.75, 0.75), target=(0.40, 0.0, 0.23), fovy_deg=34.0), best=2
         ),
+        "transfer_reorient": Shot(
+            view=View(eye=(1.35, -0.5, 0.78), target=(0.43, 0.04, 0.17), fovy_deg=32.0), best=2
+        ),
         "bin_sort": Shot(
-            view=View(eye=(1.55, -0.25, 0.95), target=(0.45, 0.0, 0.10), fovy_deg=36.0), best=4
+            view=View(eye=(1.55, -0.25, 0.95), target=(0.43, 0.0, 0.12), fovy_deg=34.0), best=4
         ),
     }
 )

@@ -1,26 +1,71 @@
-"""The gallery: its script draws a task."""
+"""The gallery: its page is that of the catalog, its pictures are all there, its script draws."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
+from docs.gallery import COVER, FOLDER, PAGE, page
 from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
 from duobench.tasks import catalog
 
 ROOT = Path(__file__).parents[2]
-TASK = "carry_pot"
+DOCS = ROOT / "docs"
+MAX_BYTES = 3_000_000
 BLANK = 5.0
 """Standard deviation of the brightness of a picture on which there is little to see."""
+TASK = "carry_pot"
+
+
+@pytest.fixture(scope="module")
+def text() -> str:
+    return (DOCS / PAGE).read_text(encoding="utf-8")
+
+
+def pictures() -> set[Path]:
+    return {file for file in (DOCS / FOLDER).rglob("*") if file.is_file()}
+
+
+def test_the_page_is_that_of_the_catalog(text: str) -> None:
+    assert page(DOCS / FOLDER) == text, "run: make docs"
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_it_names_the_task_and_its_stages(name: str, text: str) -> None:
+    task = catalog.get(name)
+    section = text.partition(f"### {task.title}\n")[2].partition("### ")[0]
+    assert f"`{name}`" in section
+    assert str(task.category) in section
+    assert f"{task.horizon} control steps" in section
+    assert ("printable" in section) is task.printable
+    assert ("real robot" in section) is task.real
+    named = [
+        number
+        for number, stage in enumerate(task.stages, start=1)
+        if re.search(rf"(?m)\b{number}\. {re.escape(stage.name)}", section)
+    ]
+    assert named == list(range(1, task.max_stage + 1))
+
+
+def test_every_picture_is_linked_and_every_link_leads_to_one(text: str) -> None:
+    linked = {DOCS / target for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text)}
+    assert linked
+    assert linked == pictures()
+
+
+def test_the_pictures_are_small_together() -> None:
+    assert sum(file.stat().st_size for file in {DOCS / COVER, *pictures()}) < MAX_BYTES
 
 
 def test_the_script_draws_a_task(tmp_path: Path) -> None:
     command = [sys.executable, "docs/gallery.py", TASK, "--out", str(tmp_path)]
     result = subprocess.run(command, cwd=ROOT, check=False, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
-    drawn = {file.stem: file for file in (tmp_path / "gallery" / TASK).iterdir()}
+    drawn = {file.stem: file for file in (tmp_path / FOLDER / TASK).iterdir()}
     stages = {f"stage_{number}" for number in range(1, catalog.get(TASK).max_stage + 1)}
     assert set(drawn) == {OVERVIEW, *POLICY_CAMERAS} | stages
     for file in drawn.values():
