@@ -102,7 +102,7 @@ class Progress:
             if self._stages[number - 1].holds(moment):
                 self.stage = number
                 break
-        new = [p for p in self._memories if p not in self._remembered and p(moment)]
+        new = [p for p in self._memories if p not in self._remembered and p.ask(moment)]
         if new:
             self._remembered = self._remembered.union(new)
         return self.stage
