@@ -294,3 +294,11 @@ def test_pictures_of_chunks_play_in_real_time() -> None:
 def test_a_chunk_of_none_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one"):
         ActionChunks(DuoEnv(catalog.get(TASK)), 0)
+
+
+def test_chunks_are_made_of_numbers() -> None:
+    choices = gym.wrappers.TransformAction(
+        DuoEnv(catalog.get(TASK)), lambda action: action, gym.spaces.Discrete(3)
+    )
+    with pytest.raises(TypeError, match="Box"):
+        ActionChunks(choices, 2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -105,3 +106,9 @@ def test_no_opengl_before_the_first_reset() -> None:
         text=True,
     )
     assert result.returncode == 0, result.stderr
+
+
+def test_pictures_need_named_observations() -> None:
+    flat = gym.wrappers.FlattenObservation(DuoEnv(catalog.get(TASK)))
+    with pytest.raises(TypeError, match="Dict"):
+        Cameras(flat, ["head"], SIZE)

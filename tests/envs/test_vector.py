@@ -11,21 +11,22 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 
 from duobench.tasks import catalog
-from tests.envs.tools import TASK, equal, make_small, waves
+from tests.envs.tools import TASK, base_of, equal, make_small, waves
 
 COUNT, STEPS, SEED = 2, 8, 11
 
 
-def single_episodes() -> list[list[Any]]:
-    """What a lone environment shows: for each seed, everything of the reset and of every step."""
+def single_episodes() -> tuple[list[list[Any]], tuple[str, ...]]:
+    """What a lone environment shows for each seed, and the fingerprints of the final states."""
     env = make_small()
-    episodes = []
+    episodes, fingerprints = [], []
     for number in range(COUNT):
         told = [env.reset(seed=SEED + number)]
         told += [env.step(action) for action in waves(STEPS)]
         episodes.append(told)
+        fingerprints.append(base_of(env).simulation.fingerprint())
     env.close()
-    return episodes
+    return episodes, tuple(fingerprints)
 
 
 def played(vector: VectorEnv) -> list[Any]:
@@ -36,7 +37,9 @@ def played(vector: VectorEnv) -> list[Any]:
 
 def assert_same(vector: VectorEnv) -> None:
     batches = played(vector)
-    for number, episode in enumerate(single_episodes()):
+    episodes, fingerprints = single_episodes()
+    assert vector.call("fingerprint") == fingerprints
+    for number, episode in enumerate(episodes):
         for batch, alone in zip(batches, episode, strict=True):
             observations = {key: values[number] for key, values in batch[0].items()}
             assert equal(observations, alone[0])
@@ -45,7 +48,7 @@ def assert_same(vector: VectorEnv) -> None:
             assert batch[-1]["stage"][number] == alone[-1]["stage"]
             assert np.array_equal(batch[-1]["clipped"][number], alone[-1]["clipped"])
     layouts = batches[0][1]["layout"]["poses"]
-    for number, episode in enumerate(single_episodes()):
+    for number, episode in enumerate(episodes):
         alone = episode[0][1]["layout"]["poses"]
         assert {name: layouts[name][number] for name in alone} == alone
 

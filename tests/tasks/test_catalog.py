@@ -1,0 +1,53 @@
+"""How a name becomes a task, and what a task refuses to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.tasks import catalog
+
+
+def test_a_task_is_found_by_id_and_by_path() -> None:
+    assert catalog.get("bin_sort") is catalog.get("duobench.tasks.bin_sort:TASK")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("bin-sort", "task 'bin-sort'.*Did you mean 'bin_sort'"),
+        ("no_such_module:TASK", "No module 'no_such_module'.*PYTHONPATH"),
+        ("no_such.module:TASK", "No module 'no_such.module'"),
+        (":TASK", "No module ''"),
+        ("duobench.tasks.bin_sort:TSAK", "'TSAK'.*Did you mean 'TASK'"),
+        ("duobench.tasks.bin_sort:COLOURS", "Known: TASK"),
+        ("json:TASK", r"Known: \(none\)"),
+    ],
+)
+def test_what_is_no_task_is_an_error(name: str, words: str) -> None:
+    with pytest.raises(DuoBenchError, match=words):
+        catalog.get(name)
+
+
+def test_an_error_in_a_users_module_is_shown_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken_task.py").write_text("import no_such_thing\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(ModuleNotFoundError, match="no_such_thing"):
+        catalog.get("broken_task:TASK")
+
+
+def test_a_placement_of_no_prop_is_refused() -> None:
+    task = catalog.get("bin_sort")
+    placements = {"white_cub": task.placements["white_cube"]}
+    with pytest.raises(UnknownNameError, match=r"'white_cub'.*'white_cube'"):
+        replace(task, placements=placements)
+
+
+def test_a_task_without_stages_is_refused() -> None:
+    with pytest.raises(DuoBenchError, match="at least one stage"):
+        replace(catalog.get("bin_sort"), stages=())
