@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +33,12 @@ class Duo:
         self._qpos, self._ctrl = data.qpos, data.ctrl
         self._site_xpos, self._site_xmat = data.site_xpos, data.site_xmat
         self._sites: list[int] = self.handles.tcp_sites.tolist()
+        self._drivers = self.handles.drivers.ravel()
         self._quat = np.empty(4)
+        # Copying bytes costs a tenth of assigning arrays, and it is done in every substep.
+        self._rows = np.empty((SUBSTEPS, FLAT_SIZE))
+        self._row_bytes = [row.data.cast("B") for row in self._rows]
+        self._ctrl_bytes = data.ctrl[self.handles.actuators].data.cast("B")
         self._fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
         ranges = np.zeros((FLAT_SIZE, 2))
         joints = np.delete(np.arange(FLAT_SIZE), _OPENING_SLOTS)
@@ -40,12 +47,22 @@ class Duo:
         self.low, self.high = ranges.T
         """Limits of a flat command, (16,) each."""
 
-    def ramp(self, command: DuoCommand) -> Array:
-        """Controls (16 substeps, 16 actuators) that lead linearly from the last to the new ones."""
+    def ramp(self, command: DuoCommand) -> Iterator[None]:
+        """Lead the controls linearly from where they are to a command.
+
+        Yields:
+            Once for each of the substeps, when its controls are in place. The last ones are
+            exactly the command's, so that it can be read back and repeated.
+        """
         start, end = self._ctrl[self.handles.actuators], self._controls(command)
-        rows = start + self._fractions * (end - start)
-        rows[-1] = end  # exactly, so that a command can be read back and repeated
-        return rows
+        rows = self._rows
+        np.multiply(self._fractions, end - start, out=rows)
+        np.add(rows, start, out=rows)
+        rows[-1] = end
+        target = self._ctrl_bytes
+        for row in self._row_bytes:
+            target[:] = row
+            yield
 
     def hold(self, command: DuoCommand) -> None:
         """Put the arms at a command without moving there: positions, controls, linkages open.
@@ -65,21 +82,23 @@ class Duo:
 
     def read(self) -> DuoState:
         """Joint positions, openings and tool poses, as of the last physics step."""
-        handles = self.handles
         tools = []
         for site in self._sites:
             mujoco.mju_mat2Quat(self._quat, self._site_xmat[site])
             w, x, y, z = self._quat.tolist()
             # Of the two equal quaternions the one with qx >= 0: it does not flip its sign while
             # a tool points down, whatever its yaw.
-            turn = [-x, -y, -z, -w] if x < 0.0 else [x, y, z, w]
-            tools.append(self._site_xpos[site].tolist() + turn)
-        drivers = self._qpos[handles.drivers].tolist()
-        openings = [1.0 - (one + other) * (0.5 / DRIVER_CLOSED) for one, other in drivers]
+            tools += self._site_xpos[site].tolist()
+            tools += [-x, -y, -z, -w] if x < 0.0 else [x, y, z, w]
+        left, other_left, right, other_right = self._qpos[self._drivers].tolist()
+        openings = [
+            1.0 - (left + other_left) * (0.5 / DRIVER_CLOSED),
+            1.0 - (right + other_right) * (0.5 / DRIVER_CLOSED),
+        ]
         return DuoState(
-            joints=self._qpos[handles.qpos],
+            joints=self._qpos[self.handles.qpos],
             openings=np.array([min(max(opening, 0.0), 1.0) for opening in openings]),
-            tool_poses=np.array(tools),
+            tool_poses=np.array(tools).reshape(2, 7),
         )
 
     @staticmethod

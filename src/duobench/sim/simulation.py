@@ -122,9 +122,7 @@ class Simulation:
         """
         model, data = self.model, self.data
         begin, finish = mujoco.mj_step1, mujoco.mj_step2
-        ctrl = data.ctrl[self.duo.handles.actuators]
-        for controls in self.duo.ramp(command):
-            ctrl[:] = controls
+        for _ in self.duo.ramp(command):
             finish(model, data)
             begin(model, data)
         self._raise_on_warning()
