@@ -16,6 +16,7 @@ import threading
 from collections import Counter, deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import cast
@@ -80,6 +81,32 @@ def _exit_with_parent() -> None:
         os._exit(1)
 
 
+@contextlib.contextmanager
+def _interrupt_later() -> Generator[None]:
+    """Let Ctrl-C wait for the end of the block, and processes that start in it be deaf to it.
+
+    Blocking the signal is what a child inherits. It keeps only this thread from taking the signal,
+    though: any other may, and Python would still interrupt the main one in the middle of the
+    block, so there the handler waits too.
+    """
+    # Starting the first process starts this one as well, which would unblock the signal.
+    resource_tracker.ensure_running()
+    missed: list[int] = []
+    is_main = threading.current_thread() is threading.main_thread()
+    handler = signal.getsignal(signal.SIGINT)
+    if is_main:
+        signal.signal(signal.SIGINT, lambda number, _frame: missed.append(number))
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        if is_main:
+            signal.signal(signal.SIGINT, handler)
+        if missed:
+            signal.raise_signal(signal.SIGINT)
+
+
 @dataclass(kw_only=True, slots=True)
 class _Worker:
     """A worker as its parent sees it."""
@@ -140,15 +167,11 @@ class Pool:
         context = multiprocessing.get_context("spawn")
         ours, theirs = cast("tuple[Connection, Connection]", context.Pipe())
         process = context.Process(target=_work, args=(theirs, self.run, self.folder))
-        # Ctrl-C is this process's to handle: a worker is born with the signal blocked.
-        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
-        theirs.close()
         worker = _Worker(process=process, connection=ours)
-        self._staff.append(worker)
+        with _interrupt_later():
+            process.start()
+            theirs.close()
+            self._staff.append(worker)
         self._give(worker, trial)
 
     def _give(self, worker: _Worker, trial: Trial) -> None:
