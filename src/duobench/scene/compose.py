@@ -31,9 +31,8 @@ SHADOW_MAP_SIZE = 768
 square wrist picture. Drawing the map is the dearest part of a picture on a processor."""
 SHADOW_REACH = 0.7
 """Half the side of the shadow map as a share of the scene's extent: table and arms."""
-ROUND_SLICES, ROUND_STACKS = 16, 8
-"""How finely balls and cylinders are drawn, 224 triangles a ball; twenty marbles cost as much as
-the robot otherwise. Larger round things bring a mesh."""
+BALL_SLICES, BALL_STACKS = 12, 6
+"""How finely balls are drawn, 120 triangles: twenty marbles must not cost as much as the robot."""
 
 
 def compose(props: Iterable[Prop] = ()) -> mujoco.MjSpec:
@@ -66,8 +65,8 @@ def compose(props: Iterable[Prop] = ()) -> mujoco.MjSpec:
     spec.visual.quality.offsamples = 0
     # Lights are far away and highlights soft, so one quad a side looks the same as many.
     spec.visual.quality.numquads = 1
-    spec.visual.quality.numslices = ROUND_SLICES
-    spec.visual.quality.numstacks = ROUND_STACKS
+    spec.visual.quality.numslices = BALL_SLICES
+    spec.visual.quality.numstacks = BALL_STACKS
     spec.visual.map.shadowclip = SHADOW_REACH
     # Properties of the off-screen buffer, large enough for a native image.
     getattr(spec.visual, "global").offwidth = NATIVE_WIDTH

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -25,7 +25,6 @@ from duobench.solids.solid import (
     mesh_of,
     printable,
 )
-from duobench.spatial import SE3
 
 CONTACT_SOLREF = (0.005, 1.0)
 """Contact time constant just above two time steps, the stiffest that MuJoCo keeps stable."""
@@ -37,6 +36,10 @@ _GEOM_TYPES = {
     ShapeKind.SPHERE: mujoco.mjtGeom.mjGEOM_SPHERE,
     ShapeKind.HULL: mujoco.mjtGeom.mjGEOM_MESH,
 }
+
+_DRAWN_WELL = (ShapeKind.BOX, ShapeKind.SPHERE)
+"""Shapes that are drawn as they collide. MuJoCo smears the edges of a hull, and gives a cylinder
+more triangles than a rounder mesh has."""
 
 
 def add_prop(spec: mujoco.MjSpec, prop: Prop) -> None:
@@ -83,20 +86,31 @@ def _fill(
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     group = Group.FIXTURE if prop.fixed and not moving else Group.OBJECT
     for number, shape in enumerate(solid.shapes):
-        geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
+        name = f"{body.name}:{number}"
+        geom = _add_shape(spec, body, name, shape)
         geom.rgba = shape.rgba or solid.rgba
         geom.friction = solid.friction
         geom.condim = solid.condim
         geom.solref, geom.solimp = CONTACT_SOLREF, CONTACT_SOLIMP
-        geom.group = VISUAL_GEOM_GROUP if solid.mesh is None else COLLISION_GEOM_GROUP
+        drawn = solid.mesh is None and shape.kind in _DRAWN_WELL
+        geom.group = VISUAL_GEOM_GROUP if drawn else COLLISION_GEOM_GROUP
         collide_as(geom, group)
+        if solid.mesh is None and not drawn:
+            _add_picture(spec, body, f"{name}:picture", mesh_of(manifold_of(shape)), geom.rgba)
     if solid.mesh is not None:
-        picture = body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=_add_mesh(spec, f"{body.name}:picture", printable(solid)),
-            rgba=solid.rgba,
-        )
-        visual_only(picture)
+        _add_picture(spec, body, f"{body.name}:picture", printable(solid), solid.rgba)
+
+
+def _add_picture(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, mesh: SolidMesh, rgba: Sequence[float]
+) -> None:
+    picture = body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=add_drawn_mesh(spec, name, mesh.vertices, mesh.faces),
+        rgba=rgba,
+    )
+    visual_only(picture)
 
 
 def _add_shape(
@@ -110,7 +124,7 @@ def _add_shape(
     elif shape.kind is ShapeKind.SPHERE:
         size[0] = shape.size[0]
     else:
-        _add_mesh(spec, name, mesh_of(manifold_of(replace(shape, pose=SE3()))))
+        spec.add_mesh(name=name, uservert=np.array(shape.points).ravel())
     return body.add_geom(
         name=name,
         type=_GEOM_TYPES[shape.kind],
@@ -119,7 +133,3 @@ def _add_shape(
         quat=shape.pose.wxyz,
         meshname=name if shape.kind is ShapeKind.HULL else "",
     )
-
-
-def _add_mesh(spec: mujoco.MjSpec, name: str, mesh: SolidMesh) -> str:
-    return add_drawn_mesh(spec, name, mesh.vertices, mesh.faces)

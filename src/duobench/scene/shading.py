@@ -16,6 +16,8 @@ FLAT = math.radians(1.0)
 """Crease angle with which every face of a machined part is drawn flat."""
 
 _TINY = 1e-300
+_SAME = 1e-4
+"""Normals that differ by less than this, in each component, are one."""
 
 
 def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = CREASE) -> Array:
@@ -67,6 +69,8 @@ def add_drawn_mesh(
 ) -> str:
     """Add a mesh with normals to a model under construction, and return its name.
 
+    MuJoCo takes one normal a vertex, so a vertex on a sharp edge is there once for each side.
+
     Args:
         spec: The model.
         name: Name of the mesh.
@@ -74,11 +78,15 @@ def add_drawn_mesh(
         faces: Vertices of each triangle (m, 3), counter-clockwise from outside.
         crease: Largest angle in radians between triangles that is drawn round.
     """
+    normals = corner_normals(vertices, faces, crease)
+    keys = np.column_stack([faces.ravel(), np.rint(normals / _SAME)])
+    _, first, corners = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     spec.add_mesh(
         name=name,
-        uservert=vertices.ravel(),
-        userface=faces.ravel(),
-        usernormal=corner_normals(vertices, faces, crease).ravel(),
-        userfacenormal=np.arange(faces.size, dtype=np.int32),
+        uservert=vertices[faces.ravel()[first]].ravel(),
+        usernormal=normals[first].ravel(),
+        userface=corners.ravel().astype(np.int32),
+        # It carries no mass, so it may be open.
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
     return name

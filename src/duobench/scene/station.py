@@ -99,7 +99,8 @@ def _add_room(spec: mujoco.MjSpec) -> None:
         at = SE3.at(*centre, z, yaw=yaw) @ upright
         wall = _add_plane(world, at, (half_z, half_width), _WALL)
         wall.material = wall_paint
-        foot = SE3.at(*centre, FLOOR_Z + 0.05, yaw=yaw)
+        # In front of the wall, not through it: nothing may hide behind what is not quite opaque.
+        foot = SE3.at(*centre, FLOOR_Z + 0.05, yaw=yaw) @ SE3.at(0.0101)
         _add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, BACKDROP_GEOM_GROUP)
 
 

@@ -21,6 +21,8 @@ LAMP_RADIUS = 0.007
 """Tangent of half the angle under which the lamp appears, times the root of the number of samples:
 the more samples, the wider a shadow's edge can be before it shows the single ones."""
 
+_OPAQUE = 0.995
+"""What is less opaque than this is drawn as transparent [MuJoCo's renderer]."""
 _STAND_IN = 4
 """Side of the stand-in for a shadow map: the smallest that leaves something inside its border."""
 _EVERYTHING = mujoco.mjtCatBit.mjCAT_ALL.value
@@ -71,7 +73,9 @@ class Painter:
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = np.arange(len(self._option.geomgroup)) < DRAWN_GROUPS
         self._option.sitegroup[:] = 0
-        self._backdrop = set(np.flatnonzero(model.geom_group == BACKDROP_GEOM_GROUP).tolist())
+        backdrop = model.geom_group == BACKDROP_GEOM_GROUP
+        self._backdrop = set(np.flatnonzero(backdrop).tolist())
+        self._objects = np.flatnonzero(~backdrop & (model.geom_group < DRAWN_GROUPS))
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
@@ -131,6 +135,11 @@ class Painter:
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, self._view, _EVERYTHING, self._scene
         )
+        # Walls and floor pass for transparent, and MuJoCo draws what is transparent twice, unless
+        # colours are to be added; they never overlap, so that comes to the same and saves time.
+        opacity = self._model.geom_rgba[self._objects, 3]
+        clear = bool(np.any((opacity > 0.0) & (opacity < _OPAQUE)))
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_ADDITIVE.value] = not clear
         # Decor casts no shadows. The backdrop is part of the world body and so comes first.
         left = len(self._backdrop)
         for geom in self._geoms[: self._scene.ngeom]:
