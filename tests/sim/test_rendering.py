@@ -15,7 +15,7 @@ import pytest
 
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.scene.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
-from duobench.scene.filters import BACKDROP_GEOM_GROUP, COLLISION_GEOM_GROUP, VISUAL_GEOM_GROUP
+from duobench.scene.filters import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP, VISUAL_GEOM_GROUP
 from duobench.scene.station import TABLE_X, TABLE_Y
 from duobench.sim import rendering
 from duobench.sim.opengl import BACKENDS
@@ -137,7 +137,7 @@ def test_only_what_is_meant_to_be_seen_is_drawn(simulation: Simulation, renderer
         for number in np.unique(renderer.segment(simulation.data, camera))
     }
     groups = {int(simulation.model.geom_group[number]) for number in seen}
-    assert groups == {BACKDROP_GEOM_GROUP, VISUAL_GEOM_GROUP}
+    assert groups == {SHADOWLESS_GEOM_GROUP, VISUAL_GEOM_GROUP}
     assert (simulation.model.geom_group == COLLISION_GEOM_GROUP).any()
     assert simulation.model.geom("cube:0").id in seen
 

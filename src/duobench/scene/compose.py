@@ -26,10 +26,10 @@ TIMESTEP = 1.0 / (CONTROL_HZ * SUBSTEPS)
 """Physics time step in seconds, 1/480."""
 MEMORY_BYTES = 32 * 2**20
 """Arena for contacts and constraints; twenty marbles in a cup need about a tenth of it."""
-SHADOW_MAP_SIZE = 768
+SHADOW_MAP_SIZE = 704
 """Side of the shadow map in texels; together with its reach, 2.5 mm a texel, about a pixel of a
 square wrist picture. Drawing the map is the dearest part of a picture on a processor."""
-SHADOW_REACH = 0.7
+SHADOW_REACH = 0.62
 """Half the side of the shadow map as a share of the scene's extent: table and arms."""
 BALL_SLICES, BALL_STACKS = 12, 6
 """How finely balls are drawn, 120 triangles: twenty marbles must not cost as much as the robot."""

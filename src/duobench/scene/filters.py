@@ -56,16 +56,16 @@ def collide_as(geom: mujoco.MjsGeom, group: Group) -> None:
     geom.conaffinity = int(_AFFINITY[group])
 
 
-def visual_only(geom: mujoco.MjsGeom) -> None:
-    """Make a geom a picture without contacts and without mass."""
+def visual_only(geom: mujoco.MjsGeom, *, shadow: bool = True) -> None:
+    """Make a geom a picture without contacts and without mass, with or without a shadow."""
     geom.contype = 0
     geom.conaffinity = 0
     geom.density = 0.0
-    geom.group = VISUAL_GEOM_GROUP
+    geom.group = VISUAL_GEOM_GROUP if shadow else SHADOWLESS_GEOM_GROUP
 
 
-BACKDROP_GEOM_GROUP = 1
-"""Geom group that is drawn and casts no shadow, such as walls."""
+SHADOWLESS_GEOM_GROUP = 1
+"""Geom group that is drawn and casts no shadow: walls, and trim on a shell that casts one."""
 VISUAL_GEOM_GROUP = 2
 """Geom group that is drawn; MuJoCo draws groups 0 to 2 by default."""
 COLLISION_GEOM_GROUP = 3

@@ -262,7 +262,8 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
                 meshname=add_mesh(spec, f"fr3/{name}", meshes.visual),
                 rgba=rgba,
             )
-            visual_only(geom)
+            # Caps, bands and the lamp lie on the white shells, which cast the shadow of a link.
+            visual_only(geom, shadow=rgba == WHITE)
         hull = body.add_geom(
             name=f"{side}/link{number}_hull",
             type=mujoco.mjtGeom.mjGEOM_MESH,

@@ -171,6 +171,7 @@ _BASE_VISUALS: tuple[tuple[str, Vector, Vector, Vector], ...] = (
     ("base_coupling", (0, 0, 0.004), (1, -1, 0, 0), BLACK),
     ("c-a01-85-open", (0, 0, 0.0108), (1, 0, 0, 0), METAL),
 )
+_COUPLING = ("base_coupling", "c-a01-85-open")
 _PAD_POSITION = (-0.0377897, -0.103916, -0.0091)
 _PAD_WXYZ = (1.0, -1.0, 0.0, 0.0)
 _FOLLOWER_FROM_PAD = SE3.from_wxyz(_PAD_WXYZ, _PAD_POSITION)
@@ -280,7 +281,8 @@ def _add_visual(
         quat=wxyz,
         rgba=rgba,
     )
-    visual_only(geom)
+    # The coupling is a ring between flange and base, which cast its shadow.
+    visual_only(geom, shadow=name not in _COUPLING)
 
 
 def _add_hull(

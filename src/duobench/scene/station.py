@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from duobench.scene.cameras import HEAD_POSITION
 from duobench.scene.filters import (
-    BACKDROP_GEOM_GROUP,
+    SHADOWLESS_GEOM_GROUP,
     Group,
     collide_as,
     visual_only,
@@ -46,6 +46,9 @@ SCENE_CENTRE = (0.4, 0.0, 0.1)
 SCENE_EXTENT = 1.4
 """Centre and radius (metres) of what lights and shadows must cover; fixed, so that the picture
 does not depend on a task's objects."""
+SHADOW_CENTRE = (0.24, 0.0, 0.24)
+"""Where the lights aim, and so the middle of the shadow map: between the table's far edge and the
+elbows, as the lamp sees them."""
 
 _BIRCH = (0.82, 0.74, 0.63, 1.0)
 _STEEL = (0.20, 0.21, 0.23, 1.0)
@@ -101,7 +104,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
         wall.material = wall_paint
         # In front of the wall, not through it: nothing may hide behind what is not quite opaque.
         foot = SE3.at(*centre, FLOOR_Z + 0.05, yaw=yaw) @ SE3.at(0.0101)
-        _add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, BACKDROP_GEOM_GROUP)
+        _add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, shadow=False)
 
 
 def _floor_light() -> NDArray[np.float64]:
@@ -163,20 +166,20 @@ def _add_table(spec: mujoco.MjSpec) -> None:
         friction=(TABLE_FRICTION, 0.005, 0.0001),
     )
     # What casts no shadow cannot be speckled by its own; the floor has the table's painted on.
-    top.group = BACKDROP_GEOM_GROUP
+    top.group = SHADOWLESS_GEOM_GROUP
     collide_as(top, Group.FIXTURE)
     height = -FLOOR_Z - TABLE_THICKNESS
     for leg_x in (x0 + 0.06, x1 - 0.06):
         for leg_y in (y0 + 0.06, y1 - 0.06):
             leg = SE3.at(leg_x, leg_y, FLOOR_Z + height / 2)
-            _add_box(world, leg, (0.05, 0.05, height), _STEEL, BACKDROP_GEOM_GROUP)
+            _add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
     rail = -TABLE_THICKNESS - 0.03
     for leg_y in (y0 + 0.06, y1 - 0.06):
         at = SE3.at(x, leg_y, rail)
-        _add_box(world, at, (length - 0.12, 0.04, 0.06), _STEEL, BACKDROP_GEOM_GROUP)
+        _add_box(world, at, (length - 0.12, 0.04, 0.06), _STEEL, shadow=False)
     for leg_x in (x0 + 0.06, x1 - 0.06):
         at = SE3.at(leg_x, y, rail)
-        _add_box(world, at, (0.04, width - 0.12, 0.06), _STEEL, BACKDROP_GEOM_GROUP)
+        _add_box(world, at, (0.04, width - 0.12, 0.06), _STEEL, shadow=False)
 
 
 def _add_mount(spec: mujoco.MjSpec) -> None:
@@ -220,7 +223,7 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
             name=name,
             type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
             pos=eye,
-            dir=np.array((0.30, 0.0, 0.2)) - eye,
+            dir=np.array(SHADOW_CENTRE) - eye,
             diffuse=colour,
             specular=(glint, glint, glint),
             castshadow=shadow,
@@ -237,8 +240,7 @@ def _add_plane(
         quat=pose.wxyz,
         rgba=rgba,
     )
-    visual_only(geom)
-    geom.group = BACKDROP_GEOM_GROUP
+    visual_only(geom, shadow=False)
     return geom
 
 
@@ -247,7 +249,8 @@ def _add_box(
     pose: SE3,
     size: tuple[float, float, float],
     rgba: Colour,
-    group: int | None = None,
+    *,
+    shadow: bool = True,
 ) -> mujoco.MjsGeom:
     geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -256,9 +259,7 @@ def _add_box(
         quat=pose.wxyz,
         rgba=rgba,
     )
-    visual_only(geom)
-    if group is not None:
-        geom.group = group
+    visual_only(geom, shadow=shadow)
     return geom
 
 

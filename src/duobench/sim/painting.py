@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import RenderingError
-from duobench.scene.filters import BACKDROP_GEOM_GROUP
+from duobench.scene.filters import SHADOWLESS_GEOM_GROUP
 from duobench.sim.opengl import info_of, open_context
 
 Image = NDArray[np.uint8]
@@ -73,9 +73,9 @@ class Painter:
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = np.arange(len(self._option.geomgroup)) < DRAWN_GROUPS
         self._option.sitegroup[:] = 0
-        backdrop = model.geom_group == BACKDROP_GEOM_GROUP
-        self._backdrop = set(np.flatnonzero(backdrop).tolist())
-        self._objects = np.flatnonzero(~backdrop & (model.geom_group < DRAWN_GROUPS))
+        shadowless = model.geom_group == SHADOWLESS_GEOM_GROUP
+        self._shadowless = set(np.flatnonzero(shadowless).tolist())
+        self._objects = np.flatnonzero(~shadowless & (model.geom_group < DRAWN_GROUPS))
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
@@ -140,14 +140,9 @@ class Painter:
         opacity = self._model.geom_rgba[self._objects, 3]
         clear = bool(np.any((opacity > 0.0) & (opacity < _OPAQUE)))
         self._scene.flags[mujoco.mjtRndFlag.mjRND_ADDITIVE.value] = not clear
-        # Decor casts no shadows. The backdrop is part of the world body and so comes first.
-        left = len(self._backdrop)
         for geom in self._geoms[: self._scene.ngeom]:
-            if not left:
-                break
-            if geom.objid in self._backdrop:
-                geom.category = _DECOR
-                left -= 1
+            if geom.objid in self._shadowless:
+                geom.category = _DECOR  # which casts no shadow
 
     def _draw(self, *, new_shadows: bool = True) -> None:
         """Draw the scene into the pixels, with shadows of its own or those of the last one."""
