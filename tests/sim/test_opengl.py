@@ -155,6 +155,19 @@ def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) 
     assert "libegl1" in outcome.stdout
 
 
+def test_a_process_is_bound_to_the_library_that_was_chosen() -> None:
+    outcome = run_python(
+        """
+        from duobench.sim.rendering import describe
+        backend = describe().backend
+        from OpenGL.platform import PLATFORM
+        print(backend, type(PLATFORM).__name__)
+        """
+    )
+    backend, platform = outcome.stdout.split()
+    assert platform.lower() == f"{backend}platform"
+
+
 def test_software_rendering_is_told_once_for_a_whole_family_of_processes() -> None:
     outcome = run_python(
         """

@@ -68,6 +68,8 @@ _HELP = """Install one of these, then try again:
 With an NVIDIA card inside a container, also set NVIDIA_DRIVER_CAPABILITIES=all.
 Set MUJOCO_GL to egl, osmesa or glfw to choose without a probe."""
 
+_OPENING = threading.Lock()
+"""Held while a context is made: MuJoCo keeps one display for all of a process's."""
 _log = logging.getLogger(__name__)
 
 
@@ -258,24 +260,31 @@ def open_context(backend: str, height: int, width: int) -> Any:
     Raises:
         RenderingError: The backend is not known or does not work here.
     """
-    from OpenGL.error import GLError
-
     module = BACKENDS.get(backend)
     if module is None:
         raise RenderingError(
             f"{ASKED}={backend} is no backend that DuoBench knows; try one of "
             f"{', '.join(BACKENDS)}, or unset it."
         )
-    # PyOpenGL raises AttributeError where a library lacks a function or is missing altogether.
-    failures = (ImportError, AttributeError, OSError, RuntimeError, mujoco.FatalError, GLError)
     try:
-        context = import_module(module).GLContext(width, height)
-        context.make_current()
-    except failures as error:
+        with _OPENING:
+            # This binds PyOpenGL to a library: nothing of PyOpenGL may be imported before.
+            library = import_module(module)
+            context = library.GLContext(width, height)
+            context.make_current()
+    except _failures() as error:  # evaluated only when something was raised
         raise RenderingError(
             f"The OpenGL backend {backend!r} does not work here: {error}\n{_HELP}"
         ) from error
     return context
+
+
+def _failures() -> tuple[type[Exception], ...]:
+    """What MuJoCo and PyOpenGL raise where a library does not work."""
+    from OpenGL.error import GLError
+
+    # PyOpenGL raises AttributeError where a library lacks a function or is missing altogether.
+    return ImportError, AttributeError, OSError, RuntimeError, mujoco.FatalError, GLError
 
 
 def info_of(backend: str) -> RenderingInfo:
