@@ -208,8 +208,9 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
     """One lamp with a shadow, two soft fills without, and ambient light.
 
     The lamp stands in front of the robot, so that the arms throw their shadows back on themselves
-    and not on the objects. The sums are chosen so that a white surface under the lamp is just
-    below full brightness, and one in shadow has two thirds of it.
+    and not on the objects. It stands straight ahead, because the slope of horizontal surfaces then
+    follows one axis of the shadow map, and none is speckled by its own shadow. A level white
+    surface has nine tenths of full brightness under the lamp, and a bit over half in its shadow.
     """
     spec.visual.headlight.ambient = (0.43, 0.43, 0.44)
     spec.visual.headlight.diffuse = (0.0, 0.0, 0.0)
