@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import mujoco
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -24,6 +25,7 @@ PER_TASK: Mapping[str, Callable[[str], Iterator[Measurement]]] = {
     "pictures": pictures.measure,
 }
 KINDS = ("imports", *PER_TASK)
+WIDTH = 100
 
 
 def measurements(kinds: Sequence[str], tasks: Sequence[str]) -> Iterator[Measurement]:
@@ -59,17 +61,17 @@ def main() -> int:
     arguments = parser.parse_args()
     if unknown := [kind for kind in arguments.kinds if kind not in KINDS]:
         parser.error(f"no such kind: {', '.join(unknown)}; known: {', '.join(KINDS)}")
-    table = Table(title=machine())
+    table = Table(title=machine(), box=SIMPLE_HEAD)
     table.add_column("measured", no_wrap=True)
     table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("bar", justify="right")
-    table.add_column("")
+    table.add_column("bar", justify="right", no_wrap=True)
+    table.add_column("", no_wrap=True)
     met = True
     for found in track(measurements(arguments.kinds or KINDS, arguments.tasks), "Measuring"):
         met &= found.met
         verdict = "" if not found.bar else "met" if found.met else "[red]missed[/red]"
         table.add_row(found.what, f"{found.value:.3g} {found.unit}", found.bar, verdict)
-    Console().print(table)
+    Console(width=WIDTH).print(table)
     return 0 if met else 1
 
 
