@@ -70,7 +70,7 @@ def main() -> int:
     for found in track(measurements(arguments.kinds or KINDS, arguments.tasks), "Measuring"):
         met &= found.met
         verdict = "" if not found.bar else "met" if found.met else "[red]missed[/red]"
-        table.add_row(found.what, f"{found.value:.3g} {found.unit}", found.bar, verdict)
+        table.add_row(found.what, f"{found.value:.4g} {found.unit}", found.bar, verdict)
     Console(width=WIDTH).print(table)
     return 0 if met else 1
 

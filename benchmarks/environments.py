@@ -37,7 +37,7 @@ env.close()
 """
 
 
-def measure_steps(name: str, repeats: int = 15) -> Iterator[Measurement]:
+def measure_steps(name: str, repeats: int = 25) -> Iterator[Measurement]:
     """Measure control steps without cameras, against bare physics steps of the same motion."""
     env = duobench.make(name, cameras=False, horizon=STEPS + 1)
     actions = swinging(env)
