@@ -84,6 +84,8 @@ class Link:
     visuals: tuple[tuple[str, Vector], ...]
 
 
+# The published model has eleven more pictures: buttons, plugs and lettering, less than a pixel in
+# any camera. The mesh store leaves them out.
 LINKS = (
     Link(
         visuals=(
@@ -159,7 +161,6 @@ LINKS = (
             diagonal=(0.0175039, 0.0161123, 0.00193529),
         ),
         joint=Joint(limits=(0.5445, 4.5169), torque=12, armature=0.074, friction=0.44, kp=2000),
-        # Three buttons (link6_0, link6_4, link6_7) are left out: single triangles when decimated.
         visuals=(
             ("link6_1", WHITE),
             ("link6_2", WHITE),
@@ -254,9 +255,6 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
     """Add the pictures and the collision hulls of one arm to its bodies."""
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
         for name, rgba in link.visuals:
-            # The store leaves out buttons, screws and lettering: less than a pixel in any camera.
-            if f"fr3/{name}" not in meshes.VISUAL_NAMES:
-                continue
             geom = body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_MESH,
                 meshname=add_mesh(spec, f"fr3/{name}", meshes.visual),
