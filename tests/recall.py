@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import Ever, Moment, Predicate
+from duobench.stages.predicates import Memory, Moment, Predicate
+from duobench.stages.progress import memories_of, recalled
 
 
 class Recall:
@@ -13,8 +14,8 @@ class Recall:
 
     def __init__(self, question: Predicate) -> None:
         self._question = question
-        self._memories = {part.parts[0] for part in question.walk() if isinstance(part, Ever)}
-        self._remembered: frozenset[Predicate] = frozenset()
+        self._memories = memories_of(question)
+        self._remembered: frozenset[Memory] = frozenset()
 
     def ask(self, simulation: Simulation | None = None) -> bool:
         """Whether it holds now; without a simulation for predicates that look at none."""
@@ -24,5 +25,5 @@ class Recall:
             variants={},
             remembered=self._remembered,
         )
-        self._remembered |= {p for p in self._memories if p(moment)}
+        self._remembered = recalled(self._memories, moment)
         return self._question(moment)

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from duobench.stages.handover import last_of
-from duobench.stages.predicates import Moment, Predicate, all_of
+from duobench.stages.predicates import Moment, Predicate, all_of, ever
 
 EXIT_DEPTH = 0.05
 """How far beyond the plane, in metres, an object is still in front of the hole. It is more than an
@@ -55,9 +54,9 @@ def passage(prop: str, hole: Hole) -> Passage:
     near = Predicate(f"{prop} is on the near side of {hole.body}", lambda m: where(m)[0] < 0)
     at_exit = ~near & Predicate(f"{prop} is in front of the hole of {hole.body}", in_front)
     beside = ~near & ~at_exit
-    crossing = at_exit & last_of(near, beside)[0]
-    around = beside & last_of(near, at_exit)[0]
-    came_through = last_of(crossing, around)[0]
+    crossing = at_exit & ever(near, until=beside)
+    around = beside & ever(near, until=at_exit)
+    came_through = ever(crossing, until=around)
     return Passage(
         crossing=Predicate(f"{prop} crosses {hole.body}", crossing.test, crossing.parts),
         through=all_of(~near, ~around, crossing | came_through),

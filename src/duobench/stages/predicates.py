@@ -1,8 +1,8 @@
 """The words that stages are written in: one implementation of each.
 
 A predicate is a pure question about one `Moment`. Predicates combine with `&`, `|` and `~`; the
-only memories are `ever(p)` and, for "still for half a second", `lasting(p, seconds)`; both are kept
-by `stages.progress`.
+only memories are `ever(p)`, `ever(p, until=q)`, which forgets, and, for "still for half a second",
+`lasting(p, seconds)`. They are kept by `stages.progress`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
 from duobench.types import SIDES, Side
 
 Point = tuple[float, float, float]
+Memory = tuple["Predicate"] | tuple["Predicate", "Predicate"]
+"""What is remembered and, if anything makes it forgotten, what does."""
 
 HELD_HEIGHT = 0.010
 """How far a held object is raised at least, in metres [task definitions]."""
@@ -32,8 +34,8 @@ class Moment:
     """Height of each prop's lowest point when the episode began, in metres."""
     variants: Mapping[str, str]
     """The layout's named choices."""
-    remembered: frozenset[Predicate]
-    """Predicates that held at an earlier step of this episode."""
+    remembered: frozenset[Memory]
+    """What held at an earlier step of this episode and is not forgotten."""
     lasted: Mapping[Predicate, int] = field(default_factory=dict)
     """For how many control steps in a row a predicate has held, this one included."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
@@ -103,14 +105,23 @@ class Predicate:
 
 
 class Ever(Predicate):
-    """A predicate that held at an earlier step of the episode."""
+    """A predicate that held at an earlier step of the episode; its parts are its `Memory`."""
 
     __slots__ = ()
 
 
-def ever(predicate: Predicate) -> Predicate:
-    """`predicate` held at some earlier step of this episode."""
-    return Ever(f"ever {predicate.name}", lambda m: predicate in m.remembered, (predicate,))
+def ever(predicate: Predicate, *, until: Predicate | None = None) -> Predicate:
+    """`predicate` held at some earlier step of this episode.
+
+    Args:
+        predicate: What is remembered.
+        until: What makes it forgotten, if anything: it held at none of the steps from the one that
+            is remembered to the last one. So `ever(left, until=right)` is true where the last of
+            the two that held was `left`.
+    """
+    memory: Memory = (predicate,) if until is None else (predicate, until)
+    name = f"ever {predicate.name}" + ("" if until is None else f" until {until.name}")
+    return Ever(name, lambda m: memory in m.remembered, memory)
 
 
 class Lasting(Predicate):

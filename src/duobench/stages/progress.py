@@ -1,17 +1,18 @@
 """From constraints to progress: the rule of the paper, with one owner of the memory.
 
 stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. A
-constraint may remember in two ways only: `ever(p)`, whether p held at an earlier control step, and
-`lasting(p, seconds)`, whether p has held without a break.
+constraint may remember in two ways only: `ever(p)`, whether p held at an earlier control step, or
+since another predicate did, and `lasting(p, seconds)`, whether p has held without a break.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import Ever, Lasting, Moment, Predicate
+from duobench.stages.predicates import Ever, Lasting, Memory, Moment, Predicate
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -26,6 +27,26 @@ class Stage:
     """The conjunction of its constraints."""
 
 
+def memories_of(*predicates: Predicate) -> tuple[Memory, ...]:
+    """What must be remembered to answer these predicates."""
+    parts = (part for predicate in predicates for part in predicate.walk())
+    return tuple(dict.fromkeys(cast("Memory", part.parts) for part in parts if type(part) is Ever))
+
+
+def recalled(memories: Sequence[Memory], moment: Moment) -> frozenset[Memory]:
+    """What is remembered after a moment. All of it sees the same moment, so the order is free."""
+    before = moment.remembered
+    new, gone = [], []
+    for memory in memories:
+        held, *until = memory
+        if memory in before:
+            if until and until[0].ask(moment):
+                gone.append(memory)
+        elif held.ask(moment) and not (until and until[0].ask(moment)):
+            new.append(memory)
+    return before.union(new).difference(gone) if new or gone else before
+
+
 class Progress:
     """The stage of one running episode. Evaluated once a control step, after physics."""
 
@@ -36,12 +57,8 @@ class Progress:
             stages: Stages 1 to n in order.
         """
         self._stages = stages
-        memories = [
-            part.parts[0]
-            for stage in stages
-            for part in stage.holds.walk()
-            if isinstance(part, Ever)
-        ]
+        self._memories = memories_of(*(stage.holds for stage in stages))
+        self._remembered: frozenset[Memory] = frozenset()
         self._lasting = tuple(
             dict.fromkeys(
                 part.parts[0]
@@ -51,9 +68,6 @@ class Progress:
             )
         )
         self._lasted: dict[Predicate, int] = {}
-        # Inner memories come first, so that a nested `ever` sees only earlier steps.
-        self._memories = tuple(dict.fromkeys(memories))
-        self._remembered: frozenset[Predicate] = frozenset()
         self._start_lowest: dict[str, float] = {}
         self._variants: Mapping[str, str] = {}
         self.stage = 0
@@ -102,9 +116,7 @@ class Progress:
             if self._stages[number - 1].holds(moment):
                 self.stage = number
                 break
-        new = [p for p in self._memories if p not in self._remembered and p.ask(moment)]
-        if new:
-            self._remembered = self._remembered.union(new)
+        self._remembered = recalled(self._memories, moment)
         return self.stage
 
     @property
