@@ -1,4 +1,5 @@
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -132,6 +133,42 @@ def test_a_board_that_is_put_down_does_not_count(bench: Stageplay) -> None:
     bench.act(lambda arms: release(arms, Side.LEFT))
     bench.put(ball=on_board(bench, *cell_centre(GOAL)))
     assert bench.stage == 3
+
+
+@pytest.mark.parametrize(("rolled", "bumped_to"), [(True, GOAL), (False, (2, 2)), (False, GOAL)])
+def test_a_ball_that_was_bumped_on_a_board_put_down_again_does_not_count(
+    bench: Stageplay, rolled: bool, bumped_to: tuple[int, int]
+) -> None:
+    bench.start(0)
+    lying = bench.sim.position("board")[2]
+    assert bench.run_for(script, STEPS_TO_LIFT) == 2
+    lifted = bench.sim.position("board")[2]
+    if rolled:
+        bench.put(ball=on_board(bench, 0.0, 0.0))
+    at = ball(bench)
+
+    def shift(height: float) -> Callable[[Arms], Script]:
+        def run(arms: Arms) -> Script:
+            pose = arms.sim.pose("board")
+            yield from carry(arms, "board", pose.moved(z=height - pose.translation[2]), speed=0.2)
+            yield from wait(10)
+
+        return run
+
+    for _ in shift(lying)(bench.arms):
+        bench.advance()
+        bench.put(ball=on_board(bench, *at))
+    assert bench.sim.contacts.between("board", "table")
+    for _ in range(2):
+        bench.put(ball=on_board(bench, *cell_centre(bumped_to)))
+    bench.act(shift(lifted))
+    assert not bench.sim.contacts.between("board", "table")
+    assert bench.stage == (3 if rolled else 2)
+
+    # What is done in the air after that counts again, if it began there.
+    bench.put(ball=on_board(bench, 0.0, 0.0))
+    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+    assert bench.stage == (4 if rolled else 2)
 
 
 def test_a_ball_that_a_finger_carried_does_not_count(bench: Stageplay) -> None:

@@ -30,13 +30,12 @@ from duobench.stages.predicates import (
     CylinderRegion,
     Predicate,
     all_of,
-    any_of,
     clear,
     ever,
     free,
     inside,
     pinched,
-    touches,
+    touching,
 )
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
@@ -45,7 +44,7 @@ from duobench.types import SIDES
 LEFT_START, AT_GOAL = 0.020, 0.015
 """Distance in metres of the ball from the start's centre at least, and from the goal's at most."""
 TAKEN = 0.005
-"""How far the middle of the board is raised at least when both arms have taken it up, in metres."""
+"""How far the middle of a board that both arms have taken up is raised at least, in metres."""
 
 
 def _ball_within(cell: Cell, radius: float) -> Predicate:
@@ -73,11 +72,15 @@ _LIFTED = _PINCHED & clear("board")
 _OFF_TABLE = inside(
     "board", BoxRegion(body=TABLE, low=(-inf, -inf, BASE + TAKEN), high=(inf, inf, inf))
 )
-# The ball must still be at the start when the arms take the board up, and no gripper may have
-# touched it: it is neither shaken through the maze on the table nor carried by a finger.
-_TAKEN = all_of(_PINCHED, _OFF_TABLE, _AT_START)
+_ON_TABLE = touching("board", TABLE)
+# No gripper may have touched the ball: it is not carried by a finger. Nor is it shaken through the
+# maze on the table: it leaves the start, and arrives at the goal, while the board is in the air.
 _UNTOUCHED = free("ball") & ~ever(~free("ball"))
-_ROLLED = all_of(_LIFTED, _ON_BOARD, ~_AT_START, ever(_TAKEN), _UNTOUCHED)
+_TAKEN = all_of(_PINCHED, _OFF_TABLE, _AT_START)
+_ROLLED = all_of(
+    _LIFTED, _ON_BOARD, ~_AT_START, ever(_TAKEN, until=_ON_TABLE & ~_AT_START), _UNTOUCHED
+)
+_ARRIVED = _AT_GOAL & ever(_LIFTED & ~_AT_GOAL, until=_ON_TABLE)
 
 TASK = Task(
     id="ball_maze",
@@ -94,7 +97,7 @@ TASK = Task(
         Stage(
             name="a gripper touches the board",
             instruction="Reach for a grip of the board.",
-            holds=any_of(*(touches(side, "board") for side in SIDES)),
+            holds=~free("board"),
         ),
         Stage(
             name="both grippers hold the board",
@@ -109,7 +112,7 @@ TASK = Task(
         Stage(
             name="the ball is at the goal",
             instruction="Tilt the board until the ball is in the red corner.",
-            holds=all_of(_LIFTED, _AT_GOAL, _UNTOUCHED, ever(_ROLLED)),
+            holds=all_of(_LIFTED, _ARRIVED, _UNTOUCHED, ever(_ROLLED)),
         ),
     ),
     printable=True,
