@@ -20,7 +20,7 @@ from duobench.stages.predicates import (
     Predicate,
     all_of,
     any_of,
-    at_least_inside,
+    at_least,
     clear,
     free,
     held,
@@ -282,11 +282,12 @@ def test_the_bounds_of_regions() -> None:
 def test_counting_what_is_inside(sim: Simulation) -> None:
     region = BoxRegion(body="chest", low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.5))
     names = ["cube", "slab", "bowl"]
+    members = [inside(name, region) for name in names]
     for count in range(4):
         put(sim, **REST)
         for name in names[:count]:
             put(sim, **{name: SE3.at(0.7, -0.3, 0.3)})
-        answers = [holds(at_least_inside(asked, names, region), sim) for asked in range(4)]
+        answers = [holds(at_least(asked, *members), sim) for asked in range(4)]
         assert answers == [asked <= count for asked in range(4)]
 
 

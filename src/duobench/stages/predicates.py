@@ -8,7 +8,7 @@ only memories are `ever(p)`, `ever(p, until=q)`, which forgets, and, for "still 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from duobench.scene.compose import CONTROL_HZ
@@ -168,6 +168,17 @@ def any_of(*predicates: Predicate) -> Predicate:
     return Predicate(f"({name})", test, predicates)
 
 
+def at_least(count: int, *predicates: Predicate) -> Predicate:
+    """At least `count` of them hold."""
+    names = ", ".join(p.name for p in predicates)
+    asks = tuple(p.ask for p in predicates)
+    return Predicate(
+        f"at least {count} of ({names})",
+        lambda m: sum([ask(m) for ask in asks]) >= count,
+        predicates,
+    )
+
+
 def touches(arm: Side, body: str) -> Predicate:
     """A finger or the palm of that gripper is in contact with the body."""
     return Predicate(f"{arm} touches {body}", lambda m: m.simulation.contacts.gripper(arm, body))
@@ -282,16 +293,6 @@ def inside(prop: str, region: Region) -> Predicate:
     return Predicate(
         f"{prop} is inside {region.body}",
         lambda m: region.contains(m.simulation.offset(prop, region.body)),
-    )
-
-
-def at_least_inside(count: int, props: Sequence[str], region: Region) -> Predicate:
-    """At least `count` of several props have their centres in a region of another body."""
-    members = tuple(inside(prop, region) for prop in props)
-    return Predicate(
-        f"at least {count} of {len(props)} are inside {region.body}",
-        lambda m: sum(member(m) for member in members) >= count,
-        members,
     )
 
 

@@ -29,10 +29,9 @@ MARBLES = tuple(f"marble{number}" for number in range(len(cups.HEAP)))
 CUPS = {side: f"{side}_cup" for side in SIDES}
 SQUARES = {side: f"{side}_square" for side in SIDES}
 SQUARE_CENTRES = {SQUARES[Side.LEFT]: (0.5, 0.3), SQUARES[Side.RIGHT]: (0.5, -0.3)}
-HALF_SQUARE = 0.05
-"""A cup is inside its square when its centre is this near the square's, along x and y."""
-RAISE = 0.020
-UPRIGHT = math.radians(20.0)
+HALF_SQUARE, RAISE, UPRIGHT = 0.05, 0.020, math.radians(20.0)
+"""How far, in metres, a cup's centre may be from its square's along x and y, and how far a cup is
+raised at least; how far it is tilted at most when it stands, in radians."""
 GREEN, LIGHT = (0.20, 0.62, 0.27, 1.0), (0.92, 0.93, 0.95, 1.0)
 BLUE = (0.10, 0.28, 0.78, 1.0)
 
@@ -46,15 +45,17 @@ def _fill(layout: Layout) -> Layout:
     return Layout(poses={**layout.poses, **heap}, variants=variants)
 
 
-def _hollow(cup: str) -> is_.CylinderRegion:
-    """What a cup holds: inside its walls, up to its rim."""
-    return is_.CylinderRegion(body=cup, radius=cups.INNER_RADIUS, low=cups.WALL, high=cups.HEIGHT)
+def _in_cup(side: Side) -> tuple[Predicate, ...]:
+    """Each marble is inside the walls of that cup, up to its rim."""
+    low, high = cups.WALL, cups.HEIGHT
+    hollow = is_.CylinderRegion(body=CUPS[side], radius=cups.INNER_RADIUS, low=low, high=high)
+    return tuple(is_.inside(marble, hollow) for marble in MARBLES)
 
 
 def _poured(count: int) -> Predicate:
     """At least `count` marbles are in the cup that was empty, after both cups were raised."""
-    into = {side: is_.at_least_inside(count, MARBLES, _hollow(CUPS[side])) for side in SIDES}
-    return any_of(*(is_.variant("empty", s.value) & into[s] for s in SIDES)) & ever(_RAISED)
+    into = (is_.variant("empty", s.value) & is_.at_least(count, *_IN_CUP[s]) for s in SIDES)
+    return ever(_RAISED) & any_of(*into)
 
 
 def _back(side: Side) -> Predicate:
@@ -65,6 +66,7 @@ def _back(side: Side) -> Predicate:
 
 
 _SQUARE = cups.square_mark(2 * HALF_SQUARE, GREEN)
+_IN_CUP = {side: _in_cup(side) for side in SIDES}
 _PINCHED = tuple(is_.pinched(side, CUPS[side]) for side in SIDES)
 _RAISED = all_of(*_PINCHED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
 
@@ -72,10 +74,8 @@ TASK = Task(
     id="pour_marbles",
     title="Pour-Marbles",
     category=Category.ASYMMETRIC_SUPPORT,
-    instruction=(
-        "Pick up both cups, pour all marbles from the {full} cup into the {empty} cup, and put "
-        "both cups back on their green squares."
-    ),
+    instruction="Pick up both cups, pour all marbles from the {full} cup into the {empty} cup, and "
+    "put both cups back on their green squares.",
     horizon=442,
     props=(
         *(Prop(name=name, solid=cups.cup(LIGHT)) for name in CUPS.values()),
