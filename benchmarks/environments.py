@@ -1,6 +1,5 @@
 """How much of the bare engine's speed an environment keeps, and how long it takes to begin."""
 
-import math
 import statistics
 import subprocess
 import sys
@@ -16,15 +15,14 @@ from numpy.typing import NDArray
 import duobench
 from benchmarks.measure import Measurement, Work, seconds
 from duobench.envs.duo_env import DuoEnv
+from duobench.evaluation.policies import ExpertPolicy
 from duobench.scene.compose import SUBSTEPS
 from duobench.sim.simulation import STATE
 
-STEPS = 240
-"""Control steps in one timed stretch: eight seconds of an episode."""
+SEED = 0
+"""Seed of the episode that everything here is measured on."""
 PIECE = 8
 """Control steps that are timed at a time."""
-SWING = 0.1
-"""How far every joint swings meanwhile, in radians."""
 
 # The evaluation protocol, in a process that has done nothing yet: what a user waits for.
 CREATION = """
@@ -37,10 +35,10 @@ env.close()
 """
 
 
-def measure_steps(name: str, repeats: int = 25) -> Iterator[Measurement]:
-    """Measure control steps without cameras, against bare physics steps of the same motion."""
-    env = duobench.make(name, cameras=False, horizon=STEPS + 1)
-    actions = swinging(env)
+def measure_steps(name: str, repeats: int = 15) -> Iterator[Measurement]:
+    """Measure an expert's whole episode without cameras, against bare steps of the same motion."""
+    env = duobench.make(name, cameras=False)
+    actions = expert_actions(env)
     wrapped, bare = seconds(
         wrapped_physics(env, actions), bare_physics(env, actions), repeats=repeats
     )
@@ -48,7 +46,9 @@ def measure_steps(name: str, repeats: int = 25) -> Iterator[Measurement]:
     yield Measurement(
         what=f"{name}: step, bare mj_step / environment", value=bare / wrapped, at_least=0.85
     )
-    yield Measurement(what=f"{name}: control steps", value=STEPS / wrapped, unit="/s")
+    yield Measurement(
+        what=f"{name}: control steps", value=len(actions) / wrapped, unit="/s", at_least=150
+    )
 
 
 def measure_creation(name: str, repeats: int = 3) -> Iterator[Measurement]:
@@ -86,17 +86,20 @@ def base_of(env: gym.Env) -> DuoEnv:
 
 def begin(env: gym.Env) -> None:
     """Begin the episode that everything here is measured on."""
-    env.reset(seed=0)
+    env.reset(seed=SEED)
 
 
-def swinging(env: gym.Env) -> NDArray[np.float32]:
-    """Return actions (STEPS, 16) in which all arm joints swing once around where they stand."""
-    begin(env)
-    state = base_of(env).simulation.duo.read()
-    phase = 2 * math.pi * np.arange(STEPS) / STEPS
-    moves = np.ones(state.flat.shape)
-    moves[[7, 15]] = 0.0  # the grippers stay open
-    return (state.flat + SWING * np.sin(phase)[:, None] * moves).astype(np.float32)
+def expert_actions(env: gym.Env) -> NDArray[np.float32]:
+    """Return the actions (n, 16) of the task's expert until the end of its episode."""
+    expert = ExpertPolicy(env)
+    observation, info = env.reset(seed=SEED)
+    expert.reset(info["instruction"], SEED)
+    actions, over = [], False
+    while not over:
+        actions.append(np.asarray(expert.act(observation), dtype=np.float32)[0])
+        observation, _, terminated, truncated, _ = env.step(actions[-1])
+        over = terminated or truncated
+    return np.array(actions)
 
 
 def in_pieces(step: Callable[[Any], object], inputs: Sequence[Any]) -> list[Callable[[], object]]:
@@ -118,21 +121,33 @@ def wrapped_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
 
 
 def bare_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
-    """Return the same motion as `mj_step` alone, on the same model and from the same state."""
+    """Return the same motion as `mj_step` alone, on the same model and from the same state.
+
+    Raises:
+        RuntimeError: It does not end in the same state, so there is nothing to compare.
+    """
     simulation = base_of(env).simulation
     model, data = simulation.model, mujoco.MjData(simulation.model)
+    target = data.ctrl
     begin(env)
-    state, controls = simulation.save(), []
+    state, ramps = simulation.save(), []
+    fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
     for action in actions:
+        start = simulation.data.ctrl.copy()
         env.step(action)
-        controls.append(simulation.data.ctrl.copy())
+        ramps.append(start + fractions * (simulation.data.ctrl - start))
+        ramps[-1][-1] = simulation.data.ctrl
 
-    def step(control: NDArray[np.float64]) -> None:
-        data.ctrl[:] = control
-        for _ in range(SUBSTEPS):
+    def step(ramp: NDArray[np.float64]) -> None:
+        for controls in ramp:
+            target[:] = controls
             mujoco.mj_step(model, data)
 
-    return Work(
-        pieces=in_pieces(step, controls),
+    work = Work(
+        pieces=in_pieces(step, ramps),
         prepare=lambda: mujoco.mj_setState(model, data, state, STATE),
     )
+    seconds(work, repeats=1)
+    if not np.array_equal(data.qpos, simulation.data.qpos):
+        raise RuntimeError("Bare physics moved in another way than the environment.")
+    return work
