@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
@@ -17,11 +19,15 @@ class Recall:
         self._memories = memories_of(question)
         self._remembered: frozenset[Memory] = frozenset()
 
-    def ask(self, simulation: Simulation | None = None) -> bool:
+    def ask(
+        self,
+        simulation: Simulation | None = None,
+        start_lowest: Mapping[str, float] = MappingProxyType({}),
+    ) -> bool:
         """Whether it holds now; without a simulation for predicates that look at none."""
         moment = Moment(
             simulation=cast(Any, simulation),
-            start_lowest={},
+            start_lowest=dict(start_lowest),
             variants={},
             remembered=self._remembered,
         )

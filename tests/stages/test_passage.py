@@ -43,6 +43,7 @@ def sim() -> Simulation:
         ("nedfb", "01000", "01100"),  # through, back, around
         ("bfned", "00010", "00011"),  # around, back, through
         ("nededed", "0100000", "0111111"),
+        ("nenbed", "010000", "010000"),  # through, back, around into the exit
         ("nenened", "0101010", "0101011"),
         ("e", "0", "0"),
     ],

@@ -81,6 +81,15 @@ def test_blocks_side_by_side_do_not_count(bench: Stageplay) -> None:
     assert bench.stage == 1
 
 
+@pytest.mark.parametrize("gap", [0.0005, 0.1, 0.4])
+def test_a_peg_that_points_away_from_the_dark_block_does_not_count(
+    bench: Stageplay, gap: float
+) -> None:
+    _taken(bench)
+    bench.put(dark_block=AIR, light_block=AIR.moved(x=LENGTH + gap))
+    assert bench.stage == 1
+
+
 def test_a_peg_beside_its_socket_or_askew_does_not_count(bench: Stageplay) -> None:
     _taken(bench)
     bench.put(dark_block=AIR, light_block=_joined(AIR).moved(y=0.005))
@@ -97,6 +106,14 @@ def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
     _taken(bench)
     bench.put(dark_block=_mounted())
     assert bench.stage == 1
+    behind = SE3.at(0.80, 0.0, bars.PEG_HEIGHT)
+    for _ in range(2):
+        bench.put(light_block=behind)
+    assert bench.stage == 1
+    for _ in range(2):
+        bench.put(dark_block=behind.moved(x=0.1), light_block=behind)
+    assert bench.stage == 1
+    bench.put(dark_block=_mounted(), light_block=AIR)
     # Nor does it after the two were joined and came apart again.
     bench.put(dark_block=AIR, light_block=_joined(AIR))
     assert bench.stage == 2

@@ -29,6 +29,8 @@ STANDING = SE3.at(z=FLOOR + LONG_BLOCK / 2) @ SE3.about((0, 1, 0), math.pi / 2)
 BESIDE = SE3.at(x=-RADIUS - 0.0155, z=LONG_BLOCK / 2) @ SE3.about((0, 1, 0), math.pi / 2)
 """Standing on the table, against the rim."""
 ON_RIM = SE3.at(x=RADIUS - 0.001, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0005)
+ACROSS_RIM = SE3.at(x=0.073, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0002, yaw=math.pi / 2)
+"""Lying on top of the rim by both ends."""
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +51,11 @@ def both_hold(arms: Arms) -> Script:
 def hand_over(arms: Arms) -> Script:
     yield from both_hold(arms)
     yield from let_go(arms, RIGHT)
+
+
+def hand_over_and_bring(arms: Arms) -> Script:
+    yield from hand_over(arms)
+    yield from bring(arms, LEFT, "cube", BOWL + np.array([0.0, 0.0, 0.15]))
 
 
 def into_bowl(arms: Arms, side: Side) -> Script:
@@ -173,19 +180,36 @@ def test_a_cube_that_is_still_held_in_the_bowl_does_not_count(table: Stageplay) 
     assert table.act(lambda arms: drop(arms, LEFT)) == 4
 
 
-@pytest.mark.parametrize("pose", [LYING, STANDING], ids=["lying", "standing"])
-def test_a_cube_that_was_handed_over_counts_in_the_bowl(table: Stageplay, pose: SE3) -> None:
+@pytest.mark.parametrize("place", [LYING, LYING.moved(z=0.10)], ids=["pushed", "thrown"])
+def test_a_handover_does_not_excuse_pushing_or_throwing(table: Stageplay, place: SE3) -> None:
     assert table.act(hand_over) == 3
     table.act(lambda arms: drop(arms, LEFT))
-    table.put(cube=table.sim.pose("bowl") @ BESIDE)
-    assert table.sim.contacts.partners("cube") == {"table", "bowl"}
-    assert table.stage == 3
-    table.put(cube=table.sim.pose("bowl") @ ON_RIM)
+    table.put(cube=table.sim.pose("bowl") @ place)
+    assert table.hold(30) == 3
     assert in_bowl(table)
-    assert table.stage == 3
+
+
+@pytest.mark.parametrize("pose", [LYING, STANDING], ids=["lying", "standing"])
+def test_a_cube_that_was_handed_over_and_brought_counts_in_the_bowl(
+    table: Stageplay, pose: SE3
+) -> None:
+    assert table.act(hand_over_and_bring) == 3
+    table.put(cube=table.sim.pose("bowl") @ ACROSS_RIM)
+    assert table.sim.contacts.partners("cube") == {"bowl"}
+    assert table.hold(10) == 3
     table.put(cube=table.sim.pose("bowl") @ pose.moved(z=0.002))
     assert table.stage == 3
     assert table.hold(10) == 4
+
+
+@pytest.mark.parametrize("elsewhere", [BESIDE, ON_RIM], ids=["beside", "on the rim"])
+def test_a_cube_that_left_the_bowl_again_does_not_count(table: Stageplay, elsewhere: SE3) -> None:
+    table.act(hand_over_and_bring)
+    table.put(cube=table.sim.pose("bowl") @ elsewhere)
+    assert table.stage == 3
+    table.put(cube=table.sim.pose("bowl") @ LYING)
+    assert table.hold(10) == 3
+    assert in_bowl(table)
 
 
 # --- objects -------------------------------------------------------------------------------------

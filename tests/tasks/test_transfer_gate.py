@@ -204,6 +204,18 @@ def test_a_block_released_before_it_rests_does_not_count(table: Stageplay) -> No
     assert on_mat(table)
 
 
+def test_touching_the_mat_once_before_a_fall_is_not_enough(table: Stageplay) -> None:
+    def dip(arms: Arms) -> Script:
+        yield from hand_over(arms)
+        yield from lower_onto_mat(arms, LEFT)
+        yield from move(arms, {LEFT: arms.targets[LEFT].moved(z=0.15)})
+        yield from drop(arms, LEFT)
+
+    assert table.act(dip) == 3
+    assert table.hold(20) == 3
+    assert on_mat(table)
+
+
 def test_a_block_that_is_still_held_on_the_mat_does_not_count(table: Stageplay) -> None:
     def hold_on(arms: Arms) -> Script:
         yield from hand_over(arms)
@@ -274,12 +286,9 @@ def test_having_touched_the_mat_before_the_handover_is_not_enough(table: Stagepl
 
 
 def test_only_a_block_that_rests_on_the_mat_counts(table: Stageplay) -> None:
-    assert table.act(hand_over) == 3
-    x, y, _ = table.sim.position("block")
-    table.put(mat=SE3.at(x, y, table.sim.lowest("block") - MAT_THICKNESS / 2 + 0.0005))
+    table.act(hand_over)
+    assert table.act(lambda arms: lower_onto_mat(arms, LEFT)) == 3
     assert on_mat_in_hand(table)
-    table.put(mat=SE3.at(0.9, 0.5))
-    assert table.act(lambda arms: drop(arms, LEFT)) == 3
     beside = SE3.at(MAT[0], MAT[1] + HALF_MAT + 0.002, LYING_HEIGHT - 0.0002)
     table.put(mat=SE3.at(*MAT), block=beside)
     assert on_mat(table)

@@ -91,7 +91,6 @@ def test_a_peg_in_the_hole_that_nobody_handed_over_does_not_count(table: Stagepl
 
 def test_depth_offset_and_angle_are_those_of_the_task(table: Stageplay) -> None:
     assert table.act(hand_over) == 3
-    table.act(lambda arms: drop(arms, LEFT))
     table.put(peg=standing(HEXAGON, DEPTH - 0.001))
     table.put(peg=standing(HEXAGON, DEPTH + 0.001, aside=0.005))
     table.put(peg=standing(HEXAGON, DEPTH + 0.001, lean=math.radians(11)))
@@ -103,7 +102,6 @@ def test_depth_offset_and_angle_are_those_of_the_task(table: Stageplay) -> None:
 @pytest.mark.parametrize("end", [1, -1])
 def test_either_end_may_go_in(table: Stageplay, end: int) -> None:
     assert table.act(hand_over) == 3
-    table.act(lambda arms: drop(arms, LEFT))
     table.put(peg=standing(HEXAGON, 0.020) @ SE3.about((0, 0, 1), (1 - end) * math.pi / 2))
     assert table.stage == 4
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from duobench.scene.naming import TABLE
 from duobench.stages.predicates import (
     Predicate,
     all_of,
@@ -18,6 +19,7 @@ from duobench.stages.predicates import (
     held,
     pinched,
     touches,
+    touching,
 )
 from duobench.types import SIDES, Side
 
@@ -35,10 +37,11 @@ class Handover:
     last_carried: BySide
     """That arm was the last to carry it alone, at an earlier step."""
     received: BySide
-    """That arm carries it, handed over by the other one. The first handover of an episode decides
-    which arm gives and which one receives: what is handed back is not received."""
+    """That arm carries it, handed over by the other one. The first handover decides which arm gives
+    and which one receives, until it is put down: what is handed back is not received."""
     delivered: BySide
-    """That arm received it at an earlier step and was the last to carry it."""
+    """That arm received it at an earlier step, and since that arm last carried it neither the other
+    gripper nor the table has touched it."""
 
 
 def handover(prop: str, *supports: str, where: Predicate | None = None) -> Handover:
@@ -58,11 +61,15 @@ def handover(prop: str, *supports: str, where: Predicate | None = None) -> Hando
         side: carried[side] & ever(given & last_carried[side.other], until=grounded)
         for side in SIDES
     }
-    received = {side: handed[side] & ~ever(handed[side.other]) for side in SIDES}
+    received = {side: handed[side] & ~ever(handed[side.other], until=grounded) for side in SIDES}
+    brought = {
+        side: ever(carried[side], until=touches(side.other, prop) | touching(prop, TABLE))
+        for side in SIDES
+    }
     return Handover(
         carried=carried,
         shared=shared,
         last_carried=last_carried,
         received=received,
-        delivered={side: ever(received[side]) & last_carried[side] for side in SIDES},
+        delivered={side: ever(received[side]) & brought[side] for side in SIDES},
     )

@@ -16,6 +16,8 @@ MAX_ANGLE = math.radians(10.0)
 MAX_OFFSET = 0.004
 """Largest lateral distance of an inserted peg's tip from the socket's axis, in metres [task
 definitions]."""
+MAX_DEPTH = 0.030
+"""Depth in metres at which a tip has left any socket of the benchmark on its far side."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,6 +57,6 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
         offset = peg.position(sim) - socket.position(sim)
         height = float(offset @ outwards)
         lateral = float(np.linalg.norm(offset - height * outwards))
-        return height <= -depth and lateral <= MAX_OFFSET
+        return -MAX_DEPTH <= height <= -depth and lateral <= MAX_OFFSET
 
     return Predicate(f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}", test)

@@ -23,6 +23,7 @@ from duobench.stages.predicates import (
     Predicate,
     all_of,
     any_of,
+    clear,
     free,
     held_by_any,
     inside,
@@ -53,14 +54,15 @@ def _apart(layout: Layout) -> bool:
     )
 
 
-def sorted_in(colour: str) -> Predicate:
-    """The cube lies in the bowl of its colour, released."""
+def _in_bowl(colour: str) -> Predicate:
+    """The cube is in the bowl of its colour, which stands under it."""
     cube_name, bowl_name = _cube(colour), _bowl(colour)
     region = CylinderRegion(body=bowl_name, radius=RADIUS - WALL, low=0.0, high=RIM_HEIGHT)
-    return all_of(touching(cube_name, bowl_name), inside(cube_name, region), free(cube_name))
+    return all_of(touching(cube_name, bowl_name), inside(cube_name, region), clear(cube_name))
 
 
-_WHITE_IN, _BLACK_IN = sorted_in("white"), sorted_in("black")
+_REACHED = {colour: _in_bowl(colour) for colour in COLOURS}
+_WHITE_IN, _BLACK_IN = (_REACHED[colour] & free(_cube(colour)) for colour in COLOURS)
 _WHITE_HELD, _BLACK_HELD = (held_by_any(_cube(colour)) for colour in COLOURS)
 
 TASK = Task(
@@ -95,7 +97,7 @@ TASK = Task(
         Stage(
             name="both cubes are held, or one is in its bowl",
             instruction="Pick up the other cube or put the held one into its bowl.",
-            holds=any_of(_WHITE_HELD & _BLACK_HELD, _WHITE_IN, _BLACK_IN),
+            holds=any_of(_WHITE_HELD & _BLACK_HELD, *_REACHED.values()),
         ),
         Stage(
             name="one cube is in its bowl",

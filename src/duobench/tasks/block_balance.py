@@ -21,7 +21,7 @@ from duobench.randomness import around
 from duobench.solids.blocks import RED, WOOD, YELLOW, block
 from duobench.solids.prop import Prop
 from duobench.stages import predicates as is_
-from duobench.stages.predicates import Predicate, all_of, any_of, clear, ever, pinched, touching
+from duobench.stages.predicates import all_of, any_of, clear, ever, pinched, touching
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import Side
@@ -31,6 +31,13 @@ BEAM = (0.040, 0.200, 0.020)
 """The beam lies along y: width, length, height in metres."""
 BLOCK = (0.030, 0.030, 0.090)
 """A block stands upright."""
+TIPPING = CUBE_EDGE / 2 * (1 + math.prod(BEAM) / math.prod(BLOCK))
+"""Distance in metres from the beam's middle from which on a block alone tips it over the cube's
+edge (60 mm), all of one density: the ends of the beam, where both are needed, begin there."""
+ENDS = tuple(
+    is_.BoxRegion(body="beam", low=(-BEAM[0] / 2, low, 0), high=(BEAM[0] / 2, high, BLOCK[2]))
+    for low, high in ((-BEAM[1] / 2, -TIPPING), (TIPPING, BEAM[1] / 2))
+)
 LEVEL = math.radians(12.0)
 STILL_SECONDS = 0.5
 """How long everything must stand still [task definitions]."""
@@ -39,28 +46,20 @@ BLOCKS = ("left_block", "right_block")
 _ON_CUBE = touching("beam", "cube") & clear("beam")
 _LEVEL = is_.upright("beam", LEVEL)
 _EVERYTHING = ("cube", "beam", *BLOCKS)
-
-
-def _pinched_apart() -> Predicate:
-    """Each gripper pinches one block, either way round."""
-    one, other = BLOCKS
-    return any_of(
-        pinched(Side.LEFT, one) & pinched(Side.RIGHT, other),
-        pinched(Side.LEFT, other) & pinched(Side.RIGHT, one),
-    )
-
-
-def _on_beam() -> Predicate:
-    """Both blocks are on the beam, and nothing else carries them."""
-    return all_of(*(touching(name, "beam") & clear(name, "cube") for name in BLOCKS))
-
-
+_PINCHED_APART = any_of(
+    *(pinched(Side.LEFT, a) & pinched(Side.RIGHT, b) for a, b in (BLOCKS, BLOCKS[::-1]))
+)
+# A block is on either end of the beam, and nothing else carries them.
+_ON_BEAM = all_of(
+    *(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS),
+    *(touching(name, "beam") & clear(name, "cube") for name in BLOCKS),
+)
 _HELD = is_.held_by_any("beam")
 _BRIDGE = all_of(is_.rests_on("beam", "cube"), _LEVEL, ever(_HELD))
-_READY = all_of(_pinched_apart(), _ON_CUBE, ever(_BRIDGE))
-_LOADED = all_of(_on_beam(), _ON_CUBE, ever(_READY))
+_READY = all_of(_PINCHED_APART, _ON_CUBE, ever(_BRIDGE))
+_LOADED = all_of(_ON_BEAM, _ON_CUBE, ever(_READY))
 _RELEASED = all_of(*(is_.still(name) & is_.free(name) for name in _EVERYTHING))
-_BALANCED = is_.lasting(all_of(_on_beam(), _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & ever(
+_BALANCED = is_.lasting(all_of(_ON_BEAM, _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & ever(
     _LOADED
 )
 

@@ -15,6 +15,9 @@ Success:
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import inf
+
 from duobench.randomness import ANY_YAW, around
 from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
 from duobench.solids.bowl import RADIUS, WALL, bowl
@@ -24,9 +27,11 @@ from duobench.stages.predicates import (
     CylinderRegion,
     all_of,
     any_of,
+    ever,
     free,
     held_by_any,
     inside,
+    raised,
     rests_on,
 )
 from duobench.stages.progress import Stage
@@ -35,8 +40,13 @@ from duobench.tasks.task import Category, Placement, Task
 CUBE, BOWL = "cube", "bowl"
 IN_BOWL = CylinderRegion(body=BOWL, radius=RADIUS - WALL, low=0.0, high=0.6 * LONG_BLOCK)
 """Where the cube's centre is when it lies, leans or stands in the bowl."""
+BELOW_RIM = 0.020
+"""The cube's lowest point is less than this above the table, in metres: not on top of the rim."""
 
 _CUBE = handover(CUBE, BOWL)
+# It was held above the bowl and has not left the space above it since: neither thrown nor pushed.
+_OVER_BOWL = inside(CUBE, replace(IN_BOWL, high=inf))
+_PUT_IN = ever(held_by_any(CUBE, BOWL) & _OVER_BOWL, until=~_OVER_BOWL)
 
 TASK = Task(
     id="transfer_cube",
@@ -74,7 +84,9 @@ TASK = Task(
             holds=all_of(
                 inside(CUBE, IN_BOWL),
                 rests_on(CUBE, BOWL),
+                ~raised(CUBE, BELOW_RIM),
                 free(CUBE),
+                _PUT_IN,
                 any_of(*_CUBE.delivered.values()),
             ),
         ),

@@ -23,6 +23,7 @@ from duobench.solids.prop import Prop
 from duobench.stages.handover import handover
 from duobench.stages.passage import Hole, passage
 from duobench.stages.predicates import (
+    HELD_HEIGHT,
     BoxRegion,
     all_of,
     clear,
@@ -31,6 +32,7 @@ from duobench.stages.predicates import (
     held_by_any,
     inside,
     pinched,
+    raised,
     rests_on,
     touching,
 )
@@ -51,6 +53,7 @@ _WAY = passage(BLOCK, Hole(body=GATE, height=RING_HEIGHT, radius=CROSSING_RADIUS
 _BLOCK = handover(BLOCK, MAT, where=_WAY.through)
 _RECEIVED = _BLOCK.received[Side.LEFT] & _WAY.through
 _PUT_DOWN = touching(BLOCK, MAT) & pinched(Side.LEFT, BLOCK) & ever(_RECEIVED)
+_TAKEN_UP = raised(BLOCK, MAT_THICKNESS + HELD_HEIGHT)
 
 TASK = Task(
     id="transfer_gate",
@@ -93,7 +96,7 @@ TASK = Task(
                 inside(BLOCK, OVER_MAT),
                 free(BLOCK),
                 _BLOCK.delivered[Side.LEFT],
-                ever(_PUT_DOWN),
+                ever(_PUT_DOWN, until=_TAKEN_UP),
             ),
         ),
     ),
