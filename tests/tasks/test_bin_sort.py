@@ -1,8 +1,13 @@
+import math
+from collections.abc import Callable
+
 import pytest
 
 from duobench.experts.bin_sort import script
-from duobench.experts.motion import Arms, Script, down, move, pick
+from duobench.experts.motion import Arms, Script, down, move, pick, release
+from duobench.scene.naming import TABLE
 from duobench.solids.blocks import CUBE_EDGE
+from duobench.solids.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.spatial import SE3
 from duobench.tasks.bin_sort import TASK
 from duobench.types import Side
@@ -43,16 +48,64 @@ def test_cubes_in_each_others_bowls_do_not_count(bench: Stageplay) -> None:
     assert bench.hold(20) == 0
 
 
-def test_a_cube_held_above_its_bowl_does_not_count(bench: Stageplay) -> None:
-    bench.start(0)
+def carry(height: float) -> Callable[[Arms], Script]:
+    """The left arm picks up the white cube and brings it to a height in its bowl, in metres."""
 
-    def carry(arms: Arms) -> Script:
+    def run(arms: Arms) -> Script:
         x, y, _ = arms.sim.position("white_cube")
         yaw = arms.sim.pose("white_cube").yaw
         yield from pick(arms, Side.LEFT, down(x, y, 0.028, yaw=yaw))
         x, y, _ = arms.sim.position("white_bowl")
         yield from move(arms, {Side.LEFT: down(x, y, 0.10)})
-        yield from move(arms, {Side.LEFT: down(x, y, 0.05)}, speed=0.1)
+        yield from move(arms, {Side.LEFT: down(x, y, height)}, speed=0.1)
 
-    assert bench.act(carry) == 1
+    return run
+
+
+def test_a_cube_held_above_its_bowl_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    assert bench.act(carry(0.05)) == 1
     assert bench.hold(20) == 1
+    assert not bench.sim.contacts.between("white_cube", "white_bowl")
+
+
+def test_a_cube_still_held_in_its_bowl_is_in_it_and_not_released(bench: Stageplay) -> None:
+    bench.start(0)
+    assert bench.act(carry(0.030)) == 2
+    assert bench.hold(20) == 2
+    assert bench.sim.contacts.between("white_cube", "white_bowl")
+    assert bench.sim.contacts.pads(Side.LEFT, "white_cube")
+    assert bench.act(lambda arms: release(arms, Side.LEFT)) == 3
+
+
+@pytest.mark.parametrize(
+    ("x", "z"),
+    [(0.0, RIM_HEIGHT - 0.002), (RADIUS + CUBE_EDGE / 2 - 0.0003, CUBE_EDGE / 2 - 0.0001)],
+    ids=["in the air", "against the rim"],
+)
+def test_a_cube_in_the_air_or_beside_the_bowl_does_not_count(
+    bench: Stageplay, x: float, z: float
+) -> None:
+    bench.start(0)
+    bench.put(white_cube=bench.sim.pose("white_bowl") @ SE3.at(x=x, z=z))
+    beside = x > 0.0
+    assert bench.sim.contacts.between("white_cube", "white_bowl") == beside
+    assert bench.stage == 0
+
+
+def test_a_cube_on_the_rim_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    rim = SE3.at(x=RADIUS - WALL / 2, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0002)
+    bench.put(white_cube=bench.sim.pose("white_bowl") @ rim)
+    assert bench.sim.contacts.partners("white_cube") == {"white_bowl"}
+    assert bench.stage == 0
+
+
+def test_a_bowl_turned_over_a_cube_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    x, y, _ = bench.sim.position("white_bowl")
+    cube = SE3.at(x, y, CUBE_EDGE / 2 - 0.0001)
+    over = SE3.at(x, y, CUBE_EDGE + FLOOR - 0.0003) @ SE3.about((1, 0, 0), math.pi)
+    bench.put(white_cube=cube, white_bowl=over)
+    assert bench.sim.contacts.partners("white_cube") == {"white_bowl", TABLE}
+    assert bench.stage == 0

@@ -6,10 +6,11 @@ import pytest
 from duobench.experts.block_balance import lower, script
 from duobench.experts.motion import Arms, Script, down, move, pick, release, together, wait
 from duobench.scene.naming import TABLE
+from duobench.sim.simulation import STILL_SPEED
 from duobench.solids.blocks import block
 from duobench.solids.solid import PLA_DENSITY, mass_properties, printable
 from duobench.spatial import SE3
-from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, CUBE_EDGE, LEVEL, TASK
+from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, CUBE_EDGE, LEVEL, TASK, TIPPING
 from duobench.types import SIDES, Side
 from tests.stageplay import Stageplay
 
@@ -17,8 +18,11 @@ PLACE = 0.078
 """Distance of a block from the beam's middle, where the expert puts it."""
 STEPS_TO_TAKE_BLOCKS = 200
 """Control steps in which the expert has laid the beam and taken both blocks."""
-ON_CUBE = CUBE_EDGE + BEAM[2] / 2
-ON_BEAM = CUBE_EDGE + BEAM[2] + BLOCK[2] / 2
+STILL_STEPS = 15
+"""Half a second."""
+ON_CUBE = CUBE_EDGE + BEAM[2] / 2 - 0.0001
+ON_BEAM = CUBE_EDGE + BEAM[2] + BLOCK[2] / 2 - 0.0002
+"""Heights at which beam and blocks are in contact with what carries them."""
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +46,10 @@ def _bridge(bench: Stageplay) -> dict[str, SE3]:
     return {"cube": SE3.at(x, y, CUBE_EDGE / 2), "beam": SE3.at(x, y, ON_CUBE)}
 
 
-def _ends(bench: Stageplay) -> dict[str, SE3]:
+def _ends(bench: Stageplay, place: float = PLACE) -> dict[str, SE3]:
     x, y, _ = bench.sim.position("cube")
     return {
-        name: SE3.at(x, y + sign * PLACE, ON_BEAM)
+        name: SE3.at(x, y + sign * place, ON_BEAM)
         for name, sign in zip(BLOCKS, (1, -1), strict=True)
     }
 
@@ -67,10 +71,11 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay) -> None:
 # --- the physics that makes it bimanual --------------------------------------------------------
 
 
+@pytest.mark.parametrize("place", [PLACE, TIPPING + 0.002])
 @pytest.mark.parametrize("name", BLOCKS)
-def test_one_block_alone_tips_the_beam(bench: Stageplay, name: str) -> None:
+def test_one_block_alone_tips_the_beam(bench: Stageplay, name: str, place: float) -> None:
     bench.start(0)
-    bench.put(**_bridge(bench), **{name: _ends(bench)[name]})
+    bench.put(**_bridge(bench), **{name: _ends(bench, place)[name]})
     tilts = [_tilt(bench) for _ in range(30) if bench.hold(1) == 0]
     assert max(tilts) > LEVEL
     assert bench.sim.contacts.between(name, TABLE)
@@ -92,14 +97,56 @@ def test_a_balance_that_was_not_built_does_not_count(bench: Stageplay) -> None:
     assert bench.hold(30) == 0
 
 
-def test_a_balance_after_the_stages_before_counts_only_once_it_stood_still(
-    bench: Stageplay,
-) -> None:
+def test_a_balance_after_the_stages_before_counts_once_it_stood_still(bench: Stageplay) -> None:
     _ready(bench)
     bench.act(_hands_away)
+    bench.history.clear()
     bench.put(**_bridge(bench), **_ends(bench))
-    assert bench.hold(10) == 4
-    assert bench.hold(10) == 5
+    bench.hold(30)
+    assert bench.history.index(5) == STILL_STEPS - 1
+    assert bench.history[: STILL_STEPS - 1] == [4] * (STILL_STEPS - 1)
+
+
+def _push(bench: Stageplay, name: str, speed: float) -> None:
+    start = bench.sim.model.joint(name).dofadr[0]
+    bench.sim.data.qvel[start] = speed
+
+
+def test_a_balance_that_moves_now_and_then_does_not_count(bench: Stageplay) -> None:
+    _ready(bench)
+    bench.act(_hands_away)
+    for name in ("left_block", "beam"):
+        bench.put(**_bridge(bench), **_ends(bench))
+        for _ in range(3):
+            assert bench.hold(STILL_STEPS - 5) == 4
+            _push(bench, name, STILL_SPEED + 0.01)
+            assert bench.judge() == 4
+            _push(bench, name, 0.0)
+
+
+def test_a_balance_on_a_tilted_beam_does_not_count(bench: Stageplay) -> None:
+    _ready(bench)
+    bench.act(_hands_away)
+    built = {**_bridge(bench), **_ends(bench)}
+    bench.put(**built)
+    turn = SE3.about((1, 0, 0), LEVEL + 0.02)
+    middle = built["beam"]
+    tilted = {name: middle @ turn @ middle.inverse() @ pose for name, pose in built.items()}
+    for _ in range(2 * STILL_STEPS):
+        bench.put(**{**tilted, "cube": built["cube"]})
+        assert bench.sim.contacts.between("beam", "cube")
+    assert bench.stage == 4
+
+
+@pytest.mark.parametrize("place", [TIPPING - 0.002, 0.017])
+def test_blocks_near_the_middle_of_the_beam_do_not_count(bench: Stageplay, place: float) -> None:
+    _ready(bench)
+    bench.act(_hands_away)
+    bench.put(**_bridge(bench), **_ends(bench, place))
+    assert bench.hold(30) == 3
+    assert all(bench.sim.contacts.between(name, "beam") for name in BLOCKS)
+    bench.put(**_bridge(bench), **_ends(bench, TIPPING + 0.002))
+    assert bench.hold(30) == 5
 
 
 def test_one_block_on_the_beam_does_not_count(bench: Stageplay) -> None:
@@ -112,19 +159,36 @@ def test_one_block_on_the_beam_does_not_count(bench: Stageplay) -> None:
     assert _tilt(bench) < LEVEL
 
 
-def test_blocks_that_lie_on_the_table_against_the_beam_do_not_count(bench: Stageplay) -> None:
+def test_blocks_above_the_beam_or_on_a_beam_that_lies_elsewhere_do_not_count(
+    bench: Stageplay,
+) -> None:
     _ready(bench)
     bench.act(_hands_away)
-    x, y, _ = bench.sim.position("cube")
-    half = BLOCK[2] / 2
+    built = {**_bridge(bench), **_ends(bench)}
+    above = {name: built[name].moved(z=0.005) for name in BLOCKS}
+    down_to_table = {name: pose.moved(z=-CUBE_EDGE) for name, pose in built.items()}
+    elsewhere = {**down_to_table, "cube": SE3.at(0.3, 0.0, CUBE_EDGE / 2)}
+    for before in (3, 4):
+        for poses in ({**built, **above}, elsewhere):
+            for _ in range(STILL_STEPS + 1):
+                bench.put(**poses)
+            assert bench.stage == before
+        bench.put(**built)
+        assert bench.stage == 4
+
+
+def test_blocks_that_stand_on_the_table_against_the_beam_do_not_count(bench: Stageplay) -> None:
+    _ready(bench)
+    bench.act(_hands_away)
+    bridge = _bridge(bench)
+    aside, up = (BEAM[0] + BLOCK[0]) / 2 - 0.0002, BLOCK[2] / 2 - ON_CUBE
     lean = {
-        name: SE3.at(x - 0.0345, y + sign * 0.06, half)
-        for name, sign in zip(BLOCKS, (1, -1), strict=True)
+        name: bridge["beam"] @ SE3.at(aside, y, up)
+        for name, y in zip(BLOCKS, (0.08, -0.08), strict=True)
     }
-    bench.put(**_bridge(bench), **lean)
-    # Standing upright against the beam's side: pushed until they touch.
-    bench.put(**{name: pose.moved(x=-0.0006) for name, pose in lean.items()})
-    assert all(bench.sim.contacts.between(name, "beam") for name in BLOCKS) or bench.stage == 3
+    bench.put(**bridge, **lean)
+    assert bench.sim.contacts.between("beam", "cube")
+    assert all(bench.sim.contacts.partners(name) == {"beam", TABLE} for name in BLOCKS)
     assert bench.hold(30) == 3
 
 
