@@ -34,6 +34,11 @@ class Side(StrEnum):
         """0 for left, 1 for right: the row in every array that holds both sides."""
         return 0 if self is Side.LEFT else 1
 
+    @property
+    def sign(self) -> float:
+        """Sign of the table's y on this side: +1 left, -1 right."""
+        return 1.0 if self is Side.LEFT else -1.0
+
 
 SIDES = (Side.LEFT, Side.RIGHT)
 

@@ -25,7 +25,7 @@ from duobench.tasks.ball_maze import TAKEN, TASK
 from duobench.types import Side
 from tests.stageplay import Stageplay
 
-STEPS_TO_GRASP, STEPS_TO_LIFT = 60, 75
+STEPS_TO_GRASP, STEPS_TO_LIFT = 57, 75
 """Control steps in which the expert has grasped the board, and has lifted it and not yet tilted."""
 HALF_ROOM = (CELLS * PITCH - WALL) / 2 - BALL_RADIUS
 """How far the ball's centre can be from the board's along either axis, in metres."""

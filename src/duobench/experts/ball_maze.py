@@ -11,9 +11,9 @@ from duobench.experts.motion import (
     Arms,
     Script,
     carry,
+    come_down,
     down,
     grip,
-    move,
     nearest_turn,
 )
 from duobench.scene.maze_walls import standing_walls
@@ -59,16 +59,13 @@ def _grasp(arms: Arms) -> Script:
     board = arms.sim.pose("board")
     yaw = nearest_turn(board.yaw, math.pi / 2)
     x, y, _ = board.translation
-    arms.openings[:] = _OPENING
     grasps = {}
-    for side, sign in ((Side.LEFT, 1.0), (Side.RIGHT, -1.0)):
-        reach = sign * GRIP_OFFSET
+    for side in SIDES:
+        reach = side.sign * GRIP_OFFSET
         grasps[side] = down(
             x - reach * math.sin(yaw), y + reach * math.cos(yaw), _GRASP_HEIGHT, yaw=yaw
         )
-    above = {side: grasp.moved(z=_APPROACH) for side, grasp in grasps.items()}
-    yield from move(arms, above, tolerance=0.01)
-    yield from move(arms, grasps, speed=0.25)
+    yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH)
     # One after the other: the first grip brings the board into line with its gripper.
     yield from grip(arms, Side.LEFT)
     yield from grip(arms, Side.RIGHT)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
-from duobench.experts.motion import Arms, Script, down, nearest_turn, pick, place, together
+from duobench.experts.motion import Arms, Script, down, pick_cube, place, together
 from duobench.types import Side
 
 _GRASP_HEIGHT = 0.028
@@ -19,10 +17,6 @@ def script(arms: Arms) -> Script:
 
 def _sort(arms: Arms, side: Side) -> Script:
     cube, bowl = f"{_COLOUR[side]}_cube", f"{_COLOUR[side]}_bowl"
-    while not arms.pinches(side, cube):
-        pose = arms.sim.pose(cube)
-        x, y, _ = pose.translation
-        yaw = nearest_turn(pose.yaw, math.pi / 2)
-        yield from pick(arms, side, down(x, y, _GRASP_HEIGHT, yaw=yaw))
+    yield from pick_cube(arms, side, cube, _GRASP_HEIGHT)
     x, y, _ = arms.sim.position(bowl)
     yield from place(arms, side, down(x, y, _DROP_HEIGHT))

@@ -13,6 +13,7 @@ from duobench.experts.motion import (
     place,
     release,
     together,
+    tool_for,
     wait,
     wait_until,
 )
@@ -48,10 +49,10 @@ def lower(arms: Arms) -> Script:
     beam = arms.sim.pose("beam")
     goals: dict[Side, SE3] = {}
     for side in SIDES:
-        end = beam.apply([0.0, _REACH if side is Side.LEFT else -_REACH, 0.0])
-        block_from_tool = arms.sim.pose(_block(side)).inverse() @ arms.tool(side)
+        end = beam.apply([0.0, side.sign * _REACH, 0.0])
         height = beam.translation[2] + BEAM[2] / 2 + BLOCK[2] / 2 - _PRESS
-        goals[side] = SE3.at(end[0], end[1], height, yaw=beam.yaw) @ block_from_tool
+        goal = SE3.at(end[0], end[1], height, yaw=beam.yaw)
+        goals[side] = tool_for(arms, side, _block(side), goal)
     yield from move(arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3)
     yield from wait(8)
     yield from move(arms, goals, speed=0.06)
@@ -63,9 +64,8 @@ def _lay_beam(arms: Arms) -> Script:
     beam = arms.sim.pose("beam")
     x, y, z = beam.translation
     yield from pick(arms, side, down(x, y, z + _BEAM_GRASP, yaw=beam.yaw + _OUTWARD[side]))
-    beam_from_tool = arms.sim.pose("beam").inverse() @ arms.tool(side)
     x, y, _ = arms.sim.position("cube")
-    goal = SE3.at(x, y, CUBE_EDGE + BEAM[2] / 2 + 0.001) @ beam_from_tool
+    goal = tool_for(arms, side, "beam", SE3.at(x, y, CUBE_EDGE + BEAM[2] / 2 + 0.001))
     yield from place(arms, side, goal, above=0.06, retreat=0.15, speed=0.3)
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.experts.motion import (
+    CAREFUL,
+    NEAR,
     Arms,
     Script,
     down,
@@ -33,11 +35,6 @@ _FIRM_GRIP_STEPS = 4
 _UPRIGHT_SINE = 1e-6
 
 
-def across(side: Side) -> float:
-    """Sign of the y direction that leads from a side to the other one."""
-    return 1.0 if side is Side.RIGHT else -1.0
-
-
 def tool(position: ArrayLike, *, along: ArrayLike, camera: ArrayLike) -> SE3:
     """Tool pose at a position in the table frame that points `along`.
 
@@ -52,12 +49,6 @@ def tool(position: ArrayLike, *, along: ArrayLike, camera: ArrayLike) -> SE3:
     x = x - (x @ z) * z
     x = x / np.linalg.norm(x)
     return SE3(np.column_stack([x, np.cross(z, x), z]), np.asarray(position))
-
-
-def tool_for(arms: Arms, side: Side, body: str, goal: SE3) -> SE3:
-    """Tool pose at which an object, as it lies in the hand now, has a pose in the table frame."""
-    body_from_tool = arms.sim.pose(body).inverse() @ arms.tool(side)
-    return goal @ body_from_tool
 
 
 def hanging(arms: Arms, side: Side, body: str) -> SE3:
@@ -102,7 +93,7 @@ def pick_bar(arms: Arms, bar: Bar) -> Script:
         pose = arms.sim.pose(bar.body)
         # The camera looks away from the other arm when the bar is handed over. Half of the way
         # there is the turn from which every yaw is reached without the last joint's stop.
-        yaw = nearest_turn(pose.yaw, math.pi, -across(giver) * math.radians(15))
+        yaw = nearest_turn(pose.yaw, math.pi, giver.sign * math.radians(15))
         x, y, _ = pose.translation + bar.grip * np.array([math.cos(yaw), math.sin(yaw), 0.0])
         yield from pick(arms, giver, down(x, y, bar.height, yaw=yaw))
 
@@ -115,7 +106,7 @@ def present(bar: Bar, centre: ArrayLike, rise: float) -> SE3:
         centre: Position (3,) of the bar's centre.
         rise: Angle of the free end above the horizontal, in radians.
     """
-    s = across(bar.giver)
+    s = bar.giver.other.sign
     free = np.array([0.0, s * math.cos(rise), math.sin(rise)])
     along = np.array([0.0, s * math.sin(rise), -math.cos(rise)])
     return tool(np.asarray(centre) - bar.grip * free, along=along, camera=-free)
@@ -145,8 +136,8 @@ def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
 def clasp(arms: Arms, side: Side, pose: SE3, *, approach: float = 0.10) -> Script:
     """Come along the tool's axis from `approach` metres away, fingers open, and close them."""
     yield from release(arms, side)
-    yield from move(arms, {side: pose @ SE3.at(z=-approach)}, tolerance=0.012)
-    yield from move(arms, {side: pose}, speed=0.25)
+    yield from move(arms, {side: pose @ SE3.at(z=-approach)}, tolerance=NEAR)
+    yield from move(arms, {side: pose}, speed=CAREFUL)
     yield from grip(arms, side)
     yield from wait(_FIRM_GRIP_STEPS)
 

@@ -12,15 +12,16 @@ import math
 import numpy as np
 
 from duobench.experts.motion import (
+    CAREFUL,
     CLOSED,
+    NEAR,
     Arms,
     Script,
     down,
     follow,
     grip,
     move,
-    nearest_turn,
-    pick,
+    pick_cube,
     release,
     together,
     wait_until,
@@ -86,7 +87,7 @@ def _open(arms: Arms) -> Script:
     start = _lifting(chest, *_START)
     back = start @ SE3.at(0.0, 0.0, -0.13)
     arms.openings[_HOLDER.index] = CLOSED
-    yield from move(arms, {_HOLDER: back}, tolerance=0.012)
+    yield from move(arms, {_HOLDER: back}, tolerance=NEAR)
     yield from grip(arms, _HOLDER)
     yield from move(arms, {_HOLDER: start}, speed=0.2)
     yield from move(arms, {_HOLDER: _under_lid(chest, 0.0)}, speed=0.1, arrive=False)
@@ -96,11 +97,7 @@ def _open(arms: Arms) -> Script:
 def _insert(arms: Arms) -> Script:
     side = _INSERTER
     chest = arms.sim.pose("chest")
-    while not arms.pinches(side, "cube"):
-        pose = arms.sim.pose("cube")
-        x, y, _ = pose.translation
-        yaw = nearest_turn(pose.yaw, math.pi / 2)
-        yield from pick(arms, side, down(x, y, _GRASP_HEIGHT, yaw=yaw))
+    yield from pick_cube(arms, side, "cube", _GRASP_HEIGHT)
     x, y, _ = chest.apply([_DROP[0], _DROP[1], 0.0])
     turn = _TILT @ down(0.0, 0.0, 0.0, yaw=chest.yaw, lean=_LEAN)
 
@@ -111,5 +108,5 @@ def _insert(arms: Arms) -> Script:
     yield from move(arms, {side: beside}, tolerance=0.02)
     yield from wait_until(lambda: arms.sim.angle("chest/lid") >= _ENOUGH, 300)
     yield from move(arms, {side: at(y, _ABOVE_RIM)}, tolerance=0.01)
-    yield from move(arms, {side: at(y, _DROP_HEIGHT)}, speed=0.25)
+    yield from move(arms, {side: at(y, _DROP_HEIGHT)}, speed=CAREFUL)
     yield from release(arms, side, opening=_LET_GO)

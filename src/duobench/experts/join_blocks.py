@@ -10,7 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from duobench.experts.motion import Arms, Script, down, move, pick, together, wait
+from duobench.experts.motion import (
+    CAREFUL,
+    Arms,
+    Script,
+    down,
+    move,
+    pick,
+    together,
+    tool_for,
+    wait,
+)
 from duobench.solids.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
 from duobench.spatial import SE3
 from duobench.types import Side
@@ -28,6 +38,8 @@ _APART = 0.03
 """Distance between peg tip and socket before an insertion, in metres."""
 _TOUCHING = 0.0005
 """Gap that is left between faces that meet, in metres."""
+_BEFORE_WALL = 0.012
+"""Distance between the wall's peg and the socket before they meet, in metres."""
 _SLOW = 0.05
 _CORRECTIONS = 3
 
@@ -37,12 +49,13 @@ def script(arms: Arms) -> Script:
     yield from together(*(_take(arms, side) for side in Side))
     dark = SE3.at(_MEETING_X, 0.0, PEG_HEIGHT)
     light = dark.moved(x=-BAR[0] - PEG_LENGTH - _APART)
-    yield from _lead(arms, {Side.RIGHT: dark, Side.LEFT: light}, speed=0.25)
+    yield from _lead(arms, {Side.RIGHT: dark, Side.LEFT: light}, speed=CAREFUL)
     yield from _correct(arms, {Side.RIGHT: dark, Side.LEFT: light})
     joined = dark.moved(x=-BAR[0] - _TOUCHING)
     yield from _lead(arms, {Side.LEFT: joined}, speed=_SLOW)
-    front = SE3.at(0.7 - WALL_PLATE[0] / 2 - BAR[0] / 2 - _TOUCHING, 0.0, PEG_HEIGHT)
-    before = front.moved(x=-PEG_LENGTH - 0.012)
+    to_wall = WALL_PLATE[0] / 2 + BAR[0] / 2 + _TOUCHING
+    front = arms.sim.pose("wall") @ SE3.at(-to_wall, 0.0, PEG_HEIGHT)
+    before = front.moved(x=-PEG_LENGTH - _BEFORE_WALL)
     for goal, speed in ((before, 0.10), (front, _SLOW)):
         both = {Side.RIGHT: goal, Side.LEFT: goal.moved(x=-BAR[0] - _TOUCHING)}
         yield from _lead(arms, both, speed=speed)
@@ -58,10 +71,7 @@ def _take(arms: Arms, side: Side) -> Script:
 
 def _lead(arms: Arms, bars: Mapping[Side, SE3], *, speed: float) -> Script:
     """Move the held bars to poses in the table frame, along straight lines."""
-    goals = {
-        side: bar @ arms.sim.pose(_BARS[side]).inverse() @ arms.tool(side)
-        for side, bar in bars.items()
-    }
+    goals = {side: tool_for(arms, side, _BARS[side], bar) for side, bar in bars.items()}
     yield from move(arms, goals, speed=speed, turn_speed=0.6, tolerance=0.0015)
 
 

@@ -13,7 +13,9 @@ from collections.abc import Callable, Generator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.scene.compose import CONTROL_HZ
 from duobench.scene.fr3 import HOME_JOINTS
+from duobench.scene.naming import tcp_name
 from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
@@ -23,7 +25,7 @@ Array = NDArray[np.float64]
 Script = Generator[None, None, None]
 """One control step for every `yield`."""
 
-CONTROL_STEP = 1.0 / 30.0
+CONTROL_STEP = 1.0 / CONTROL_HZ
 """Seconds in one control step."""
 SPEED = 0.45
 """Mean speed of a free motion in m/s."""
@@ -38,10 +40,10 @@ MAX_ARRIVAL_STEPS = 20
 OPEN, CLOSED = 1.0, 0.0
 AT_REST = 0.004
 """Change of an opening in one control step below which fingers have come to rest."""
-FINGER_LENGTH = 0.024
-"""How far closed fingertips reach beyond the tool centre point, in metres (measured)."""
-PAD_HEIGHT = 0.0375
-"""Height of a pad along the tool, in metres."""
+NEAR = 0.012
+"""Distance in metres at which a tool has passed a point on its way."""
+CAREFUL = 0.25
+"""Mean speed in m/s of a tool that comes to an object, or brings one to its place."""
 
 
 class Arms:
@@ -73,7 +75,7 @@ class Arms:
 
     def tool(self, side: Side) -> SE3:
         """Where a tool centre point really is, in the table frame."""
-        return self.sim.site_pose(f"{side}/tcp")
+        return self.sim.site_pose(tcp_name(side))
 
     def opening(self, side: Side) -> float:
         """How far a gripper really is open, 0 to 1."""
@@ -232,10 +234,48 @@ def pick(
         speed: Mean speed in m/s of the approach.
     """
     arms.openings[side.index] = opening
-    yield from move(arms, {side: grasp.moved(z=above)}, speed=speed, tolerance=0.012)
-    yield from move(arms, {side: grasp}, speed=0.25)
+    yield from move(arms, {side: grasp.moved(z=above)}, speed=speed, tolerance=NEAR)
+    yield from move(arms, {side: grasp}, speed=CAREFUL)
     yield from grip(arms, side)
     yield from move(arms, {side: grasp.moved(z=lift)}, speed=0.3, arrive=False)
+
+
+def pick_cube(arms: Arms, side: Side, cube: str, height: float, *, lean: float = 0.0) -> Script:
+    """Pick up a lying cube by two of its sides, again until it is in the hand.
+
+    Args:
+        arms: The arms.
+        side: Which arm picks.
+        cube: Body of the cube.
+        height: Height of the tool centre point when the fingers close, in metres.
+        lean: Lean of the gripper, see `down`.
+    """
+    while not arms.pinches(side, cube):
+        pose = arms.sim.pose(cube)
+        x, y, _ = pose.translation
+        yaw = nearest_turn(pose.yaw, math.pi / 2)
+        yield from pick(arms, side, down(x, y, height, yaw=yaw, lean=lean))
+
+
+def come_down(arms: Arms, grasps: Mapping[Side, SE3], *, opening: float, above: float) -> Script:
+    """Bring open grippers around what they will grasp, from above.
+
+    Args:
+        arms: The arms.
+        grasps: Tool poses at which the fingers will close.
+        opening: Opening on the way down.
+        above: Height in metres from which the tools come straight down.
+    """
+    for side in grasps:
+        arms.openings[side.index] = opening
+    start = {side: grasp.moved(z=above) for side, grasp in grasps.items()}
+    yield from move(arms, start, tolerance=NEAR)
+    yield from move(arms, grasps, speed=CAREFUL)
+
+
+def tool_for(arms: Arms, side: Side, body: str, goal: SE3) -> SE3:
+    """Tool pose at which a body, as it lies in the hand now, has a pose in the table frame."""
+    return goal @ arms.sim.pose(body).inverse() @ arms.tool(side)
 
 
 def place(
@@ -248,8 +288,8 @@ def place(
     speed: float = SPEED,
 ) -> Script:
     """Carry to above a goal, lower, let go, retreat upwards."""
-    yield from move(arms, {side: goal.moved(z=above)}, speed=speed, tolerance=0.012)
-    yield from move(arms, {side: goal}, speed=0.25)
+    yield from move(arms, {side: goal.moved(z=above)}, speed=speed, tolerance=NEAR)
+    yield from move(arms, {side: goal}, speed=CAREFUL)
     yield from release(arms, side)
     yield from move(arms, {side: goal.moved(z=retreat)}, speed=speed, arrive=False)
 

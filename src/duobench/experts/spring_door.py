@@ -12,14 +12,15 @@ import math
 import numpy as np
 
 from duobench.experts.motion import (
+    CAREFUL,
+    NEAR,
     Arms,
     Script,
     down,
     follow,
     grip,
     move,
-    nearest_turn,
-    pick,
+    pick_cube,
     release,
     together,
     wait_until,
@@ -77,7 +78,7 @@ def _open(arms: Arms) -> Script:
     arms.posture = np.array([_POSTURE, _REACH_POSTURE])
     arms.openings[side.index] = _AROUND_BAR
     shut = _at_bar(oven, 0.0)
-    yield from move(arms, {side: shut @ SE3.at(z=-0.12)}, tolerance=0.012)
+    yield from move(arms, {side: shut @ SE3.at(z=-0.12)}, tolerance=NEAR)
     yield from move(arms, {side: shut}, speed=0.2)
     yield from grip(arms, side)
     yield from follow(arms, lambda f: {side: _at_bar(oven, f * _OPEN_ANGLE)}, _PULL_SECONDS)
@@ -86,14 +87,10 @@ def _open(arms: Arms) -> Script:
 def _insert(arms: Arms) -> Script:
     side = _INSERTER
     oven = arms.sim.pose("microwave")
-    while not arms.pinches(side, "cube"):
-        pose = arms.sim.pose("cube")
-        x, y, _ = pose.translation
-        yaw = nearest_turn(pose.yaw, math.pi / 2)
-        yield from pick(arms, side, down(x, y, _GRASP_HEIGHT, yaw=yaw, lean=_GRASP_LEAN))
+    yield from pick_cube(arms, side, "cube", _GRASP_HEIGHT, lean=_GRASP_LEAN)
     inside = oven @ down(*_INSIDE, yaw=_AZIMUTH, lean=_SLOPE)
     before = inside @ SE3.at(z=-_BEFORE)
     yield from wait_until(lambda: arms.sim.angle("microwave/door") >= _ENOUGH, 500)
-    yield from move(arms, {side: before}, tolerance=0.012)
-    yield from move(arms, {side: inside}, speed=0.25)
+    yield from move(arms, {side: before}, tolerance=NEAR)
+    yield from move(arms, {side: inside}, speed=CAREFUL)
     yield from release(arms, side, opening=_LET_GO)

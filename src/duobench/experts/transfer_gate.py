@@ -15,9 +15,17 @@ from duobench.experts.handover import (
     present,
     receive_pose,
     tool,
-    tool_for,
 )
-from duobench.experts.motion import Arms, Script, move, together, wait_until
+from duobench.experts.motion import (
+    CAREFUL,
+    NEAR,
+    Arms,
+    Script,
+    move,
+    together,
+    tool_for,
+    wait_until,
+)
 from duobench.solids.blocks import LONG_BLOCK
 from duobench.solids.gate import MAT_THICKNESS, RING_HEIGHT
 from duobench.spatial import SE3
@@ -56,13 +64,12 @@ def reach_through(arms: Arms) -> Script:
         present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE) for y in (_BEFORE, _BEYOND)
     )
     yield from move(arms, {BAR.giver: before})
-    yield from move(arms, {BAR.giver: beyond}, speed=0.25)
+    yield from move(arms, {BAR.giver: beyond}, speed=CAREFUL)
 
 
 def leave(arms: Arms, side: Side) -> Script:
     """Take a hand out of the ring."""
-    y = -0.2 if side is Side.RIGHT else 0.2
-    yield from move(arms, {side: arms.targets[side].moved(y=y)})
+    yield from move(arms, {side: arms.targets[side].moved(y=0.2 * side.sign)})
 
 
 def lower_onto_mat(arms: Arms, side: Side) -> Script:
@@ -72,8 +79,8 @@ def lower_onto_mat(arms: Arms, side: Side) -> Script:
     standing = hanging(arms, side, BAR.body)
     block = SE3(standing.rotation, np.array([x, y, MAT_THICKNESS + LONG_BLOCK / 2]))
     goal = tool_for(arms, side, BAR.body, block)
-    yield from move(arms, {side: goal.moved(z=0.08)}, tolerance=0.012)
+    yield from move(arms, {side: goal.moved(z=0.08)}, tolerance=NEAR)
     goal = tool_for(arms, side, BAR.body, block)
-    yield from move(arms, {side: goal.moved(z=0.01)}, speed=0.25)
+    yield from move(arms, {side: goal.moved(z=0.01)}, speed=CAREFUL)
     yield from move(arms, {side: goal.moved(z=-_PRESS)}, speed=0.05)
     yield from wait_until(lambda: arms.sim.contacts.between(BAR.body, "mat"), _TOUCH_STEPS)

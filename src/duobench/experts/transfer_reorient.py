@@ -15,9 +15,8 @@ from duobench.experts.handover import (
     present,
     receive_pose,
     tool,
-    tool_for,
 )
-from duobench.experts.motion import Arms, Script, move, nearest_turn, together
+from duobench.experts.motion import NEAR, Arms, Script, move, nearest_turn, together, tool_for
 from duobench.solids.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 from duobench.spatial import SE3
 from duobench.types import Side
@@ -36,7 +35,7 @@ def script(arms: Arms) -> Script:
     """Hand the peg to the left arm, which inserts it."""
     giver, receiver = BAR.giver, BAR.giver.other
     yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
-    yield from move(arms, {giver: present(BAR, MEETING_POINT, RISE)}, tolerance=0.012)
+    yield from move(arms, {giver: present(BAR, MEETING_POINT, RISE)}, tolerance=NEAR)
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
     yield from let_go(arms, giver)
     hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)

@@ -41,7 +41,9 @@ class Port:
 
 
 def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
-    """The peg is in the socket: axes within 10 degrees, tip within 4 mm of the axis, deep enough.
+    """The peg is in the socket: aligned, and its tip on the axis, deep enough and not beyond.
+
+    The bounds are `MAX_ANGLE`, `MAX_OFFSET` and `MAX_DEPTH`.
 
     Args:
         peg: Tip of the peg.

@@ -189,6 +189,11 @@ def pinched(arm: Side, body: str) -> Predicate:
     return Predicate(f"{arm} pinches {body}", lambda m: m.simulation.contacts.pads(arm, body))
 
 
+def pinched_apart(one: str, other: str) -> Predicate:
+    """Each gripper pinches one of two bodies, either way round."""
+    return any_of(*(pinched(side, one) & pinched(side.other, other) for side in SIDES))
+
+
 def clear(body: str, *supports: str) -> Predicate:
     """In contact with neither the table nor any of the given fixed supports."""
     names = (TABLE, *supports)
@@ -207,7 +212,7 @@ def raised(prop: str, height: float) -> Predicate:
 
 
 def held(arm: Side, prop: str, *supports: str) -> Predicate:
-    """Pinched by that arm, clear of table and supports, and raised by 10 mm."""
+    """Pinched by that arm, clear of table and supports, and raised by `HELD_HEIGHT`."""
     whole = all_of(pinched(arm, prop), clear(prop, *supports), raised(prop, HELD_HEIGHT))
     return Predicate(f"{arm} holds {prop}", whole.test, whole.parts)
 
@@ -226,7 +231,7 @@ def free(body: str) -> Predicate:
 
 
 def still(prop: str) -> Predicate:
-    """Slower than 0.05 m/s and 0.5 rad/s."""
+    """Slower than `STILL_SPEED` and `STILL_TURN`."""
 
     def test(m: Moment) -> bool:
         speed, turn = m.simulation.speed(prop)

@@ -21,10 +21,9 @@ from duobench.randomness import around
 from duobench.solids.blocks import RED, WOOD, YELLOW, block
 from duobench.solids.prop import Prop
 from duobench.stages import predicates as is_
-from duobench.stages.predicates import all_of, any_of, clear, ever, pinched, touching
+from duobench.stages.predicates import all_of, any_of, clear, ever, touching
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
-from duobench.types import Side
 
 CUBE_EDGE = 0.040
 BEAM = (0.040, 0.200, 0.020)
@@ -46,9 +45,6 @@ BLOCKS = ("left_block", "right_block")
 _ON_CUBE = touching("beam", "cube") & clear("beam")
 _LEVEL = is_.upright("beam", LEVEL)
 _EVERYTHING = ("cube", "beam", *BLOCKS)
-_PINCHED_APART = any_of(
-    *(pinched(Side.LEFT, a) & pinched(Side.RIGHT, b) for a, b in (BLOCKS, BLOCKS[::-1]))
-)
 # A block is on either end of the beam, and the table carries neither.
 _ON_BEAM = all_of(
     *(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS),
@@ -56,7 +52,7 @@ _ON_BEAM = all_of(
 )
 _HELD = is_.held_by_any("beam")
 _BRIDGE = all_of(is_.rests_on("beam", "cube"), _LEVEL, ever(_HELD))
-_READY = all_of(_PINCHED_APART, _ON_CUBE, ever(_BRIDGE))
+_READY = all_of(is_.pinched_apart(*BLOCKS), _ON_CUBE, ever(_BRIDGE))
 _LOADED = all_of(_ON_BEAM, _ON_CUBE, ever(_READY))
 _RELEASED = all_of(*(is_.still(name) & is_.free(name) for name in _EVERYTHING))
 _BALANCED = is_.lasting(all_of(_ON_BEAM, _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & ever(

@@ -19,10 +19,9 @@ from duobench.randomness import Uniform, around
 from duobench.solids import joint_blocks as bars
 from duobench.solids.prop import Prop
 from duobench.stages.insertion import Port, inserted
-from duobench.stages.predicates import all_of, any_of, ever, pinched
+from duobench.stages.predicates import all_of, any_of, ever, pinched_apart
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
-from duobench.types import Side
 
 DEPTH = 0.010
 """How deep a peg is inserted at least, in metres [task definitions]."""
@@ -37,9 +36,7 @@ _FRONT = Port(body="dark_block", pose=bars.FRONT_MOUTH)
 _BACK = Port(body="dark_block", pose=bars.BACK_MOUTH)
 _SOCKETS = ((_FRONT, _BACK), (_BACK, _FRONT))
 
-_BOTH_PINCHED = any_of(
-    *(pinched(arm, "light_block") & pinched(arm.other, "dark_block") for arm in Side)
-)
+_BOTH_PINCHED = pinched_apart("light_block", "dark_block")
 _JOINED = all_of(
     any_of(*(inserted(_LIGHT_PEG, socket, DEPTH) for socket, _ in _SOCKETS)), ever(_BOTH_PINCHED)
 )
