@@ -30,16 +30,17 @@ class Stageplay:
 
     def start(self, seed: int = 0, layout: Layout | None = None) -> Layout:
         """Reset to a seed's layout, or to a given one."""
-        if layout is None:
-            layout = placement.first_valid(self.sim, self.task.layouts(seed), self.task.id)
-        self.sim.clear()
-        if self.task.configure is not None:
-            self.task.configure(self.sim.model, layout)
-        placement.apply(self.sim, layout)
+        candidates = self.task.layouts(seed) if layout is None else iter([layout])
+        layout = placement.first_valid(self.sim, map(self._configured, candidates), self.task.id)
         self.sim.settle()
         self.progress.reset(self.sim, layout.variants)
         self.history = []
         self.arms = Arms(self.sim, self._kinematics)
+        return layout
+
+    def _configured(self, layout: Layout) -> Layout:
+        if self.task.configure is not None:
+            self.task.configure(self.sim.model, layout)
         return layout
 
     @property

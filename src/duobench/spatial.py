@@ -84,13 +84,20 @@ class SE3:
 
     @staticmethod
     def from_wxyz(wxyz: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> SE3:
-        """Transform from a quaternion (4,) in w x y z order, normalized here, and a position."""
+        """Transform from a quaternion (4,) in w x y z order, normalized here, and a position.
+
+        Raises:
+            ValueError: The quaternion has no length, so it names no orientation.
+        """
         quat = np.asarray(wxyz, dtype=np.float64)
-        return SE3(matrix_from_wxyz(quat / np.linalg.norm(quat)), np.asarray(translation))
+        norm = np.linalg.norm(quat)
+        if not norm > 0.0:
+            raise ValueError(f"A quaternion of length {norm:g} names no orientation.")
+        return SE3(matrix_from_wxyz(quat / norm), np.asarray(translation))
 
     @staticmethod
     def from_tquat(tquat: ArrayLike) -> SE3:
-        """Transform from seven numbers x y z qx qy qz qw."""
+        """Transform from seven numbers x y z qx qy qz qw; see `from_wxyz` for what is refused."""
         t = np.asarray(tquat, dtype=np.float64)
         return SE3.from_wxyz(t[[6, 3, 4, 5]], t[:3])
 

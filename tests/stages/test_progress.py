@@ -95,15 +95,6 @@ def test_final_holds_follows_the_moment(bench: Bench) -> None:
     assert seen == [False, True, False, True]
 
 
-def test_what_to_do_next(bench: Bench) -> None:
-    progress = bench.begin(*map(bench.fact, "ab"))
-    told = [progress.next_instruction]
-    for step in ("a", "b"):
-        bench.play(progress, step)
-        told.append(progress.next_instruction)
-    assert told == ["do a", "do b", "do b"]
-
-
 def test_a_reset_forgets(bench: Bench) -> None:
     progress = bench.begin(bench.fact("a"), bench.fact("b") & ever(bench.fact("a")))
     bench.play(progress, "a", "b")

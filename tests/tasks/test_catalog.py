@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.tasks import catalog
 
 
@@ -51,3 +51,9 @@ def test_a_placement_of_no_prop_is_refused() -> None:
 def test_a_task_without_stages_is_refused() -> None:
     with pytest.raises(DuoBenchError, match="at least one stage"):
         replace(catalog.get("bin_sort"), stages=())
+
+
+def test_a_task_that_accepts_no_draw_says_so() -> None:
+    task = replace(catalog.get("transfer_cube"), accept=lambda _layout: False)
+    with pytest.raises(LayoutError, match=r"'transfer_cube' accepts none of \d+ draws"):
+        next(task.layouts(0))

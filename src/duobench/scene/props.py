@@ -61,16 +61,12 @@ def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=hinge.axis,
-        pos=hinge.position,
         range=hinge.limits,
         limited=True,
         solref_limit=CONTACT_SOLREF,
         solimp_limit=CONTACT_SOLIMP,
         stiffness=[hinge.stiffness, 0, 0],
-        springref=hinge.rest,
         damping=[hinge.damping, 0, 0],
-        frictionloss=hinge.friction,
-        armature=hinge.armature,
     )
 
 

@@ -25,8 +25,6 @@ MOUNT = SE3.about((0.0, 0.0, 1.0), math.pi / 2)
 """Flange from gripper."""
 TCP_OFFSET = 0.1493
 """Tool centre point beyond the flange along z, in metres [facts of the platform]."""
-STROKE = 0.085
-"""Opening between the pads when fully open, in metres [Robotiq data sheet]."""
 DRIVER_CLOSED = 0.8
 """Driver joint angle at which the fingers meet, in radians [Menagerie robotiq_2f85_v4]."""
 CTRL_CLOSED = 255.0
@@ -49,6 +47,7 @@ _STIFF_SOLREF = (0.005, 1.0)
 _STIFF_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 _LINKAGE_ANCHOR = (-0.0179014, -0.00651468, 0.0044)
 PAD_SOLREF = (0.004, 1.0)
+"""Contact time constant of the pads [facts of the platform]; MuJoCo raises it to two time steps."""
 PAD_SIZE = (0.002, 0.011, 0.009375)
 """Half sizes of one of the two boxes of a pad, in metres."""
 PADS = ((0.12, 0.7), (0.13875, 0.6))

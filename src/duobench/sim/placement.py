@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
+import numpy as np
+
 from duobench.errors import LayoutError
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
@@ -29,6 +31,12 @@ class Layout:
     """Pose of every prop in the table frame."""
     variants: Mapping[str, str] = field(default_factory=dict)
     """Named choices, such as which cup holds the marbles."""
+
+    def __post_init__(self) -> None:
+        """Refuse a pose that is none."""
+        for name, pose in self.poses.items():
+            if not (np.isfinite(pose.rotation).all() and np.isfinite(pose.translation).all()):
+                raise LayoutError(f"The pose of {name!r} is not finite: {pose.tquat.tolist()}.")
 
     def to_json(self) -> dict[str, Any]:
         """As plain data: poses as x y z qx qy qz qw."""
@@ -72,7 +80,7 @@ def apply(simulation: Simulation, layout: Layout) -> None:
 
 
 def problems(simulation: Simulation, layout: Layout) -> list[str]:
-    """What is wrong with a layout: overlaps, contact with the robot, out of reach.
+    """What is wrong with a layout: overlaps, contact with the robot, below or beside the table.
 
     The simulation is left in the layout, with the arms at home.
     """
@@ -82,14 +90,16 @@ def problems(simulation: Simulation, layout: Layout) -> list[str]:
         f"{one} and {other} overlap by {depth * 1000:.1f} mm"
         for one, other, depth in simulation.contacts.deepest(MAX_OVERLAP)
     ]
-    for name, prop in simulation.props.items():
+    for name in simulation.props:
         touching = simulation.contacts.partners(name)
         if any(owner.startswith(f"{side}/") for owner in touching for side in SIDES):
             found.append(f"{name} touches the robot at home")
         x, y, _ = layout.poses[name].translation
         reachable = REACH_X[0] <= x <= REACH_X[1] and REACH_Y[0] <= y <= REACH_Y[1]
-        if not prop.fixed and not reachable:
+        if not reachable:
             found.append(f"{name} is out of reach at ({x:.3f}, {y:.3f})")
+        if simulation.lowest(name) < -MAX_OVERLAP:
+            found.append(f"{name} is below the table top")
     return found
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import SimulationError, UnknownNameError
-from duobench.scene.compose import CONTROL_HZ, compose
+from duobench.scene.compose import compose
 from duobench.sim.contacts import Contacts
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.handles import resolve
@@ -31,7 +31,6 @@ STILL_TURN = 0.5
 SETTLE_SPEED = 0.005
 SETTLE_TURN = 0.1
 """Every object is slower than this (m/s, rad/s) when a reset ends, if it comes to rest in time."""
-_SETTLED = np.repeat([SETTLE_SPEED, SETTLE_TURN], 3)
 MAX_SETTLE_STEPS = 45
 """A reset waits at most this many control steps for objects to come to rest."""
 
@@ -61,8 +60,13 @@ class Simulation:
             for name, prop in self.props.items()
             if not prop.fixed
         }
-        starts = np.array(list(self._dofs.values()), dtype=np.int64)
-        self._free = starts[:, None] + np.arange(6)
+        # Degrees of freedom of the props, hinges included, and what counts as rest for each.
+        roots = [self._bodies[name] for name in self.props]
+        self._loose = np.flatnonzero(np.isin(self.model.body_rootid[self.model.dof_bodyid], roots))
+        joints = self.model.dof_jntid[self._loose]
+        slides = self.model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_FREE
+        slides &= self._loose - self.model.jnt_dofadr[joints] < 3  # noqa: PLR2004 - x, y and z
+        self._settled = np.where(slides, SETTLE_SPEED, SETTLE_TURN)
         self.clear()
         self.refresh()
 
@@ -140,8 +144,7 @@ class Simulation:
         while steps < MAX_SETTLE_STEPS:
             self.step(command)
             steps += 1
-            velocity = np.abs(self.data.qvel[self._free])
-            if (velocity < _SETTLED).all():
+            if (np.abs(self.data.qvel[self._loose]) < self._settled).all():
                 break
         self.data.time = 0.0
         return steps
@@ -230,8 +233,3 @@ class Simulation:
         """Height of the lowest point of a prop's root part above the table top, in metres."""
         up = self.rotation(prop)[2]
         return float((self._corners[prop] @ up).min() + self.position(prop)[2])
-
-    @property
-    def control_hz(self) -> float:
-        """Control steps per second."""
-        return CONTROL_HZ

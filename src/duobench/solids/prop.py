@@ -13,21 +13,13 @@ class Hinge:
     """A spring-loaded hinge between a part and the one that carries it."""
 
     axis: tuple[float, float, float]
-    """Axis in the part's frame; the joint angle grows counter-clockwise about it."""
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """A point on the axis in the part's frame, in metres."""
+    """Axis through the origin of the part's frame; the angle grows counter-clockwise about it."""
     limits: tuple[float, float]
     """Range in radians."""
     stiffness: float = 0.0
-    """Spring in N·m/rad."""
-    rest: float = 0.0
-    """Angle at which the spring is slack, in radians."""
+    """Spring in N·m/rad, slack at zero."""
     damping: float = 0.0
     """Viscous damping in N·m·s/rad."""
-    friction: float = 0.0
-    """Dry friction in N·m."""
-    armature: float = 0.0
-    """Rotor inertia that is added to the part's, in kg·m²."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -118,8 +118,3 @@ class Progress:
                 break
         self._remembered = recalled(self._memories, moment)
         return self.stage
-
-    @property
-    def next_instruction(self) -> str:
-        """What to do next; the last instruction once the task is solved."""
-        return self._stages[min(self.stage, self.max_stage - 1)].instruction

@@ -9,12 +9,15 @@ from enum import StrEnum
 import mujoco
 import numpy as np
 
-from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.randomness import Choice, Uniform, generator
 from duobench.sim.placement import Layout
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages.progress import Stage
+
+MAX_REJECTED = 10_000
+"""Draws in a row that a task may reject before they end in an error."""
 
 
 class Category(StrEnum):
@@ -38,13 +41,11 @@ class Placement:
     """Height of the prop's origin above the table top, in metres."""
     yaw: Uniform = Uniform(0.0, 0.0)
     """Radians about the vertical."""
-    tilt: SE3 = field(default_factory=SE3)
-    """Orientation before the yaw, for props that lie."""
 
     def draw(self, rng: np.random.Generator) -> SE3:
         """One pose in the table frame."""
         x, y, yaw = self.x.draw(rng), self.y.draw(rng), self.yaw.draw(rng)
-        return SE3.at(x, y, self.z, yaw=yaw) @ self.tilt
+        return SE3.at(x, y, self.z, yaw=yaw)
 
 
 def _always(_layout: Layout) -> bool:
@@ -103,16 +104,27 @@ class Task:
         return len(self.stages)
 
     def layouts(self, seed: int) -> Iterator[Layout]:
-        """Candidate layouts without end, a pure function of (task, suite version, seed)."""
+        """Candidate layouts without end, a pure function of (task, suite version, seed).
+
+        Raises:
+            LayoutError: The task accepts none of its own draws.
+        """
         rng = generator(self.id, seed)
-        while True:
+        rejected = 0
+        while rejected < MAX_REJECTED:
             drawn = Layout(
                 poses={name: p.draw(rng) for name, p in self.placements.items()},
                 variants={name: choice.draw(rng) for name, choice in self.variants.items()},
             )
             layout = self.arrange(drawn)
+            rejected += 1
             if self.accept(layout):
+                rejected = 0
                 yield layout
+        raise LayoutError(
+            f"Task {self.id!r} accepts none of {MAX_REJECTED} draws in a row; loosen `accept` or "
+            "widen the placements."
+        )
 
     def instruct(self, layout: Layout) -> str:
         """The instruction for a layout."""
