@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import manifold3d
-import numpy as np
 
-from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, box, cylinder
+from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, cylinder, ring_wall
 from duobench.solids.solid import Solid, mesh_of
 from duobench.spatial import SE3
 
@@ -38,17 +35,10 @@ def bowl(rgba: Colour) -> Solid:
         ]
     )
     exact = manifold3d.Manifold.revolve(profile, CIRCLE_SEGMENTS)
-    edge = 2 * RADIUS * math.tan(math.pi / WALL_SEGMENTS)
-    height = RIM_HEIGHT - FLOOR
-    walls = [
-        SE3.about((0, 0, 1), 2 * math.pi * k / WALL_SEGMENTS)
-        @ SE3(np.eye(3), np.array([RADIUS - WALL / 2, 0.0, FLOOR + height / 2]))
-        for k in range(WALL_SEGMENTS)
-    ]
     return Solid(
         shapes=(
             cylinder(RADIUS, FLOOR, at=SE3.at(0, 0, FLOOR / 2)),
-            *(box(WALL, edge, height, at=pose) for pose in walls),
+            *ring_wall(WALL_SEGMENTS, RADIUS, WALL, RIM_HEIGHT - FLOOR, low=FLOOR),
         ),
         rgba=rgba,
         mesh=mesh_of(exact),

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import manifold3d
-import numpy as np
 
-from duobench.solids.shapes import Colour, box, prism, sphere
+from duobench.solids.shapes import Colour, prism, ring_wall, sphere
 from duobench.solids.solid import Solid, mesh_of
 from duobench.spatial import SE3
 
-SIDES = 8
+WALLS = 8
 INNER_RADIUS = 0.030
 """Distance from the axis to the inside of a wall, in metres [task definitions]."""
 WALL = 0.004
@@ -30,8 +29,8 @@ GLASS_DENSITY = 2500.0
 
 
 def _octagon(apothem: float) -> list[list[float]]:
-    corner = apothem / math.cos(math.pi / SIDES)
-    angles = [math.pi / SIDES + 2 * math.pi * k / SIDES for k in range(SIDES)]
+    corner = apothem / math.cos(math.pi / WALLS)
+    angles = [math.pi / WALLS + 2 * math.pi * k / WALLS for k in range(WALLS)]
     return [[corner * math.cos(a), corner * math.sin(a)] for a in angles]
 
 
@@ -40,16 +39,10 @@ def cup(rgba: Colour) -> Solid:
     outer = manifold3d.CrossSection([_octagon(OUTER_RADIUS)]).extrude(HEIGHT)
     inner = manifold3d.CrossSection([_octagon(INNER_RADIUS)]).extrude(HEIGHT)
     hollow = outer - inner.translate((0.0, 0.0, WALL))
-    edge = 2 * OUTER_RADIUS * math.tan(math.pi / SIDES)
-    walls = [
-        SE3.about((0, 0, 1), 2 * math.pi * k / SIDES)
-        @ SE3(np.eye(3), np.array([OUTER_RADIUS - WALL / 2, 0.0, (WALL + HEIGHT) / 2]))
-        for k in range(SIDES)
-    ]
     return Solid(
         shapes=(
             prism(_octagon(OUTER_RADIUS), WALL, at=SE3.at(0, 0, WALL / 2)),
-            *(box(WALL, edge, HEIGHT - WALL, at=pose) for pose in walls),
+            *ring_wall(WALLS, OUTER_RADIUS, WALL, HEIGHT - WALL, low=WALL),
         ),
         rgba=rgba,
         mesh=mesh_of(hollow),

@@ -86,6 +86,26 @@ def box(
     return Shape(kind=ShapeKind.BOX, size=(x, y, z), pose=at or SE3(), rgba=rgba)
 
 
+def ring_wall(
+    segments: int, radius: float, thickness: float, height: float, *, low: float = 0.0
+) -> tuple[Shape, ...]:
+    """An upright wall around z, made of boxes, the first of which faces x.
+
+    Args:
+        segments: Number of boxes.
+        radius: Distance from the axis to the outside of each box, in metres.
+        thickness: Thickness of the wall in metres.
+        height: Height of the wall in metres.
+        low: Height of its lower edge in metres.
+    """
+    edge = 2 * radius * math.tan(math.pi / segments)
+    middle = SE3.at(radius - thickness / 2, 0.0, low + height / 2)
+    return tuple(
+        box(thickness, edge, height, at=SE3.at(yaw=2 * math.pi * k / segments) @ middle)
+        for k in range(segments)
+    )
+
+
 def cylinder(
     radius: float, height: float, *, at: SE3 | None = None, rgba: Colour | None = None
 ) -> Shape:

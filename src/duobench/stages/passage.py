@@ -43,9 +43,8 @@ def passage(prop: str, hole: Hole) -> Passage:
 
     def where(m: Moment) -> tuple[float, float]:
         """Distance beyond the plane, and from the hole's axis, in metres."""
-        sim = m.simulation
-        offset = (sim.position(prop) - sim.position(hole.body)) @ sim.rotation(hole.body)
-        return float(offset[1]), math.hypot(offset[0], offset[2] - hole.height)
+        x, y, z = m.simulation.offset(prop, hole.body)
+        return y, math.hypot(x, z - hole.height)
 
     def in_front(m: Moment) -> bool:
         beyond, off_axis = where(m)
