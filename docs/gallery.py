@@ -8,6 +8,7 @@ seeds are fixed, so the same version of everything draws the same pictures.
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -29,6 +30,7 @@ from gallery_shots import (
     shot,
     stage_file,
 )
+from gallery_sources import sources
 
 import duobench
 from duobench.cli.console import console
@@ -47,6 +49,8 @@ PAGE = "gallery.md"
 COVER = "tasks.jpg"
 """The picture of all tasks, beside the page."""
 COVER_QUALITY = 85
+DRAWN = "drawn.json"
+"""Beside the pictures of a task: what they were drawn from."""
 
 
 class Witness:
@@ -112,6 +116,10 @@ def draw(name: str, folder: Path) -> None:
     own.mkdir(parents=True)
     draw_start(simulation, witness, own)
     draw_stages(simulation, witness, shot(name), own)
+    lines = (
+        f'"{key}": {json.dumps(value)}' for key, value in sources(task, witness.reached).items()
+    )
+    (own / DRAWN).write_text("{" + ",\n".join(lines) + "}\n", encoding="utf-8")
     env.close()
 
 
