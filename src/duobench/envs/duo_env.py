@@ -72,7 +72,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         """
         self.definition = task
         """The task as data."""
-        self.simulation = Simulation(task.props)
+        self.simulation = Simulation(task.props, task.overview)
         """The physics; privileged state is read here."""
         self.render_mode = render_mode
         self._render_size = render_size

@@ -63,8 +63,16 @@ class View:
     target: tuple[float, float, float]
     fovy_deg: float
 
+    @property
+    def pose(self) -> SE3:
+        """Pose of the camera in the table frame, upright."""
+        eye = np.array(self.eye)
+        return looking(eye, np.array(self.target) - eye, np.array([0.0, 0.0, 1.0]))
+
 
 OVERVIEW_VIEW = View(eye=(2.35, -1.35, 1.42), target=(0.34, -0.03, 0.17), fovy_deg=37.0)
+"""Robot and table from beyond the far edge; for a task that turns its back on it, see
+`Task.overview`."""
 
 
 def looking(eye: np.ndarray, direction: np.ndarray, up: np.ndarray) -> SE3:
@@ -126,11 +134,10 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
     _add_box(flange, bracket, (0.004, 0.016, 0.026), _HOUSING)
 
 
-def add_overview_camera(world: mujoco.MjsBody, view: View = OVERVIEW_VIEW) -> None:
+def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:
     """Add the camera for people."""
-    eye, target = np.array(view.eye), np.array(view.target)
-    pose = looking(eye, target - eye, np.array([0.0, 0.0, 1.0]))
-    world.add_camera(name=OVERVIEW, pos=eye, quat=pose.wxyz, fovy=view.fovy_deg)
+    pose = view.pose
+    world.add_camera(name=OVERVIEW, pos=pose.translation, quat=pose.wxyz, fovy=view.fovy_deg)
 
 
 def _add_box(

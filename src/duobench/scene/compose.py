@@ -10,12 +10,22 @@ from duobench.errors import DuoBenchError
 from duobench.scene.cameras import (
     NATIVE_HEIGHT,
     NATIVE_WIDTH,
+    OVERVIEW_VIEW,
+    View,
     add_head_camera,
     add_overview_camera,
 )
 from duobench.scene.props import add_prop
 from duobench.scene.robot import add_robot
-from duobench.scene.station import SCENE_CENTRE, SCENE_EXTENT, add_station
+from duobench.scene.station import (
+    FLOOR_Z,
+    ROOM_HEIGHT,
+    ROOM_X,
+    ROOM_Y,
+    SCENE_CENTRE,
+    SCENE_EXTENT,
+    add_station,
+)
 from duobench.solids.prop import Prop
 
 SUBSTEPS = 16
@@ -35,19 +45,21 @@ BALL_SLICES, BALL_STACKS = 12, 6
 """How finely balls are drawn, 120 triangles: twenty marbles must not cost as much as the robot."""
 
 
-def compose(props: Iterable[Prop] = ()) -> mujoco.MjSpec:
+def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoco.MjSpec:
     """Build the model's specification.
 
     Args:
         props: The task's objects, each with a unique name.
+        overview: What the camera for people sees.
 
     Returns:
         A specification that is ready to be compiled. Body, joint and geom names are those of
         `scene.naming` and of the props.
 
     Raises:
-        DuoBenchError: Two props share a name.
+        DuoBenchError: Two props share a name, or the overview is seen from outside the room.
     """
+    _check_in_room(overview)
     spec = mujoco.MjSpec()
     spec.modelname = "duobench"
     spec.compiler.degree = False
@@ -76,7 +88,7 @@ def compose(props: Iterable[Prop] = ()) -> mujoco.MjSpec:
     add_station(spec)
     add_robot(spec)
     add_head_camera(spec.worldbody)
-    add_overview_camera(spec.worldbody)
+    add_overview_camera(spec.worldbody, overview)
     seen: set[str] = set()
     for prop in props:
         if prop.name in seen:
@@ -84,3 +96,13 @@ def compose(props: Iterable[Prop] = ()) -> mujoco.MjSpec:
         seen.add(prop.name)
         add_prop(spec, prop)
     return spec
+
+
+def _check_in_room(view: View) -> None:
+    """Refuse an eye outside: walls and ceiling would be seen from behind, or not at all."""
+    room = {"x": ROOM_X, "y": ROOM_Y, "z": (FLOOR_Z, FLOOR_Z + ROOM_HEIGHT)}
+    if not all(low < at < high for at, (low, high) in zip(view.eye, room.values(), strict=True)):
+        ends = ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, (low, high) in room.items())
+        raise DuoBenchError(
+            f"A camera for people stands inside the room ({ends} m); the eye {view.eye} does not."
+        )

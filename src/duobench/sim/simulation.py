@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import SimulationError, UnknownNameError
+from duobench.scene.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
 from duobench.sim.contacts import Contacts
 from duobench.sim.duo import HOME, Duo
@@ -38,14 +39,15 @@ MAX_SETTLE_STEPS = 45
 class Simulation:
     """The FR3 Duo and a task's props, stepping at the control rate."""
 
-    def __init__(self, props: Iterable[Prop] = ()) -> None:
+    def __init__(self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> None:
         """Compose and compile the model.
 
         Args:
             props: The task's objects.
+            overview: What the camera for people sees.
         """
         props = tuple(props)
-        self.model: mujoco.MjModel = compose(props).compile()
+        self.model: mujoco.MjModel = compose(props, overview).compile()
         self.props = {prop.name: prop for prop in props}
         self.data = mujoco.MjData(self.model)
         self.duo = Duo(self.model, self.data)

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 
 from duobench.randomness import Uniform, around
+from duobench.scene.cameras import View
 from duobench.solids import joint_blocks as bars
 from duobench.solids.prop import Prop
 from duobench.stages.insertion import Port, inserted
@@ -90,5 +91,7 @@ TASK = Task(
             holds=_MOUNTED,
         ),
     ),
+    # From beside the robot: the wall's peg points towards it.
+    overview=View(eye=(0.25, -1.7, 1.15), target=(0.37, 0.0, 0.33), fovy_deg=39.0),
     printable=True,
 )

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 
 from duobench.randomness import ANY_YAW, around
+from duobench.scene.cameras import View
 from duobench.solids.blocks import CUBE_EDGE, WHITE, cube
 from duobench.solids.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
 from duobench.solids.prop import Prop
@@ -88,4 +89,6 @@ TASK = Task(
             holds=all_of(_CUBE_IN, ever(_OPEN_AND_HELD)),
         ),
     ),
+    # From beside the robot: the microwave faces it.
+    overview=View(eye=(0.05, -1.85, 1.3), target=(0.38, -0.02, 0.32), fovy_deg=39.0),
 )

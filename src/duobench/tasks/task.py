@@ -11,6 +11,7 @@ import numpy as np
 
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.randomness import Choice, Uniform, generator
+from duobench.scene.cameras import OVERVIEW_VIEW, View
 from duobench.sim.placement import Layout
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
@@ -84,6 +85,8 @@ class Task:
     """Adds the poses that follow from the drawn ones, such as marbles in a cup."""
     configure: Callable[[mujoco.MjModel, Layout], None] | None = None
     """Switches the compiled model to a layout's variants; must undo every other variant."""
+    overview: View = OVERVIEW_VIEW
+    """What `render` and films show; a task whose work faces the robot needs one of its own."""
     printable: bool = False
     """Whether its objects can be printed."""
     real: bool = False

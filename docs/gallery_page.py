@@ -1,0 +1,152 @@
+"""The page of the gallery, and the picture of all tasks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from importlib import import_module
+from inspect import cleandoc
+from itertools import groupby
+from pathlib import Path
+
+import PIL.Image
+from gallery_shots import FOLDER, STAGE_SIZE, camera_file, shot, stage_file
+from PIL import ImageDraw, ImageFont
+
+from duobench.errors import DuoBenchError
+from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
+from duobench.scene.compose import CONTROL_HZ
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+
+COVER_WIDTH = 1440
+COLUMNS = 3
+"""Pictures in a row of the page."""
+
+
+def cover(folder: Path) -> PIL.Image.Image:
+    """Put one picture of each task together, in rows of equal width, the larger ones first."""
+    font = ImageFont.load_default(size=20)
+    tasks = [catalog.get(name) for name in catalog.names()]
+    strips = []
+    for members in rows(tasks):
+        width = COVER_WIDTH // len(members)
+        height = width * STAGE_SIZE[0] // STAGE_SIZE[1]
+        strip = PIL.Image.new("RGB", (COVER_WIDTH, height))
+        for column, task in enumerate(members):
+            file = folder / task.id / stage_file(shot(task.id).best)
+            with PIL.Image.open(file) as picture:
+                strip.paste(picture.resize((width, height)), (column * width, 0))
+            ImageDraw.Draw(strip).text(
+                (column * width + 12, 8),
+                task.title,
+                font=font,
+                fill="white",
+                stroke_width=2,
+                stroke_fill="black",
+            )
+        strips.append(strip)
+    sheet = PIL.Image.new("RGB", (COVER_WIDTH, sum(strip.height for strip in strips)))
+    top = 0
+    for strip in strips:
+        sheet.paste(strip, (0, top))
+        top += strip.height
+    return sheet
+
+
+def rows(tasks: Sequence[Task]) -> Iterator[Sequence[Task]]:
+    """Split tasks, in order, into rows of nearly equal length, the shorter ones first."""
+    count = max(1, round(len(tasks) ** 0.5))
+    shorter, longer = divmod(len(tasks), count)
+    begin = 0
+    for row in range(count):
+        end = begin + shorter + (row >= count - longer)
+        yield tasks[begin:end]
+        begin = end
+
+
+def page(folder: Path) -> str:
+    """Return the page in Markdown: every task by category, with its pictures in a folder."""
+    tasks = [catalog.get(name) for name in catalog.names()]
+    lines = [
+        "# The tasks in pictures",
+        "",
+        "Written and drawn by `make docs`. First how an episode begins, from the overview camera "
+        "and as a policy sees it, from the head and the two wrists; then the scripted expert at "
+        "every stage, a moment after it is reached.",
+    ]
+    for category, members in groupby(tasks, key=lambda task: task.category):
+        lines += ["", f"## {category.capitalize()}"]
+        for task in members:
+            lines += ["", *section(task, folder)]
+    return "\n".join(lines) + "\n"
+
+
+def section(task: Task, folder: Path) -> Iterator[str]:
+    """Give the lines of one task."""
+    yield f"### {task.title}"
+    yield ""
+    yield explanation(task.id)
+    yield ""
+    facts = [
+        f"`{task.id}`",
+        str(task.category),
+        f"{task.max_stage} stages",
+        f"{task.horizon} control steps ({task.horizon / CONTROL_HZ:.0f} s)",
+        *(["printable objects"] if task.printable else []),
+        *(["rebuilt on the real robot in the paper"] if task.real else []),
+    ]
+    yield " · ".join(facts)
+    yield ""
+    yield f"![{task.title} at the start]({link(task, camera_file(OVERVIEW))})"
+    yield ""
+    cameras = [
+        (camera.replace("_", " ") + " camera", link(task, camera_file(camera)))
+        for camera in POLICY_CAMERAS
+    ]
+    stages = list(pictured(task, folder))
+    yield row(caption for caption, _ in cameras)
+    yield row(["---"] * COLUMNS)
+    yield row(f"![{caption}]({file})" for caption, file in cameras)
+    for first in range(0, len(stages), COLUMNS):
+        some = stages[first : first + COLUMNS]
+        yield row(f"**{caption}**" for caption, _ in some)
+        yield row(f"![{caption}]({file})" for caption, file in some)
+
+
+def pictured(task: Task, folder: Path) -> Iterator[tuple[str, str]]:
+    """Give caption and link of each picture of the expert, which may show several stages.
+
+    Raises:
+        DuoBenchError: The last stage has no picture.
+    """
+    waiting = []
+    for number, stage in enumerate(task.stages, start=1):
+        waiting.append(f"{number}. {stage.name}")
+        if (folder / task.id / stage_file(number)).exists():
+            yield ", ".join(waiting), link(task, stage_file(number))
+            waiting.clear()
+    if waiting:
+        raise DuoBenchError(
+            f"Folder {folder} has no picture of the last stage of {task.id!r}; draw the task first."
+        )
+
+
+def row(cells: Iterable[str]) -> str:
+    """Return a row of a table of `COLUMNS` columns."""
+    texts = list(cells)
+    return "| " + " | ".join(texts + [""] * (COLUMNS - len(texts))) + " |"
+
+
+def link(task: Task, file: str) -> str:
+    """Return where the page finds a picture of a task."""
+    return f"{FOLDER}/{task.id}/{file}"
+
+
+def explanation(name: str) -> str:
+    """Return what the documentation of a task's module says under "Task:", on one line."""
+    text = cleandoc(import_module(f"duobench.tasks.{name}").__doc__ or "")
+    found = re.search(r"^Task:\n((?:    .*\n)+)", text, flags=re.MULTILINE)
+    if found is None:
+        raise DuoBenchError(f"The docstring of duobench.tasks.{name} has no section 'Task:'.")
+    return " ".join(found[1].split())
