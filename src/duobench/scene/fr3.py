@@ -251,6 +251,11 @@ def _add_joint(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, joint: Join
     servo.set_to_position(kp=joint.kp, kv=joint.kp / 10)
 
 
+_STOPPERS = ("link3_1", "link4_1", "link5_2", "link6_6")
+"""Trim that closes an opening of a white shell, and casts a shadow as the shells do: light would
+fall in. All other trim lies on the shells."""
+
+
 def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) -> None:
     """Add the pictures and the collision hulls of one arm to its bodies."""
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
@@ -260,8 +265,7 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
                 meshname=add_mesh(spec, f"fr3/{name}", meshes.visual),
                 rgba=rgba,
             )
-            # Caps, bands and the lamp lie on the white shells, which cast the shadow of a link.
-            visual_only(geom, shadow=rgba == WHITE)
+            visual_only(geom, shadow=rgba == WHITE or name in _STOPPERS)
         hull = body.add_geom(
             name=f"{side}/link{number}_hull",
             type=mujoco.mjtGeom.mjGEOM_MESH,

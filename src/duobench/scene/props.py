@@ -92,13 +92,20 @@ def _fill(
         geom.group = VISUAL_GEOM_GROUP if drawn else COLLISION_GEOM_GROUP
         collide_as(geom, group)
         if solid.mesh is None and not drawn:
-            _add_picture(spec, body, f"{name}:picture", mesh_of(manifold_of(shape)), geom.rgba)
+            mesh = mesh_of(manifold_of(shape))
+            _add_picture(spec, body, f"{name}:picture", mesh, geom.rgba, shadow=shape.shadow)
     if solid.mesh is not None:
         _add_picture(spec, body, f"{body.name}:picture", printable(solid), solid.rgba)
 
 
 def _add_picture(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, mesh: SolidMesh, rgba: Sequence[float]
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    name: str,
+    mesh: SolidMesh,
+    rgba: Sequence[float],
+    *,
+    shadow: bool = True,
 ) -> None:
     picture = body.add_geom(
         name=name,
@@ -106,7 +113,7 @@ def _add_picture(
         meshname=add_drawn_mesh(spec, name, mesh.vertices, mesh.faces),
         rgba=rgba,
     )
-    visual_only(picture)
+    visual_only(picture, shadow=shadow)
 
 
 def _add_shape(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -39,6 +39,8 @@ class Shape:
     """Pose in the solid's frame."""
     rgba: tuple[float, float, float, float] | None = None
     """Colour, where it differs from the solid's."""
+    shadow: bool = True
+    """Whether it casts one; not where the shadow lies within that of the shape below."""
 
     def corners(self) -> Array:
         """Points (n, 3) whose convex hull is the shape, in the solid's frame.
@@ -133,9 +135,10 @@ def prism(
     at: SE3 | None = None,
     rgba: Colour | None = None,
     taper: float = 1.0,
+    shadow: bool = True,
 ) -> Shape:
     """A convex outline (n, 2) extruded along z, centred; its top is scaled by `taper`."""
     flat = np.asarray(outline, dtype=np.float64)
     low = np.column_stack([flat, np.full(len(flat), -height / 2)])
     high = np.column_stack([flat * taper, np.full(len(flat), height / 2)])
-    return hull(np.vstack([low, high]).tolist(), at=at, rgba=rgba)
+    return replace(hull(np.vstack([low, high]).tolist(), at=at, rgba=rgba), shadow=shadow)
