@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 import duobench
 from benchmarks.measure import Measurement, Work, seconds
+from benchmarks.steps import Steps
 from duobench.envs.duo_env import DuoEnv
+from duobench.evaluation.loop import rollout
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.scene.compose import SUBSTEPS
 from duobench.sim.simulation import STATE
@@ -91,15 +93,9 @@ def begin(env: gym.Env) -> None:
 
 def expert_actions(env: gym.Env) -> NDArray[np.float32]:
     """Return the actions (n, 16) of the task's expert until the end of its episode."""
-    expert = ExpertPolicy(env)
-    observation, info = env.reset(seed=SEED)
-    expert.reset(info["instruction"], SEED)
-    actions, over = [], False
-    while not over:
-        actions.append(np.asarray(expert.act(observation), dtype=np.float32)[0])
-        observation, _, terminated, truncated, _ = env.step(actions[-1])
-        over = terminated or truncated
-    return np.array(actions)
+    steps = Steps()
+    rollout(env, ExpertPolicy(env), seed=SEED, subscribers=[steps])
+    return np.array([step.action for step in steps], dtype=np.float32)
 
 
 def in_pieces(step: Callable[[Any], object], inputs: Sequence[Any]) -> list[Callable[[], object]]:

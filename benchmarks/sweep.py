@@ -20,17 +20,19 @@ from rich.progress import track
 from rich.table import Table
 
 import duobench
+from benchmarks.steps import Steps
 from duobench.evaluation import policies
+from duobench.evaluation.loop import rollout
 from duobench.policy import BASELINES, HoldPolicy
 from duobench.tasks import catalog
+from duobench.types import OPENING_SLOTS
 
 OPEN_CLOSE = "open_close"
 POLICIES = (policies.EXPERT, *BASELINES, OPEN_CLOSE)
-OPENINGS = (7, 15)
-"""Places of the two openings in an action."""
 HALF_PERIOD = 30
 """Control steps for which grippers stay closed, or open."""
 SEEDS_A_JOB = 10
+WIDTH = 110
 
 
 class OpenClosePolicy(HoldPolicy):
@@ -44,7 +46,7 @@ class OpenClosePolicy(HoldPolicy):
     def act(self, observation: Mapping[str, Any]) -> np.ndarray:
         """One action (1, 16)."""
         action = super().act(observation).copy()
-        action[:, OPENINGS] = (self._steps // HALF_PERIOD) % 2
+        action[:, OPENING_SLOTS] = (self._steps // HALF_PERIOD) % 2
         self._steps += 1
         return action
 
@@ -75,23 +77,17 @@ def play(job: Job) -> list[Outcome]:
     policy = (
         OpenClosePolicy() if job.policy == OPEN_CLOSE else policies.source(job.policy).bind(env)
     )
-    outcomes = []
+    outcomes, steps = [], Steps()
     for seed in job.seeds:
-        observation, info = env.reset(seed=seed)
-        policy.reset(info["instruction"], seed)
-        steps, over = 0, False
-        while not over:
-            action = np.asarray(policy.act(observation))[0]
-            observation, _, terminated, truncated, info = env.step(action)
-            steps += 1
-            over = terminated or truncated
+        rollout(env, policy, seed=seed, subscribers=[steps])
+        last = steps[-1]
         outcomes.append(
             Outcome(
                 task=job.task,
                 seed=seed,
-                stage=info["stage"],
-                success=info["success"],
-                steps=steps,
+                stage=last.info["stage"],
+                success=last.info["success"],
+                steps=last.number,
             )
         )
     env.close()
@@ -118,18 +114,18 @@ def main() -> None:
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
         done = track(pool.imap(play, jobs), description=arguments.policy, total=len(jobs))
         outcomes = [outcome for batch in done for outcome in batch]
-    Console().print(_table(outcomes, arguments.tasks, arguments.policy))
+    Console(width=WIDTH).print(_table(outcomes, arguments.tasks, arguments.policy))
 
 
 def _table(outcomes: list[Outcome], tasks: list[str], policy: str) -> Table:
     table = Table(title=f"{policy}, seeds 0 to n-1")
     for column in ("task", "episodes", "successes", "last stages", "steps mean / max", "failures"):
-        table.add_column(column)
+        table.add_column(column, no_wrap=True)
     for task in tasks:
         mine = [outcome for outcome in outcomes if outcome.task == task]
         won = [outcome.steps for outcome in mine if outcome.success]
         stages = Counter(outcome.stage for outcome in mine)
-        failures = [f"{o.seed}: {o.stage}" for o in mine if not o.success]
+        failures = [f"{o.seed}: {o.stage}" for o in mine if won and not o.success]
         table.add_row(
             task,
             str(len(mine)),

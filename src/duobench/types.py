@@ -17,6 +17,9 @@ SIDE_SIZE = ARM_JOINTS + 1
 FLAT_SIZE = 2 * SIDE_SIZE
 """Numbers of a flat command or proprioception: left joints, left opening, right, right."""
 
+OPENING_SLOTS = (ARM_JOINTS, ARM_JOINTS + SIDE_SIZE)
+"""Places of the two gripper openings among them."""
+
 
 class Side(StrEnum):
     """One of the robot's two arms; left and right are the robot's own."""

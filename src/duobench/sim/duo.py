@@ -12,14 +12,14 @@ from duobench.scene.compose import SUBSTEPS
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED
 from duobench.sim.handles import DuoHandles
-from duobench.types import ARM_JOINTS, FLAT_SIZE, SIDE_SIZE, DuoCommand, DuoState
+from duobench.types import ARM_JOINTS, FLAT_SIZE, OPENING_SLOTS, SIDE_SIZE, DuoCommand, DuoState
 
 Array = NDArray[np.float64]
 
 HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""
 
-_OPENING_SLOTS = np.array([ARM_JOINTS, ARM_JOINTS + SIDE_SIZE])
+_OPENING_SLOTS = np.array(OPENING_SLOTS)
 
 
 class Duo:

@@ -1,0 +1,20 @@
+"""The steps of an episode, kept as they come."""
+
+import gymnasium as gym
+
+from duobench.evaluation.loop import Info, Observation, Step
+
+
+class Steps(list[Step]):
+    """A subscriber of a rollout that keeps every step."""
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002
+        """Forget the steps of an earlier episode."""
+        self.clear()
+
+    def on_step(self, step: Step) -> None:
+        """Keep it."""
+        self.append(step)
+
+    def on_episode_end(self) -> None:
+        """Nothing more to keep."""
