@@ -9,7 +9,8 @@ Randomization:
     Pot within 8 cm of its place and turned by up to 10 degrees, plate within 4 cm of its place.
 
 Success:
-    The pot stands upright on the plate, near its middle, after both grippers carried it.
+    The pot stands upright on the plate, near its middle, after both grippers carried it and without
+    having stood on the table since.
 """
 
 from __future__ import annotations
@@ -102,7 +103,7 @@ TASK = Task(
                 _OFF_TABLE,
                 _ON_PLATE,
                 upright("pot", TILT),
-                ever(_CARRIED),
+                ever(_CARRIED, until=touching("pot", TABLE)),
             ),
         ),
     ),
