@@ -1,15 +1,16 @@
 """Carry-Pot.
 
 Task:
-    A pot stands in the right half of the table, a stove plate in the left one. The pot is too
-    heavy, and its handles are too far out, for one gripper: both lift it by its two handles, carry
-    it level, and put it onto the plate.
+    A pot stands in the right half of the table, a stove plate in the left one. Its handles hang on
+    hinges near its bottom, so that a pot that is lifted by one of them tips over: both grippers
+    take a handle each, carry the pot level, and put it onto the plate.
 
 Randomization:
     Pot within 8 cm of its place and turned by up to 10 degrees, plate within 4 cm of its place.
 
 Success:
-    The pot stands upright on the plate, near its middle, after both grippers carried it.
+    The pot stands upright on the plate, near its middle, after both grippers carried it and without
+    having stood on the table since.
 """
 
 from __future__ import annotations
@@ -102,7 +103,7 @@ TASK = Task(
                 _OFF_TABLE,
                 _ON_PLATE,
                 upright("pot", TILT),
-                ever(_CARRIED),
+                ever(_CARRIED, until=touching("pot", TABLE)),
             ),
         ),
     ),
