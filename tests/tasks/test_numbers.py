@@ -90,7 +90,6 @@ PAGES = {
         stages=6,
         horizon=442,
         numbers={
-            "solids.cup.SIDES": 8,
             "solids.cup.INNER_RADIUS": 0.030,
             "solids.cup.WALL": 0.004,
             "solids.cup.HEIGHT": 0.075,
