@@ -4,100 +4,103 @@ of the vector environment around it, or of the number of workers.
 
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import duobench
 from duobench.envs.registration import env_id
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.records import EpisodeRecord
+from duobench.sim.duo import HOME
 from duobench.tasks import catalog
+from tests.experts.lone import Episode, make, play
 
 SEED, OTHER_SEED = 0, 1
-REPLAYED = 75
-"""Control steps that vector environments replay: until objects are grasped in every task."""
 
 FRESH = """
 import sys
-from tests.test_determinism import expert_episode, make
-print(expert_episode(make(sys.argv[1]), int(sys.argv[2]))[0])
+from tests.experts.lone import play_alone
+print(play_alone(sys.argv[1], int(sys.argv[2])).fingerprint)
 """
+ROOT = Path(__file__).parents[1]
 
 
-def make(name: str) -> gym.Env:
-    return duobench.make(name, cameras=False)
+@pytest.fixture(scope="module", params=catalog.names())
+def name(request: pytest.FixtureRequest) -> str:
+    return request.param
 
 
-def expert_episode(env: gym.Env, seed: int) -> tuple[str, list[np.ndarray], str]:
-    """Fingerprint at the end, the actions, and the fingerprint after `REPLAYED` of them."""
-    expert = ExpertPolicy(env)
-    observation, info = env.reset(seed=seed)
-    expert.reset(info["instruction"], seed)
-    actions: list[np.ndarray] = []
-    midway, over = "", False
-    while not over:
-        action = np.asarray(expert.act(observation)[0], dtype=np.float32)
-        observation, _, terminated, truncated, _ = env.step(action)
-        actions.append(action)
-        over = terminated or truncated
-        if len(actions) == REPLAYED:
-            midway = env.get_wrapper_attr("fingerprint")()
-    return env.get_wrapper_attr("fingerprint")(), actions, midway
+@pytest.fixture(scope="module")
+def elsewhere(name: str) -> Iterator[subprocess.Popen[str]]:
+    """A new process that plays one episode, its first, and prints the fingerprint."""
+    command = [sys.executable, "-c", FRESH, name, str(SEED)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        yield process
 
 
-@pytest.mark.parametrize("name", catalog.names())
-def test_an_episode_is_the_same_in_any_process_and_after_any_other(name: str) -> None:
-    root = Path(__file__).parents[1]
-    fresh = subprocess.Popen(
-        [sys.executable, "-c", FRESH, name, str(SEED)], cwd=root, stdout=subprocess.PIPE, text=True
-    )
+@pytest.fixture(scope="module")
+def episodes(name: str) -> tuple[Episode, Episode]:
+    """Episodes of both seeds, the other one first, by one expert in one environment."""
     env = make(name)
-    other, _, _ = expert_episode(env, OTHER_SEED)
-    here, actions, midway = expert_episode(env, SEED)
+    expert = ExpertPolicy(env)
+    other, here = play(env, expert, OTHER_SEED), play(env, expert, SEED)
     env.close()
-    elsewhere = fresh.communicate()[0].strip()
-    assert fresh.returncode == 0
-    assert here == elsewhere
-    assert here != other
+    return here, other
 
-    for vector in (gym.vector.SyncVectorEnv, gym.vector.AsyncVectorEnv):
-        envs = vector([lambda: gym.make(env_id(name), cameras=False)] * 2)
-        envs.reset(seed=[SEED, OTHER_SEED])
-        for action in actions[:REPLAYED]:
-            envs.step(np.stack([action, action]))
-        prints = envs.call("fingerprint")
-        envs.close()
-        assert prints[0] == midway
-        assert prints[1] != midway
+
+def test_an_episode_is_the_same_in_any_process_and_after_any_other(
+    elsewhere: subprocess.Popen[str], episodes: tuple[Episode, Episode]
+) -> None:
+    here, other = episodes
+    printed, _ = elsewhere.communicate()
+    assert elsewhere.returncode == 0
+    assert printed.strip() == here.fingerprint
+    assert here.fingerprint != other.fingerprint
+
+
+@pytest.mark.parametrize("vector", [gym.vector.SyncVectorEnv, gym.vector.AsyncVectorEnv])
+def test_vector_environments_play_the_same_episodes(
+    name: str, episodes: tuple[Episode, Episode], vector: type[gym.vector.VectorEnv]
+) -> None:
+    """Each environment gets its own episode's actions; who is done first goes on with another."""
+    envs = vector([lambda: gym.make(env_id(name), cameras=False)] * len(episodes))
+    envs.reset(seed=[SEED, OTHER_SEED])
+    last = [len(episode.actions) - 1 for episode in episodes]
+    ends: dict[int, str] = {}
+    for step in range(max(last) + 1):
+        actions = [e.actions[step] if step < len(e.actions) else HOME.flat for e in episodes]
+        _, _, terminated, truncated, _ = envs.step(np.array(actions, dtype=np.float32))
+        for number, over in enumerate(terminated | truncated):
+            if step <= last[number]:
+                assert over == (step == last[number])
+            if step == last[number]:
+                # The environment resets itself at the next step.
+                ends[number] = envs.call("fingerprint")[number]
+    envs.close()
+    assert ends == {number: episode.fingerprint for number, episode in enumerate(episodes)}
 
 
 def test_workers_change_nothing(tmp_path: Path) -> None:
-    tasks = ["bin_sort", "join_blocks"]
+    """Compared byte for byte: records hold no time, but layout, steps, stages and fingerprint."""
+    tasks, episodes = ["bin_sort", "carry_pot", "hinge_chest", "join_blocks"], 3
     for workers in ("1", "2"):
-        command = [
-            sys.executable,
-            "-m",
-            "duobench",
-            "eval",
-            "--policy",
-            "expert",
-            "--episodes",
-            "2",
-        ]
-        command += ["--tasks", *tasks, "--workers", workers, "--out", str(tmp_path / workers)]
+        command = [sys.executable, "-m", "duobench", "eval", "--policy", "expert"]
+        command += ["--episodes", str(episodes), "--videos", "0", "--tasks", *tasks]
+        command += ["--workers", workers, "--out", str(tmp_path / workers)]
         subprocess.run(command, check=True, capture_output=True)
     one, two = (_records(tmp_path / workers) for workers in ("1", "2"))
-    assert len(one) == len(two) == 2 * len(tasks)
+    assert len(one) == episodes * len(tasks)
     assert one == two
+    records = [EpisodeRecord.from_json(text) for text in one.values()]
+    assert len({record.fingerprint for record in records} - {None}) == len(records)
+    assert {record.task for record in records if record.success} == set(tasks)
 
 
-def _records(folder: Path) -> dict[tuple[str, int], str]:
-    from duobench.evaluation.records import read_record
-
-    records: list[EpisodeRecord] = [
-        read_record(path) for path in (folder / "records").rglob("*.json")
-    ]
-    return {(record.task, record.episode): record.fingerprint for record in records}
+def _records(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): path.read_text(encoding="utf-8")
+        for path in (folder / "records").rglob("*.json")
+    }

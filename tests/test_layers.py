@@ -52,6 +52,7 @@ FORBIDDEN = {
     ),
     "tasks": GYMNASIUM,
     "envs": ("http", "pathlib", "requests", "shutil", "socket", "tempfile", "urllib", "websockets"),
+    "experts": ("mujoco", *GYMNASIUM),
 }
 
 # What a room may take from the package itself, which stands above all rooms.
@@ -156,6 +157,8 @@ def test_imports_of_the_package_point_down() -> None:
         ("stages/a.py", "import numpy as np\nnp.random.rand()", "numpy.random.rand is forbidden"),
         ("stages/a.py", "from duobench.sim import rendering", "sim.rendering is forbidden"),
         ("envs/a.py", "import urllib.request", "urllib.request is forbidden in envs"),
+        ("experts/a.py", "import mujoco", "mujoco is forbidden in experts"),
+        ("experts/a.py", "from gymnasium import Env", "gymnasium.Env is forbidden in experts"),
         ("cli/a.py", "import torch.nn", "torch.nn is no dependency of the core"),
         ("cli/a.py", "import_module('torch')", "torch is no dependency of the core"),
         ("sim/a.py", "import duobench", "duobench is no room"),

@@ -2,21 +2,29 @@
 
 Processors differ in the last bit of a sum, and contact amplifies it. So the file holds the stages
 by control step, which must be met exactly, and states over the first second only, which must be
-met within a tolerance; afterwards a grasp has begun.
+met within a tolerance; afterwards a grasp has begun. What comes later shows in the stages, and in
+what the physics is made of: masses, springs, friction, shapes, which must be met exactly too (see
+`tests.golden.models`).
 
 Renew it with `make golden`. That is allowed only together with a new `SUITE_VERSION` in
-`duobench.randomness`: whoever compares scores must be able to see that the episodes are others.
+`duobench.randomness`: whoever compares scores must be able to see that the episodes are others. So
+a file of this version is never written over with other contents.
 """
 
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from duobench.experts.registry import find_script
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
+from tests.golden import models
 from tests.stageplay import Stageplay
 
 PATH = Path(__file__).with_name("episodes.json")
@@ -26,6 +34,17 @@ CHECKPOINTS = (10, 20, 30)
 TOLERANCE = 1e-5
 """Largest difference of a joint (radians) or a position (metres) between two machines."""
 DIGITS = 8
+MODEL = "model"
+"""Key of what a task's physics is made of; the other keys of a task are seeds."""
+
+MAX_TOLD = 30
+"""Differences that a refusal names."""
+
+Content = dict[str, Any]
+
+
+class NotRenewedError(Exception):
+    """The file would be others' under the same suite version."""
 
 
 def play(name: str, seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
@@ -62,18 +81,103 @@ def _state(stageplay: Stageplay) -> list[float]:
     return [round(float(number), DIGITS) for number in numbers]
 
 
-def read() -> dict[str, Any]:
+def record(names: Iterable[str]) -> Content:
+    """The file's contents for some tasks, as this version of the benchmark has them."""
+    tasks = {
+        name: {MODEL: models.describe(catalog.get(name).props), **play(name)} for name in names
+    }
+    return {"suite_version": SUITE_VERSION, "tasks": tasks}
+
+
+def read(path: Path = PATH) -> Content:
     """The golden file."""
-    return json.loads(PATH.read_text(encoding="utf-8"))
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
-def renew() -> None:
-    """Play all golden episodes and write the file."""
-    tasks = {name: play(name) for name in catalog.names()}
-    content = {"suite_version": SUITE_VERSION, "tasks": tasks}
-    text = json.dumps(content, indent=None, separators=(",", ":"))
-    PATH.write_text(text.replace('"tasks":', '\n"tasks":').replace('},"', '},\n"') + "\n", "utf-8")
+def differences(golden: Content, content: Content) -> list[str]:
+    """What differs beyond the tolerance, one sentence for each difference."""
+    return [
+        sentence
+        for name, old, new in _pairs(golden["tasks"], content["tasks"])
+        for sentence in _task_differences(name, old, new)
+    ]
+
+
+def _task_differences(name: str, old: Any, new: Any) -> Iterator[str]:
+    for key, one, other in _pairs(old, new):
+        if key != MODEL:
+            yield from episode_differences(f"{name}, seed {key}", one, other)
+            continue
+        for part, was, is_now in _pairs(one, other):
+            if not (was and is_now):
+                yield f"{name}: {part} is {'gone' if was else 'new'}"
+                continue
+            for quantity, before, after in _pairs(was, is_now):
+                if before != after:
+                    yield f"{name}: {part}, {quantity}: {before} became {after}"
+
+
+def episode_differences(episode: str, old: Any, new: Any) -> Iterator[str]:
+    """What differs between two records of an episode."""
+    for key, before, after in _pairs(old, new):
+        if key == "stages":
+            if before != after:
+                yield f"{episode}: the stages by control step: {before} became {after}"
+            continue
+        for step, one, other in _pairs(before, after):
+            if len(one) != len(other):
+                yield f"{episode}, step {step}: {len(one)} numbers became {len(other)}"
+            elif (apart := np.abs(np.subtract(one, other)).max()) > TOLERANCE:
+                yield f"{episode}, step {step}: a joint or a position is {apart:.2g} away"
+
+
+def _pairs(old: Any, new: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Key and both values for every key of either; an empty one stands for a missing one."""
+    old, new = old or {}, new or {}
+    for key in dict.fromkeys([*old, *new]):
+        yield key, old.get(key, ()), new.get(key, ())
+
+
+def write(content: Content, path: Path = PATH) -> None:
+    """Write the file, unless that would change what a suite version means.
+
+    Raises:
+        NotRenewedError: The file is of the same suite version and says something else.
+    """
+    if path.exists():
+        golden = read(path)
+        same_version = golden["suite_version"] == content["suite_version"]
+        if same_version and (found := differences(golden, content)):
+            if len(found) > MAX_TOLD:
+                found[MAX_TOLD:] = [f"and {len(found) - MAX_TOLD} differences more"]
+            raise NotRenewedError(
+                f"The golden episodes of suite version {SUITE_VERSION!r} are not these:\n  "
+                + "\n  ".join(found)
+                + f"\n{path} was left as it is. If the change is meant, raise SUITE_VERSION in "
+                "duobench.randomness first, so that nobody compares scores of different episodes; "
+                "then renew the file again."
+            )
+    path.write_text(_text(content), encoding="utf-8")
+
+
+def _text(content: Content) -> str:
+    """JSON with a line for each part of a model and for each episode, so that a diff tells much."""
+    tasks = []
+    for name, task in content["tasks"].items():
+        lines = [f'"{part}":{_compact(told)}' for part, told in task[MODEL].items()]
+        model = f'"{MODEL}":{{\n' + ",\n".join(lines) + "}"
+        played = [f'"{seed}":{_compact(e)}' for seed, e in task.items() if seed != MODEL]
+        tasks.append(f'"{name}":{{' + ",\n".join([model, *played]) + "}")
+    version = json.dumps(content["suite_version"])
+    return f'{{"suite_version":{version},\n"tasks":{{\n' + ",\n".join(tasks) + "}}\n"
+
+
+def _compact(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"))
 
 
 if __name__ == "__main__":
-    renew()
+    try:
+        write(record(catalog.names()))
+    except NotRenewedError as refusal:
+        sys.exit(str(refusal))

@@ -1,16 +1,25 @@
+import copy
+import json
+from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
-from tests.golden import episodes
+from tests.golden import episodes, models
+
+TASK = "hinge_chest"
 
 
 @pytest.fixture(scope="module")
 def golden() -> dict[str, Any]:
     return episodes.read()
+
+
+@pytest.fixture(scope="module")
+def content() -> dict[str, Any]:
+    return episodes.record([TASK])
 
 
 def test_the_file_is_of_this_suite_version_and_names_every_task(golden: dict[str, Any]) -> None:
@@ -19,11 +28,88 @@ def test_the_file_is_of_this_suite_version_and_names_every_task(golden: dict[str
 
 
 @pytest.mark.parametrize("name", catalog.names())
+def test_the_physics_is_made_of_what_it_was(golden: dict[str, Any], name: str) -> None:
+    described = models.describe(catalog.get(name).props)
+    expected = golden["tasks"][name][episodes.MODEL]
+    for part, quantities in described.items():
+        assert quantities == expected[part], part
+    assert described.keys() == expected.keys()
+
+
+@pytest.mark.parametrize("name", catalog.names())
 def test_expert_episodes_are_the_golden_ones(golden: dict[str, Any], name: str) -> None:
     for seed, episode in episodes.play(name).items():
         expected = golden["tasks"][name][seed]
-        for step, state in episode["states"].items():
-            apart = np.abs(np.subtract(state, expected["states"][step])).max()
-            assert apart <= episodes.TOLERANCE, f"seed {seed}, step {step}"
-        assert episode["stages"] == expected["stages"], f"seed {seed}"
+        assert list(episodes.episode_differences(f"seed {seed}", expected, episode)) == []
         assert episode["stages"][-1][1] == catalog.get(name).max_stage
+
+
+# --- renewal -------------------------------------------------------------------------------------
+
+
+def changed(content: dict[str, Any], *keys: Any, to: Any) -> dict[str, Any]:
+    """A copy in which the task's value under some keys is another."""
+    other = copy.deepcopy(content)
+    *way, last = keys
+    place = other["tasks"][TASK]
+    for key in way:
+        place = place[key]
+    place[last] = to
+    return other
+
+
+def test_the_file_is_written_where_there_is_none_or_nothing_differs(
+    tmp_path: Path, content: dict[str, Any]
+) -> None:
+    path = tmp_path / "episodes.json"
+    episodes.write(content, path)
+    written = path.read_bytes()
+    assert episodes.read(path) == json.loads(json.dumps(content))
+    episodes.write(content, path)
+    assert path.read_bytes() == written
+    # What another machine rounds differently is no difference.
+    state = content["tasks"][TASK]["0"]["states"]["10"]
+    near = [number + 0.4 * episodes.TOLERANCE for number in state]
+    episodes.write(changed(content, "0", "states", "10", to=near), path)
+
+
+@pytest.mark.parametrize(
+    ("keys", "to", "told"),
+    [
+        (("model", "chest/lid", "damping"), 0.11, "chest/lid, damping: 0.11 became 0.1"),
+        (("model", "chest/lid"), {}, "hinge_chest: chest/lid is new"),
+        (("model", "other"), {"mass": 1.0}, "hinge_chest: other is gone"),
+        (("model",), {}, "hinge_chest: options is new"),
+        (("0", "stages"), [[58, 1]], r"seed 0: the stages by control step: \[\[58, 1\]\] became"),
+        (("1", "states", "20"), [0.0] * 22, "seed 1, step 20: a joint or a position is"),
+        (("1", "states", "20"), [0.0], "seed 1, step 20: 1 numbers became 22"),
+        (("2",), {"stages": [[1, 1]]}, "seed 2: the stages"),
+    ],
+)
+def test_a_file_of_the_same_suite_version_is_not_written_over(
+    tmp_path: Path, content: dict[str, Any], keys: tuple[str, ...], to: Any, told: str
+) -> None:
+    path = tmp_path / "episodes.json"
+    episodes.write(changed(content, *keys, to=to), path)
+    before = path.read_bytes()
+    with pytest.raises(episodes.NotRenewedError, match=told) as refusal:
+        episodes.write(content, path)
+    assert "raise SUITE_VERSION in duobench.randomness first" in str(refusal.value)
+    assert path.read_bytes() == before
+
+
+def test_a_task_that_is_gone_or_new_is_a_difference(content: dict[str, Any]) -> None:
+    none = {**content, "tasks": {}}
+    for old, new in ((none, content), (content, none)):
+        assert any("stages by control step" in line for line in episodes.differences(old, new))
+    assert episodes.differences(content, content) == []
+
+
+def test_a_file_of_another_suite_version_is_renewed(
+    tmp_path: Path, content: dict[str, Any]
+) -> None:
+    path = tmp_path / "episodes.json"
+    old = changed(content, "0", "stages", to=[])
+    episodes.write({**old, "suite_version": "before"}, path)
+    episodes.write(content, path)
+    assert episodes.read(path) == json.loads(json.dumps(content))

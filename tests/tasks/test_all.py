@@ -28,21 +28,6 @@ HEADINGS = ("Task:", "Randomization:", "Success:")
 MAX_SETTLING = 0.02
 """How far an object may move while it settles, in metres."""
 
-# Stages and horizon of each task [paper, data sets].
-PAPER = {
-    "hinge_chest": (3, 441),
-    "spring_door": (3, 807),
-    "pour_marbles": (6, 442),
-    "ball_maze": (4, 350),
-    "carry_pot": (3, 450),
-    "block_balance": (5, 766),
-    "join_blocks": (3, 829),
-    "transfer_cube": (4, 441),
-    "transfer_gate": (4, 523),
-    "transfer_reorient": (4, 505),
-    "bin_sort": (5, 216),
-}
-
 
 @pytest.fixture(scope="module", params=catalog.names())
 def task(request: pytest.FixtureRequest) -> Task:
@@ -72,11 +57,6 @@ def test_a_task_is_one_short_file_that_says_what_it_is(task: Task) -> None:
     places = [docstring.find(f"\n{heading}\n    ") for heading in HEADINGS]
     assert -1 not in places, f"the docstring needs the headings {HEADINGS}, each with a text"
     assert places == sorted(places)
-
-
-def test_the_numbers_are_the_papers(task: Task) -> None:
-    assert (task.max_stage, task.horizon) == PAPER[task.id]
-    assert task.title == task.id.replace("_", "-").title()
 
 
 def test_stages_have_names_and_instructions_of_their_own(task: Task) -> None:
@@ -190,10 +170,3 @@ def test_another_process_plays_the_same_episodes() -> None:
             for name in reversed(catalog.names())
         }
         assert here == {name: future.result() for name, future in there.items()}
-
-
-def test_the_catalog_is_the_papers_in_its_order() -> None:
-    order = list(PAPER)
-    assert list(catalog.names()) == [name for name in order if name in catalog.names()]
-    for name in catalog.names():
-        assert catalog.get(name).id == name

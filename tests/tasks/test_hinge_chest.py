@@ -142,6 +142,28 @@ def test_the_lid_falls_shut_within_a_second(bench: Stageplay, angle: float) -> N
     assert bench.sim.angle(LID) < 0.01
 
 
+def test_the_spring_pulls_as_the_task_says(bench: Stageplay) -> None:
+    """Half a newton metre per radian towards shut, and none where the lid is shut."""
+    bench.start(0)
+    joint = bench.sim.model.joint(LID)
+    assert joint.stiffness[0] == 0.5
+    for angle in (0.0, 0.4, 0.8, 1.55):
+        set_lid(bench, angle)
+        assert bench.sim.data.qfrc_spring[joint.dofadr[0]] == pytest.approx(-0.5 * angle)
+
+
+def test_the_spring_shuts_a_lid_that_stands_nearly_upright(bench: Stageplay) -> None:
+    """There its weight has no lever: without a spring it would take most of a second."""
+    bench.start(0)
+    set_lid(bench, 1.55)
+    weight = bench.sim.data.qfrc_bias[bench.sim.model.joint(LID).dofadr[0]]
+    assert abs(weight) < 0.02
+    bench.hold(6)
+    assert bench.sim.angle(LID) < 0.8
+    bench.hold(24)
+    assert bench.sim.angle(LID) < 0.01
+
+
 def test_the_lid_shuts_on_its_own_when_the_arm_draws_back(bench: Stageplay) -> None:
     bench.start(0)
     bench.run_for(script, STEPS_TO_STAGE_2)

@@ -35,8 +35,9 @@ LEFT, RIGHT = Side.LEFT, Side.RIGHT
 BOARD = SE3.at(0.5, 0.2)
 """Where both arms reach the holes."""
 LAYOUT = Layout(poses={"peg": SE3.at(0.5, -0.2, ACROSS_FLATS / 2, yaw=0.2), "board": BOARD})
-TILTED_IN = 0.010
-"""How deep a corner of a peg gets that is pressed onto a hole that is too small, and tilts."""
+TILTED_IN = {SQUARE: 0.009, TRIANGLE: 0.002}
+"""How deep a corner of a peg may get that is pressed onto a hole that is too small, and tilts: it
+finds the wide one, and slides off the narrow one."""
 UPRIGHT = SE3.about((0, 1, 0), math.pi / 2)
 
 
@@ -115,7 +116,7 @@ def test_the_peg_does_not_go_into_another_hole(table: Stageplay, hole: Hole) -> 
 
     assert table.act(into) == 3
     assert table.sim.contacts.between("peg", "board")
-    assert table.sim.lowest("peg") > BOARD_HEIGHT - TILTED_IN
+    assert table.sim.lowest("peg") > BOARD_HEIGHT - TILTED_IN[hole]
     table.put(peg=standing(hole, 0.020))
     assert table.stage == 3
 

@@ -1,0 +1,178 @@
+"""Experts act through the sixteen numbers of the action space, and in no other way.
+
+They may read the simulator, and they run in the process that owns it. So whatever the engine holds,
+model and data, is compared before and after every call of an expert, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+from duobench.experts.expert import Expert
+from duobench.experts.motion import Arms, Script
+from duobench.experts.registry import find_script, make_expert
+from duobench.sim.simulation import STATE, Simulation
+from duobench.tasks import catalog
+from tests.envs.tools import base_of
+from tests.experts.lone import make
+
+SEED, OTHER_SEED = 4, 5
+LATE = 60
+"""Control step at which something is tampered with: long after the reset."""
+
+
+def model_bytes(model: mujoco.MjModel) -> bytes:
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+def arrays(data: mujoco.MjData) -> dict[str, bytes]:
+    """Everything that the engine computed: the next physics step begins with some of it."""
+    found = {name: getattr(data, name) for name in dir(data) if not name.startswith("_")}
+    return {name: a.tobytes() for name, a in found.items() if isinstance(a, np.ndarray)}
+
+
+def watched(
+    sim: Simulation, model: bytes, call: Callable[..., Any], *given: object
+) -> tuple[Any, list[str]]:
+    """What a call returns, and the names of what it changes in the engine.
+
+    Args:
+        sim: The simulation.
+        model: How its model shall be.
+        call: What is called.
+        given: What it is called with.
+    """
+    state, before = sim.save(), arrays(sim.data)
+    result = call(*given)
+    after = arrays(sim.data)
+    changed = [name for name, value in before.items() if after[name] != value]
+    if not np.array_equal(sim.save(), state):
+        changed.append("state")
+    if model_bytes(sim.model) != model:
+        changed.append("model")
+    return result, changed
+
+
+def changed_in_episode(env: gym.Env, expert: Expert) -> list[str]:
+    """Names of what an expert changes in the engine, up to its success or to the first change."""
+    sim = base_of(env).simulation
+    observation, info = env.reset(seed=SEED)
+    model = model_bytes(sim.model)
+    _, changed = watched(sim, model, expert.reset, info["instruction"], SEED)
+    over = False
+    while not changed and not over:
+        chunk, changed = watched(sim, model, expert.act, observation)
+        observation, _, terminated, truncated, info = env.step(chunk[0].astype(np.float32))
+        over = terminated or truncated
+    assert changed or info["success"]
+    return changed
+
+
+def test_the_state_covers_every_input_of_the_next_step() -> None:
+    parts = ("TIME", "QPOS", "QVEL", "ACT", "WARMSTART", "CTRL", "QFRC_APPLIED", "XFRC_APPLIED")
+    for part in (*parts, "EQ_ACTIVE", "MOCAP_POS", "MOCAP_QUAT", "USERDATA"):
+        flag = int(getattr(mujoco.mjtState, f"mjSTATE_{part}"))
+        assert STATE & flag == flag, part
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_an_expert_only_reads_the_simulation(name: str) -> None:
+    env = make(name)
+    simulation = base_of(env).simulation
+    assert changed_in_episode(env, make_expert(name, simulation)) == []
+    if catalog.get(name).configure is None:
+        model = model_bytes(simulation.model)
+        env.reset(seed=OTHER_SEED)
+        assert model_bytes(simulation.model) == model
+    env.close()
+
+
+def _nudge(sim: Simulation) -> None:
+    sim.data.qpos[sim.model.joint("cube").qposadr[0] + 2] += 1e-9
+
+
+def _open(sim: Simulation) -> None:
+    sim.data.qvel[sim.model.joint("chest/lid").dofadr[0]] += 0.1
+
+
+def _push(sim: Simulation) -> None:
+    sim.data.xfrc_applied[sim.body_id("cube"), 0] = 0.1
+
+
+def _twist(sim: Simulation) -> None:
+    sim.data.qfrc_applied[sim.model.joint("chest/lid").dofadr[0]] = 0.1
+
+
+def _steer(sim: Simulation) -> None:
+    sim.data.ctrl[0] += 0.001
+
+
+def _unhinge(sim: Simulation) -> None:
+    sim.data.eq_active[0] = 0
+
+
+def _shift(sim: Simulation) -> None:
+    sim.data.mocap_pos[sim.model.body("chest").mocapid[0], 0] += 0.001
+
+
+def _pretend(sim: Simulation) -> None:
+    sim.position("cube")[2] += 0.05
+
+
+def _relieve(sim: Simulation) -> None:
+    sim.data.qfrc_bias[sim.model.joint("chest/lid").dofadr[0]] = 0.0
+
+
+def _roughen(sim: Simulation) -> None:
+    sim.model.geom("cube:0").friction[0] *= 1.01
+
+
+def _lighten(sim: Simulation) -> None:
+    sim.model.body("cube").mass[0] *= 0.99
+
+
+def _loosen(sim: Simulation) -> None:
+    sim.model.opt.gravity[2] = -9.8
+
+
+@pytest.mark.parametrize(
+    ("tamper", "noticed"),
+    [
+        (_nudge, {"state", "qpos"}),
+        (_open, {"state", "qvel"}),
+        (_push, {"state", "xfrc_applied"}),
+        (_twist, {"state", "qfrc_applied"}),
+        (_steer, {"state", "ctrl"}),
+        (_unhinge, {"state", "eq_active"}),
+        (_shift, {"state", "mocap_pos"}),
+        (_pretend, {"xpos"}),
+        (_relieve, {"qfrc_bias"}),
+        (_roughen, {"model"}),
+        (_lighten, {"model"}),
+        (_loosen, {"model"}),
+    ],
+)
+def test_tampering_late_in_an_episode_is_noticed(
+    tamper: Callable[[Simulation], None], noticed: set[str]
+) -> None:
+    env = make("hinge_chest")
+
+    def script(arms: Arms) -> Script:
+        honest = find_script("hinge_chest")(arms)
+        for _ in range(LATE):
+            next(honest)
+            yield
+        tamper(arms.sim)
+        yield from honest
+
+    cheat = Expert(base_of(env).simulation, script)
+    assert set(changed_in_episode(env, cheat)) == noticed
+    env.close()

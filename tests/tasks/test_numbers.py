@@ -1,0 +1,326 @@
+"""The numbers of the task page, written down a second time.
+
+Other tests take thresholds and sizes from the tasks themselves, and hold for any value. Here each
+is a literal: whoever changes one changes what the benchmark measures, and sees it here.
+
+Lengths are in metres and angles in radians, unless a name ends in `_deg`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+import pytest
+
+from duobench.randomness import Uniform
+from duobench.tasks import catalog
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where an object starts: the middle of a rectangle, and how far it reaches to either side."""
+
+    at: tuple[float, float]
+    within: tuple[float, float] = (0.0, 0.0)
+    yaw_deg: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """What the page says about one task."""
+
+    stages: int
+    horizon: int
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    """Constants by module and name."""
+    angles_deg: Mapping[str, float] = field(default_factory=dict)
+    """Constants in radians, given in degrees."""
+    layout: Mapping[str, Place]
+    constraints: tuple[str, ...] = ()
+    """Constraints of the stages, by name."""
+
+
+ANY = 180.0
+CUBE = {"solids.blocks.CUBE_EDGE": 0.032}
+LONG_BLOCK = CUBE | {"solids.blocks.LONG_BLOCK": 0.096}
+BOWL = {"solids.bowl.RADIUS": 0.085, "solids.bowl.RIM_HEIGHT": 0.030}
+
+PAGES = {
+    "hinge_chest": Page(
+        stages=3,
+        horizon=441,
+        numbers=CUBE
+        | {
+            "solids.chest.CAVITY": (0.130, 0.230, 0.060),
+            "solids.chest.WALL": 0.006,
+            "solids.chest.LID_LIMITS": (0.0, 1.55),
+            "solids.chest.LID_STIFFNESS": 0.5,
+            "tasks.hinge_chest.OPEN_ANGLE": 0.8,
+        },
+        layout={
+            "cube": Place(at=(0.5, 0.2), within=(0.175, 0.175), yaw_deg=ANY),
+            "chest": Place(at=(0.6, -0.2), within=(0.04, 0.04), yaw_deg=10),
+        },
+        constraints=("chest/lid is open by 0.80 rad", "cube is raised by 10 mm"),
+    ),
+    "spring_door": Page(
+        stages=3,
+        horizon=807,
+        numbers=CUBE
+        | {
+            "solids.microwave.WIDTH": 0.55,
+            "solids.microwave.DEPTH": 0.32,
+            "solids.microwave.HEIGHT": 0.30,
+            "solids.microwave.CAVITY": (0.26, 0.33, 0.24),
+            "solids.microwave.DOOR_LIMITS": (0.0, 2.09),
+            "solids.microwave.DOOR_STIFFNESS": 4.0,
+            "tasks.spring_door.OPEN_ANGLE": 0.8,
+        },
+        layout={
+            "cube": Place(at=(0.4, -0.35), within=(0.05, 0.10), yaw_deg=ANY),
+            "microwave": Place(at=(0.7, 0.0), within=(0.02, 0.02), yaw_deg=3),
+        },
+        constraints=("microwave/door is open by 0.80 rad", "cube is raised by 10 mm"),
+    ),
+    "pour_marbles": Page(
+        stages=6,
+        horizon=442,
+        numbers={
+            "solids.cup.INNER_RADIUS": 0.030,
+            "solids.cup.WALL": 0.004,
+            "solids.cup.HEIGHT": 0.075,
+            "solids.cup.MARBLE_RADIUS": 0.005,
+            "tasks.pour_marbles.RAISE": 0.020,
+            "tasks.pour_marbles.HALF_SQUARE": 0.05,
+        },
+        angles_deg={"tasks.pour_marbles.UPRIGHT": 20},
+        layout={
+            "left_cup": Place(at=(0.5, 0.3), within=(0.05, 0.05)),
+            "right_cup": Place(at=(0.5, -0.3), within=(0.05, 0.05)),
+            "left_square": Place(at=(0.5, 0.3)),
+            "right_square": Place(at=(0.5, -0.3)),
+        },
+        constraints=("left_cup is raised by 20 mm", "right_cup is upright within 20 degrees"),
+    ),
+    "ball_maze": Page(
+        stages=4,
+        horizon=350,
+        numbers={
+            "solids.maze_board.EDGE": 0.22,
+            "solids.maze_board.PITCH": 0.040,
+            "solids.maze_board.WALL_HEIGHT": 0.015,
+            "solids.maze_board.BALL_RADIUS": 0.010,
+            "solids.mazes.CELLS": 5,
+            "tasks.ball_maze.LEFT_START": 0.020,
+            "tasks.ball_maze.AT_GOAL": 0.015,
+        },
+        layout={"board": Place(at=(0.5, 0.0), within=(0.1, 0.1), yaw_deg=ANY)},
+    ),
+    "carry_pot": Page(
+        stages=3,
+        horizon=450,
+        numbers={
+            "solids.pot.RADIUS": 0.11,
+            "solids.pot.HEIGHT": 0.11,
+            "solids.pot.MASS": 1.2,
+            "solids.pot.PLATE": (0.35, 0.28, 0.02),
+            "tasks.carry_pot.LIFT": 0.030,
+            "tasks.carry_pot.OFF_CENTRE": (0.10, 0.08),
+        },
+        angles_deg={"tasks.carry_pot.TILT": 10},
+        layout={
+            "pot": Place(at=(0.5, -0.1), within=(0.08, 0.08), yaw_deg=10),
+            "stove": Place(at=(0.5, 0.3), within=(0.04, 0.04)),
+        },
+        constraints=("pot is raised by 30 mm", "pot is upright within 10 degrees"),
+    ),
+    "block_balance": Page(
+        stages=5,
+        horizon=766,
+        numbers={
+            "tasks.block_balance.CUBE_EDGE": 0.040,
+            "tasks.block_balance.BEAM": (0.040, 0.200, 0.020),
+            "tasks.block_balance.BLOCK": (0.030, 0.030, 0.090),
+            "tasks.block_balance.STILL_SECONDS": 0.5,
+        },
+        angles_deg={"tasks.block_balance.LEVEL": 12},
+        layout={},  # The page leaves the places open; see below.
+        constraints=("beam is raised by 10 mm", "beam is upright within 12 degrees"),
+    ),
+    "join_blocks": Page(
+        stages=3,
+        horizon=829,
+        numbers={
+            "solids.joint_blocks.BAR": (0.075, 0.030, 0.025),
+            "solids.joint_blocks.PEG_WIDTH": 0.014,
+            "solids.joint_blocks.PEG_LENGTH": 0.018,
+            "solids.joint_blocks.CLEARANCE": 0.001,
+            "solids.joint_blocks.PEG_HEIGHT": 0.060,
+            "tasks.join_blocks.DEPTH": 0.010,
+        },
+        layout={
+            "light_block": Place(at=(0.5, 0.2), within=(0.05, 0.075), yaw_deg=15),
+            "dark_block": Place(at=(0.5, -0.2), within=(0.05, 0.075), yaw_deg=15),
+            "wall": Place(at=(0.7, 0.0)),
+        },
+        constraints=(
+            "peg of light_block is 10 mm inside dark_block",
+            "peg of wall is 10 mm inside dark_block",
+        ),
+    ),
+    "transfer_cube": Page(
+        stages=4,
+        horizon=441,
+        numbers=LONG_BLOCK | BOWL,
+        layout={
+            "cube": Place(at=(0.5, -0.2), within=(0.175, 0.175), yaw_deg=ANY),
+            "bowl": Place(at=(0.6, 0.3), within=(0.05, 0.05)),
+        },
+        constraints=("cube is raised by 10 mm",),
+    ),
+    "transfer_gate": Page(
+        stages=4,
+        horizon=523,
+        numbers=LONG_BLOCK
+        | {
+            "solids.gate.SIDES_OF_RING": 8,
+            "solids.gate.RING_RADIUS": 0.115,
+            "solids.gate.RING_HEIGHT": 0.375,
+            "solids.gate.MAT_EDGE": 0.24,
+            "solids.gate.MAT_THICKNESS": 0.01,
+            "tasks.transfer_gate.CROSSING_RADIUS": 0.10,
+        },
+        layout={
+            "block": Place(at=(0.5, -0.3), within=(0.175, 0.175), yaw_deg=ANY),
+            "gate": Place(at=(0.4, 0.0), within=(0.025, 0.05)),
+            "mat": Place(at=(0.5, 0.3), within=(0.05, 0.05)),
+        },
+        constraints=("block is raised by 10 mm",),
+    ),
+    "transfer_reorient": Page(
+        stages=4,
+        horizon=505,
+        numbers={
+            "solids.hexagon_peg.ACROSS_FLATS": 0.034,
+            "solids.hexagon_peg.PEG_LENGTH": 0.100,
+            "solids.hexagon_peg.CLEARANCE": 0.001,
+            "tasks.transfer_reorient.DEPTH": 0.015,
+        },
+        layout={
+            "peg": Place(at=(0.5, -0.2), within=(0.15, 0.15), yaw_deg=30),
+            "board": Place(at=(0.5, 0.3), within=(0.10, 0.10)),
+        },
+        constraints=("peg of peg is 15 mm inside board", "peg is raised by 10 mm"),
+    ),
+    "bin_sort": Page(
+        stages=5,
+        horizon=216,
+        numbers=CUBE | BOWL | {"tasks.bin_sort.BOWL_MARGIN": 0.10},
+        layout={
+            "white_cube": Place(at=(0.5, 0.2), within=(0.175, 0.125), yaw_deg=ANY),
+            "black_cube": Place(at=(0.5, -0.2), within=(0.175, 0.125), yaw_deg=ANY),
+            "white_bowl": Place(at=(0.6, 0.4), within=(0.05, 0.05)),
+            "black_bowl": Place(at=(0.6, -0.4), within=(0.05, 0.05)),
+        },
+        constraints=("white_cube is raised by 10 mm", "black_cube is raised by 10 mm"),
+    ),
+}
+
+SHARED = {
+    "stages.predicates.HELD_HEIGHT": 0.010,
+    "sim.simulation.STILL_SPEED": 0.05,
+    "sim.simulation.STILL_TURN": 0.5,
+    "stages.insertion.MAX_OFFSET": 0.004,
+    "solids.solid.PLA_DENSITY": 1240.0,
+}
+SHARED_DEG = {"stages.insertion.MAX_ANGLE": 10}
+
+
+def value(path: str) -> Any:
+    module, _, name = path.rpartition(".")
+    return getattr(import_module(f"duobench.{module}"), name)
+
+
+def ends(middle: float, half: float) -> Any:
+    return pytest.approx((middle - half, middle + half), abs=1e-12)
+
+
+def low_high(drawn: Uniform) -> tuple[float, float]:
+    return drawn.low, drawn.high
+
+
+def test_the_catalog_is_the_papers_in_its_order() -> None:
+    assert catalog.names() == tuple(PAGES)
+    for name in catalog.names():
+        assert catalog.get(name).id == name
+        assert catalog.get(name).title == name.replace("_", "-").title()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_stages_and_horizon(name: str) -> None:
+    task = catalog.get(name)
+    assert (task.max_stage, task.horizon) == (PAGES[name].stages, PAGES[name].horizon)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_sizes_and_thresholds(name: str) -> None:
+    page = PAGES[name]
+    assert {path: value(path) for path in page.numbers} == page.numbers
+    for path, degrees in page.angles_deg.items():
+        assert math.degrees(value(path)) == pytest.approx(degrees), path
+
+
+def test_the_shared_words() -> None:
+    assert {path: value(path) for path in SHARED} == SHARED
+    for path, degrees in SHARED_DEG.items():
+        assert math.degrees(value(path)) == pytest.approx(degrees), path
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_stages_ask_for_these_constraints(name: str) -> None:
+    """A constant may be right and not be used."""
+    stages = catalog.get(name).stages
+    asked = {part.name for stage in stages for part in stage.holds.walk()}
+    assert set(PAGES[name].constraints) <= asked
+
+
+@pytest.mark.parametrize("name", [name for name, page in PAGES.items() if page.layout])
+def test_layouts_are_drawn_from_these_ranges(name: str) -> None:
+    placements = catalog.get(name).placements
+    assert placements.keys() == PAGES[name].layout.keys()
+    for prop, place in PAGES[name].layout.items():
+        for drawn, middle, half in zip(
+            (placements[prop].x, placements[prop].y), place.at, place.within, strict=True
+        ):
+            assert low_high(drawn) == ends(middle, half), prop
+        assert low_high(placements[prop].yaw) == ends(0.0, math.radians(place.yaw_deg)), prop
+
+
+def test_the_layout_of_block_balance_keeps_things_apart() -> None:
+    """One block in each half, beam and cube between them, all 8 cm apart, none turned."""
+    placements = catalog.get("block_balance").placements
+    ranges = {name: (low_high(p.x), low_high(p.y)) for name, p in placements.items()}
+    assert set(ranges) == {"cube", "beam", "left_block", "right_block"}
+    assert ranges["left_block"][1][0] > 0 > ranges["right_block"][1][1]
+    for name, here in ranges.items():
+        assert low_high(placements[name].yaw) == (0.0, 0.0)
+        for there in (ranges[other] for other in ranges if other != name):
+            gaps = [max(a[0] - b[1], b[0] - a[1], 0.0) for a, b in zip(here, there, strict=True)]
+            assert math.hypot(*gaps) >= 0.08 - 1e-9
+
+
+def test_how_many_there_are() -> None:
+    assert len(value("solids.cup.HEAP")) == 20
+    assert len(value("solids.mazes.MAZES")) == 10
+    assert len(value("solids.hexagon_peg.HOLES")) == 3
+
+
+def test_what_is_drawn_besides_poses() -> None:
+    drawn = {name: dict(catalog.get(name).variants) for name in PAGES}
+    assert {name for name, variants in drawn.items() if variants} == {"pour_marbles", "ball_maze"}
+    assert drawn["pour_marbles"]["full"].options == ("left", "right")
+    assert drawn["ball_maze"]["board"].options == tuple("0123456789")
