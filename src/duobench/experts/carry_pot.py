@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from duobench.experts.motion import Arms, Script, both, carry, down, grip, move, release
+from duobench.experts.motion import (
+    CAREFUL,
+    Arms,
+    Script,
+    both,
+    carry,
+    come_down,
+    down,
+    grip,
+    move,
+    release,
+)
 from duobench.solids.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
@@ -25,7 +36,7 @@ def script(arms: Arms) -> Script:
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=_LIFT), speed=0.15)
     stove = arms.sim.pose("stove")
     goal = stove @ SE3.at(z=PLATE[2] + HEIGHT / 2)
-    yield from carry(arms, "pot", goal.moved(z=_CLEARANCE), speed=0.25)
+    yield from carry(arms, "pot", goal.moved(z=_CLEARANCE), speed=CAREFUL)
     yield from carry(arms, "pot", goal, speed=0.12)
     yield from release(arms, *SIDES, opening=_OPENING)
     yield from move(arms, both(lambda side: arms.targets[side].moved(z=_APPROACH)), arrive=False)
@@ -34,18 +45,14 @@ def script(arms: Arms) -> Script:
 def _grasp(arms: Arms) -> Script:
     """Close both grippers around the handles, from above."""
     pot = arms.sim.pose("pot")
-    arms.openings[:] = _OPENING
     grasps = {side: _grasp_pose(pot, side) for side in SIDES}
-    above = {side: grasp.moved(z=_APPROACH) for side, grasp in grasps.items()}
-    yield from move(arms, above, tolerance=0.01)
-    yield from move(arms, grasps, speed=0.25)
+    yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH)
     yield from grip(arms, *SIDES)
 
 
 def _grasp_pose(pot: SE3, side: Side) -> SE3:
     """Where a tool grasps its handle."""
-    sign = 1.0 if side is Side.LEFT else -1.0
-    x, y, z = pot.apply((0.0, sign * HANDLE_OFFSET, HANDLE_Z + _FINGER_DEPTH))
+    x, y, z = pot.apply((0.0, side.sign * HANDLE_OFFSET, HANDLE_Z + _FINGER_DEPTH))
     return down(x, y, z, yaw=pot.yaw)
 
 

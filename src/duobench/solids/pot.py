@@ -103,6 +103,7 @@ def _vessel() -> Solid:
         at=SE3.at(z=(HEIGHT - LID_HEIGHT) / 2),
         rgba=_LID_COLOUR,
         taper=LID_TAPER,
+        shadow=False,
     )
     return Solid(
         shapes=(

@@ -23,13 +23,12 @@ from duobench.solids.pot import HEIGHT, PLATE, pot, stove_plate
 from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
     BoxRegion,
-    Predicate,
     all_of,
     any_of,
     clear,
     ever,
     inside,
-    pinched,
+    pinched_apart,
     raised,
     rests_on,
     touches,
@@ -38,7 +37,7 @@ from duobench.stages.predicates import (
 )
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
-from duobench.types import SIDES, Side
+from duobench.types import SIDES
 
 HANDLES = ("pot/left_handle", "pot/right_handle")
 LIFT = 0.030
@@ -51,16 +50,8 @@ YAW = math.radians(10)
 """Largest turn of the pot at the start, in radians."""
 
 
-def _by_both_handles() -> Predicate:
-    """Each gripper pinches a handle of its own."""
-    one, other = HANDLES
-    return any_of(
-        *(pinched(side, one) & pinched(side.other, other) for side in (Side.LEFT, Side.RIGHT))
-    )
-
-
 _CLEAR = all_of(*(clear(body, "stove") for body in ("pot", *HANDLES)))
-_CARRIED = all_of(_by_both_handles(), _CLEAR, raised("pot", LIFT))
+_CARRIED = all_of(pinched_apart(*HANDLES), _CLEAR, raised("pot", LIFT))
 _ON_PLATE = inside(
     "pot",
     BoxRegion(
