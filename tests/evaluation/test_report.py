@@ -142,6 +142,7 @@ def test_broken_episode_is_shown_with_its_traceback(tmp_path: Path) -> None:
     folder = sample_folder(tmp_path / "run", run, records)
     write_report(folder)
     words = Page(folder.page).words
+    assert "with --retry-broken plays it again" in words
     assert "1 episode broke off with an error and counts as failed" in words
     assert "Trace ValueError: no" in words
 
@@ -151,7 +152,10 @@ def test_unfinished_run_says_so(tmp_path: Path, kept: int) -> None:
     run = sample_run()
     folder = sample_folder(tmp_path / "run", run, sample_records(run)[:kept])
     write_report(folder)
-    assert f"not finished: {kept} of 12 episodes" in Page(folder.page).words
+    words = Page(folder.page).words
+    assert f"not finished: {kept} of 12 episodes" in words
+    assert ("No episode of this task is finished yet" in words) == (kept < 9)
+    assert "0 of 0" not in words
     assert json.loads(folder.summary.read_text())["overall"]["episodes"] == kept
 
 
