@@ -1,4 +1,5 @@
 import json
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -116,6 +117,17 @@ def test_page_tells_policy_stages_seeds_and_command(tmp_path: Path) -> None:
     assert {str(1000 + episode) for episode in run.episode_indices} <= set(words.split())
     assert "mujoco 4.0.0" in words
     assert "not finished" not in words
+
+
+def test_whatever_is_wider_than_a_phone_scrolls_and_says_so(tmp_path: Path) -> None:
+    run = sample_run()
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    write_report(folder)
+    html = folder.page.read_text()
+    assert '.wide::before { content: "Scroll sideways' in html
+    assert html.count("<table>") == html.count('<div class="wide"><table>') == 1 + len(run.tasks)
+    for figure in re.findall(r"<figure>.*?</figure>", html, re.DOTALL):
+        assert figure.startswith('<figure><div class="wide"')
 
 
 def test_text_from_outside_is_escaped(tmp_path: Path) -> None:
