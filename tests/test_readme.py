@@ -23,6 +23,12 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
 
 
+def modules() -> dict[str, str]:
+    """The blocks that the text before them names as a file, such as `my_policy.py`."""
+    text = README.read_text(encoding="utf-8")
+    return dict(re.findall(r"`(\w+\.py)`[^`]*```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE))
+
+
 def shell_lines() -> list[list[str]]:
     return [
         words
@@ -35,7 +41,10 @@ def shell_lines() -> list[list[str]]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the commands run, one after another, as a reader would run them."""
-    return tmp_path_factory.mktemp("readme")
+    folder = tmp_path_factory.mktemp("readme")
+    for name, code in modules().items():
+        (folder / name).write_text(code, encoding="utf-8")
+    return folder
 
 
 def run(command: list[str], folder: Path) -> str:
@@ -50,7 +59,13 @@ def test_every_kind_of_block_is_known() -> None:
     assert {words[0] for words in shell_lines()} == {"make", "duobench"}
 
 
-@pytest.mark.parametrize("code", blocks("python"))
+def test_policy_of_the_page_is_short() -> None:
+    assert len(modules()["my_policy.py"].splitlines()) < 15
+
+
+@pytest.mark.parametrize(
+    "code", [code for code in blocks("python") if code not in modules().values()]
+)
 def test_code_runs(code: str, folder: Path) -> None:
     assert run([sys.executable, "-c", code], folder)
 

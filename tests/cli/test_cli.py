@@ -3,18 +3,36 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
+from duobench import __version__
+from duobench.assets import meshes
 from duobench.cli import main
+from duobench.cli.console import console
 from duobench.tasks import catalog
 from tests.evaluation import small
 from tests.evaluation.processes import children, wait_until
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
+
+
+def duobench(
+    *words: str, folder: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run the command as it is installed: -P keeps the current folder off the path."""
+    return subprocess.run(
+        [sys.executable, "-P", "-m", "duobench", *words],
+        env={**ENVIRONMENT, **environment},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 def evaluate(out: Path, *more: str) -> None:
@@ -71,6 +89,7 @@ def test_list_tells_every_task(capsys: pytest.CaptureFixture[str]) -> None:
     for name in catalog.names():
         task = catalog.get(name)
         assert f"{name} {task.category} {task.max_stage} {task.horizon} " in words
+        assert "{" not in words
         for number, stage in enumerate(task.stages, 1):
             assert f"{number} {stage.name}"[:60] in words
 
@@ -96,14 +115,34 @@ def test_doctor_tells_versions_meshes_and_graphics(capsys: pytest.CaptureFixture
     assert " ms at 224x224" in out
 
 
+def test_doctor_counts_the_meshes_after_it_has_fetched_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DUOBENCH_CACHE", str(tmp_path))
+    main(["doctor"])
+    out = capsys.readouterr().out
+    assert f"ready           {len(meshes.status())} of" in out
+    assert "missing" not in out
+
+
+@pytest.mark.parametrize("verb", ["doctor", "list", "eval", "report", "render"])
+def test_library_that_mujoco_cannot_load_is_told_in_words(verb: str, tmp_path: Path) -> None:
+    run = str(tmp_path / "run")
+    words = {
+        "eval": ["--policy", "hold", "--out", run],
+        "report": [run],
+        "render": ["bin_sort", "--out", run],
+    }
+    told = duobench(verb, *words.get(verb, []), MUJOCO_GL="bogus")
+    assert told.returncode == 1
+    assert "MUJOCO_GL=bogus" in told.stdout + told.stderr
+    assert "or unset it" in told.stdout + told.stderr
+    assert "Traceback" not in told.stderr
+    assert ("suite version" in told.stdout) == (verb == "doctor")
+
+
 def test_doctor_without_graphics_says_so_and_fails() -> None:
-    told = subprocess.run(
-        [sys.executable, "-m", "duobench", "doctor"],
-        env={**ENVIRONMENT, "MUJOCO_GL": "off"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    told = duobench("doctor", MUJOCO_GL="off")
     assert told.returncode == 1
     assert "Rendering is switched off by MUJOCO_GL=off" in told.stdout
     assert "mujoco" in told.stdout
@@ -124,7 +163,12 @@ def test_doctor_without_graphics_says_so_and_fails() -> None:
         ),
         (["eval", "--policy", "hold", "--out", "OUT", "--episodes", "0"], "at least one episode"),
         (["eval", "--policy", "no.such.module:make", "--out", "OUT"], "no module named"),
+        (["eval", "--policy", "hold", "--out", "OUT", "--workers", "-3"], "got -3"),
+        (["eval", "--policy", "hold", "--out", "/proc/run"], "/proc/run cannot be the folder"),
+        (["eval", "--policy", ":x", "--out", "OUT"], "is no `module:attribute`"),
         (["render", "nothing"], "Unknown task 'nothing'"),
+        (["render", "bin_sort", "--seed", "-1"], "from 0 on, got -1"),
+        (["render", "bin_sort", "--out", "/proc/run"], "/proc/run cannot be the folder"),
         (["report", "OUT"], "holds no evaluation"),
     ],
 )
@@ -145,7 +189,61 @@ def test_wrong_arguments_are_refused_with_the_usage(capsys: pytest.CaptureFixtur
     assert "--out" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("moment", ["starting", "playing"])
+def test_policy_of_a_wrong_name_can_be_corrected(tmp_path: Path) -> None:
+    words = ["eval", "--tasks", small.WAVE_NAME, "--episodes", "1", "--videos", "0"]
+    words += ["--out", str(tmp_path / "run"), "--policy"]
+    with pytest.raises(SystemExit, match="no module named"):
+        main([*words, "nomod:Foo"])
+    main([*words, "hold"])
+    assert (tmp_path / "run" / "index.html").exists()
+
+
+def test_broken_episodes_are_told_and_played_again(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "from tests.evaluation.small import Exits, HoldPolicy\nMine = Exits\n"
+    )
+    words = ["eval", "--policy", "mine:Mine", "--tasks", small.WAVE_NAME, "--episodes", "1"]
+    words += ["--videos", "0", "--out", "run"]
+    told = duobench(*words, folder=tmp_path)
+    assert told.returncode == 1
+    assert "wave, episode 0 broke off: SystemExit: 3" in told.stdout
+    assert "1 episode broke off, which counts as failed" in told.stdout
+    assert "--retry-broken" in told.stdout
+    assert "index.html" in told.stdout
+    (tmp_path / "mine.py").write_text("from tests.evaluation.small import HoldPolicy as Mine\n")
+    assert duobench(*words, folder=tmp_path).returncode == 1
+    told = duobench(*words, "--retry-broken", folder=tmp_path)
+    assert told.returncode == 0, told.stdout + told.stderr
+    assert "broke off" not in told.stdout
+
+
+def test_text_of_people_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    console().print("policy [bold]x[/] :smile: [/nothing]")
+    assert capsys.readouterr().out == "policy [bold]x[/] :smile: [/nothing]\n"
+
+
+def test_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["--version"])
+    assert capsys.readouterr().out == f"duobench {__version__}\n"
+
+
+def test_interrupt_that_an_import_would_swallow_ends_the_run(tmp_path: Path) -> None:
+    (tmp_path / "swallows.py").write_text(
+        "import os, signal\n"
+        "try:\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "except BaseException:\n"
+        "    pass\n"
+        "from tests.evaluation.small import WAVE\n"
+    )
+    told = duobench(
+        *("eval", "--policy", "hold", "--tasks", "swallows:WAVE", "--out", "run"), folder=tmp_path
+    )
+    assert (told.returncode, told.stdout, told.stderr) == (130, "", "\nStopped.\n")
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("moment", ["starting", "playing", "pressed twice"])
 def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
     command = [sys.executable, "-m", "duobench", "eval", "--policy", "hold", "--episodes", "500"]
     command += ["--tasks", small.WAVE_NAME, "--videos", "0", "--workers", "2"]
@@ -162,9 +260,13 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
         else:
             wait_until(lambda: list(tmp_path.glob("run/records/*/*.json")), "a record")
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does: every process gets it
+        if moment == "pressed twice":
+            time.sleep(0.02)
+            os.killpg(process.pid, signal.SIGINT)
         told, complaint = process.communicate()
     assert process.returncode == 130
-    assert "the same command goes on" in told
+    # Who presses twice may cut off this line, and nothing else.
+    assert "the same command goes on" in told or moment == "pressed twice"
     assert complaint.strip() == "Stopped."
 
 

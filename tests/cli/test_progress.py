@@ -45,6 +45,13 @@ def test_broken_episode_is_told_with_its_reason() -> None:
     assert "sort, episode 0 broke off: E: x" in shown(terminal=False, records=records, finished=0)
 
 
+def test_one_is_not_told_as_several() -> None:
+    out = io.StringIO()
+    run = sample_run(tasks=(SORT,), episodes=1)
+    PlainProgress(Console(file=out, width=100)).on_run_start(run, [])
+    assert out.getvalue() == "Policy mine: 1 task, 1 episode\n"
+
+
 def test_terminal_gets_a_bar_a_task() -> None:
     records = sample_records(sample_run(episodes=5))
     text = shown(terminal=True, records=records, finished=2)

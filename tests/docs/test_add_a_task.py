@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shlex
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-import duobench
 from duobench.tasks import catalog
 from tests.stageplay import Stageplay
 
@@ -17,8 +20,10 @@ PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
 MAX_LINES = 80
 
 
-def _blocks() -> list[str]:
-    return re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+def _blocks(language: str = "python") -> list[str]:
+    return re.findall(
+        rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL
+    )
 
 
 @pytest.fixture
@@ -38,10 +43,30 @@ def test_it_is_found_by_its_path(module: str) -> None:
 
 
 def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str]) -> None:
-    names: dict[str, Any] = {"TASK": catalog.get(module), "duobench": duobench}
+    names: dict[str, Any] = {}
     exec(_blocks()[1], names)
     assert "red cube" in capsys.readouterr().out
+    assert names["TASK"] is catalog.get(module)
     names["env"].close()
+
+
+def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
+    task, _, script = _blocks()
+    (tmp_path / "stack_cube.py").write_text(task + script, encoding="utf-8")
+    lines = [line for block in _blocks("sh") for line in block.splitlines()]
+    assert [shlex.split(line)[1] for line in lines] == ["render", "eval", "eval"]
+    for line in lines:
+        # -P: the current folder is no more on the path than for the installed command.
+        told = subprocess.run(
+            [sys.executable, "-P", "-m", *shlex.split(line)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert told.returncode == 0, told.stdout + told.stderr
+    overall = json.loads((tmp_path / "runs" / "expert" / "summary.json").read_text())["overall"]
+    assert (overall["successes"], overall["episodes"]) == (2, 2)
 
 
 def test_its_expert_solves_it(module: str) -> None:

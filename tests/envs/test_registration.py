@@ -7,13 +7,14 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import pytest
 
 import duobench
 from duobench.envs.registration import env_id
-from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from tests.envs.tools import TASK, base_of
@@ -123,6 +124,13 @@ def test_a_module_that_registers_is_found_in_a_fresh_process(tmp_path: Path) -> 
 def test_the_benchmarks_ids_are_taken() -> None:
     with pytest.raises(DuoBenchError, match="another id"):
         duobench.register(replace(catalog.get(TASK), horizon=5))
+
+
+@pytest.mark.parametrize("what", [3, None, Task])
+def test_what_is_no_task_is_refused(what: Any) -> None:
+    for use in (duobench.make, duobench.register):
+        with pytest.raises(OptionError, match=r"A task is an id, an import path.*got "):
+            use(what)
 
 
 def test_an_unknown_task_lists_near_misses() -> None:

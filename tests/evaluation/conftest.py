@@ -38,11 +38,13 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Play:
     monkeypatch.setenv(small.MARKS, str(marks))
 
     def run(
-        policy: str, name: str = "run", workers: int = 1, **changes: Any
+        policy: str, name: str = "run", workers: int = 1, retry_broken: bool = False, **changes: Any
     ) -> tuple[RunFolder, Results]:
         folder = RunFolder(tmp_path / name)
         if hasattr(small, policy):
             policy = f"{small.__name__}:{policy}"
-        return folder, evaluate(small_run(policy, **changes), folder, workers=workers)
+        return folder, evaluate(
+            small_run(policy, **changes), folder, workers=workers, retry_broken=retry_broken
+        )
 
     return run

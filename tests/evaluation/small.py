@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -118,6 +119,22 @@ class IsSlow(HoldPolicy):
     """Expects another control rate."""
 
     metadata = PolicyMetadata(name="is_slow", control_rate_hz=10.0)
+
+
+class Exits(HoldPolicy):
+    """Calls `sys.exit` in its first step."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
+        sys.exit(3)
+
+
+class BreaksOnce(RandomPolicy):
+    """Random, but raises in the first attempt at every episode with an even seed."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        if seed % 2 == 0 and mark(f"{instruction}-{seed}"):
+            raise ZeroDivisionError("my policy was broken")
 
 
 def cannot_be_made() -> None:

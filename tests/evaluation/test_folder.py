@@ -39,11 +39,31 @@ def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
 def test_other_run_is_refused_with_what_differs_and_what_to_do(
     tmp_path: Path, changes: dict[str, Any], message: str
 ) -> None:
-    folder = sample_folder(tmp_path / "run", sample_run(), [])
+    folder = sample_folder(tmp_path / "run", sample_run(), sample_records(sample_run())[:1])
     before = folder.description.read_bytes()
     with pytest.raises(EvaluationError, match=rf"{message}.*--out.*duobench eval --policy mine"):
         folder.begin(sample_run(**changes))
     assert folder.description.read_bytes() == before
+
+
+def test_run_without_a_record_gives_way_to_a_corrected_one(tmp_path: Path) -> None:
+    folder, run = sample_folder(tmp_path / "run", sample_run(), []), sample_run(policy="corrected")
+    folder.begin(run)
+    assert folder.read_run() == run
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("file", "it is a file"), ("file/run", "Not a directory"), ("/proc/run", "No such file")],
+)
+def test_folder_that_cannot_be_made_is_refused(tmp_path: Path, name: str, message: str) -> None:
+    (tmp_path / "file").write_text("precious")
+    with (
+        pytest.raises(EvaluationError, match=rf"{name}.*{message}.*--out"),
+        RunFolder(tmp_path / name).locked(),
+    ):
+        pass
+    assert (tmp_path / "file").read_text() == "precious"
 
 
 def test_folder_with_strange_files_is_refused(tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
 import json
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -118,6 +119,17 @@ def test_page_tells_policy_stages_seeds_and_command(tmp_path: Path) -> None:
     assert "not finished" not in words
 
 
+def test_whatever_is_wider_than_a_phone_scrolls_and_says_so(tmp_path: Path) -> None:
+    run = sample_run()
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    write_report(folder)
+    html = folder.page.read_text()
+    assert '.wide::before { content: "Scroll sideways' in html
+    assert html.count("<table>") == html.count('<div class="wide"><table>') == 1 + len(run.tasks)
+    for figure in re.findall(r"<figure>.*?</figure>", html, re.DOTALL):
+        assert figure.startswith('<figure><div class="wide"')
+
+
 def test_text_from_outside_is_escaped(tmp_path: Path) -> None:
     run = sample_run(tasks=(TURN,), episodes=1, policy="<script>alert(1)</script>")
     record = sample_record(TURN, 0, (), error="<img src=x>\n", instruction="a & <b>")
@@ -142,6 +154,7 @@ def test_broken_episode_is_shown_with_its_traceback(tmp_path: Path) -> None:
     folder = sample_folder(tmp_path / "run", run, records)
     write_report(folder)
     words = Page(folder.page).words
+    assert "with --retry-broken plays it again" in words
     assert "1 episode broke off with an error and counts as failed" in words
     assert "Trace ValueError: no" in words
 
@@ -151,7 +164,10 @@ def test_unfinished_run_says_so(tmp_path: Path, kept: int) -> None:
     run = sample_run()
     folder = sample_folder(tmp_path / "run", run, sample_records(run)[:kept])
     write_report(folder)
-    assert f"not finished: {kept} of 12 episodes" in Page(folder.page).words
+    words = Page(folder.page).words
+    assert f"not finished: {kept} of 12 episodes" in words
+    assert ("No episode of this task is finished yet" in words) == (kept < 9)
+    assert "0 of 0" not in words
     assert json.loads(folder.summary.read_text())["overall"]["episodes"] == kept
 
 

@@ -128,10 +128,52 @@ def test_policy_that_cannot_play_ends_the_run(
 
 
 def test_policy_that_cannot_be_made_ends_the_run_with_its_traceback(play: Play) -> None:
-    with pytest.raises(ZeroDivisionError, match="no weights"):
+    message = r"(?s)cannot_be_made' cannot be made.*Traceback.*ZeroDivisionError: no weights"
+    with pytest.raises(PolicyError, match=message):
         play("cannot_be_made")
-    with pytest.raises(EvaluationError, match=r"(?s)Traceback.*ZeroDivisionError: no weights"):
+    with pytest.raises(EvaluationError, match=message):
         play("cannot_be_made", workers=2)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_policy_that_exits_breaks_its_episode_and_not_the_run(play: Play, workers: int) -> None:
+    _, results = play("Exits", workers=workers, episodes=1)
+    errors = [record.error for one in results.tasks for record in one.records]
+    assert len(errors) == 2
+    for error in errors:
+        assert error is not None
+        assert "sys.exit(3)" in error
+        assert error.endswith("SystemExit: 3\n")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_broken_episodes_are_played_again_if_that_is_asked_for(
+    play: Play, reference: dict[str, bytes], workers: int
+) -> None:
+    folder, results = play("BreaksOnce", workers=workers)
+    broken = results.overall.errors
+    assert 0 < broken < 8
+    kept = {
+        folder.record(record.task, record.episode): record.seed
+        for one in results.tasks
+        for record in one.records
+        if record.error is None
+    }
+    times = [path.stat().st_mtime_ns for path in kept]
+    assert play("BreaksOnce", workers=workers)[1].overall.errors == broken
+    _, results = play("BreaksOnce", workers=workers, retry_broken=True)
+    assert results.overall.errors == 0
+    assert [path.stat().st_mtime_ns for path in kept] == times
+    for name, content in compared(folder).items():
+        if name.startswith("records"):
+            ours = content.decode().replace(f"{small.__name__}:BreaksOnce", "random")
+            assert ours.encode() == reference[name]
+
+
+def test_negative_number_of_workers_is_refused(play: Play, tmp_path: Path) -> None:
+    with pytest.raises(EvaluationError, match=r"workers is 1 or more.*got -3"):
+        play("random", workers=-3)
+    assert not (tmp_path / "run").exists()
 
 
 def test_workers_that_cannot_start_end_the_run(play: Play) -> None:

@@ -17,6 +17,14 @@ def make_policy():
 def make_nothing():
     return object()
 
+class Needs:
+    def __init__(self):
+        raise OSError("no weights")
+
+class Leaves:
+    def __init__(self):
+        raise SystemExit(3)
+
 A_NUMBER = 3
 """
 
@@ -43,7 +51,7 @@ def test_unknown_name_lists_the_known_ones() -> None:
 @pytest.mark.parametrize(
     ("attribute", "message"),
     [
-        ("Mein", "no class or function 'Mein'.*Mine, make_nothing, make_policy"),
+        ("Mein", "no class or function 'Mein'.*Leaves, Mine, Needs, make_nothing, make_policy"),
         ("A_NUMBER", "no class or function 'A_NUMBER'"),
         ("make_nothing", "gave a object, which is no policy"),
     ],
@@ -53,6 +61,33 @@ def test_attribute_that_makes_no_policy_is_refused(
 ) -> None:
     with pytest.raises(PolicyError, match=message):
         make(f"{own_module}:{attribute}")
+
+
+@pytest.mark.parametrize(
+    ("attribute", "message"),
+    [("Needs", r"\n  File .*own_policies\.py.*\nOSError: no weights"), ("Leaves", "SystemExit: 3")],
+)
+def test_what_its_maker_raises_is_told_with_the_traceback(
+    own_module: str, attribute: str, message: str
+) -> None:
+    with pytest.raises(PolicyError, match=rf"(?s){attribute}' cannot be made\..*{message}") as told:
+        make(f"{own_module}:{attribute}")
+    assert "registry.py" not in str(told.value)
+
+
+def test_what_its_module_raises_is_told_with_the_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own_broken_policies.py").write_text("1 / 0")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(PolicyError, match=r"(?s)cannot be imported.*\nZeroDivisionError: div"):
+        make("own_broken_policies:Mine")
+
+
+@pytest.mark.parametrize("name", [":", ":x", "module:", ".:x", "..module:x"])
+def test_half_a_name_is_refused(name: str) -> None:
+    with pytest.raises(PolicyError, match="is no `module:attribute`, such as"):
+        make(name)
 
 
 def test_missing_module_is_named() -> None:

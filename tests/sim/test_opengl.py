@@ -135,6 +135,28 @@ def test_where_nothing_works_the_packages_to_install_are_named(tmp_path: Path) -
     assert message.startswith("No off-screen OpenGL works on this machine:")
     for part in ("  egl: ", "  osmesa: ", "libegl1", "libosmesa6", "conda-forge", "MUJOCO_GL"):
         assert part in message
+    egl, osmesa = message.splitlines()[1:3]
+    assert egl.startswith("  egl: Cannot initialize a EGL device display")
+    assert osmesa.startswith("  osmesa: its library is missing or lacks a function")
+
+
+def test_a_window_without_a_display_is_refused_with_advice() -> None:
+    outcome = run_python(
+        """
+        from duobench.errors import RenderingError
+        from duobench.sim.opengl import open_context
+        try:
+            open_context("glfw", 1, 1)
+        except RenderingError as error:
+            print(error)
+        """,
+        MUJOCO_GL="glfw",
+        DISPLAY="",
+        WAYLAND_DISPLAY="",
+    )
+    assert outcome.returncode == 0, outcome.stderr
+    assert "'glfw' does not work here: it needs a display" in outcome.stdout
+    assert "egl and osmesa draw without one" in outcome.stdout
 
 
 def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) -> None:

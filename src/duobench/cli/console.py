@@ -9,6 +9,16 @@ PLAIN_WIDTH = 130
 
 
 def console() -> Console:
-    """Standard output: coloured and as wide as the terminal, or plain and of one width."""
-    out = Console(highlight=False)
-    return out if out.is_terminal else Console(highlight=False, width=PLAIN_WIDTH)
+    """Standard output: coloured and as wide as the terminal, or plain and of one width.
+
+    Text is printed as it is: `[name]` and `:name:` come from people, not from us.
+    """
+    out = Console(highlight=False, markup=False, emoji=False)
+    if not out.is_terminal:
+        out = Console(highlight=False, markup=False, emoji=False, width=PLAIN_WIDTH)
+    return out
+
+
+def counted(count: int, noun: str) -> str:
+    """A number and what it counts, such as "1 task" and "2 tasks"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -10,6 +10,7 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from duobench.cli.console import console
+from duobench.cli.engine import load_engine
 from duobench.errors import DuoBenchError
 
 if TYPE_CHECKING:
@@ -47,9 +48,10 @@ def _versions() -> dict[str, str]:
 
 
 def _meshes() -> dict[str, str]:
-    """What is on disk of the robot's meshes; missing ones are fetched when they are needed."""
+    """What is on disk of the robot's meshes, once what is missing has been fetched."""
     from duobench.assets import meshes
 
+    meshes.prepare()
     files = meshes.status()
     counts = Counter(file.state for file in files)
     found = {state: _counted(count, len(files)) for state, count in counts.items()}
@@ -66,6 +68,7 @@ def _is_odd(file: FileStatus) -> bool:
 
 def _graphics() -> dict[str, str]:
     """What draws, and how long a picture takes."""
+    load_engine()
     from duobench.envs.duo_env import DuoEnv
     from duobench.scene.cameras import HEAD, POLICY_CAMERAS
     from duobench.sim.rendering import Renderer

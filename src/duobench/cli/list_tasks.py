@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 from duobench.cli.console import console
+from duobench.cli.engine import load_engine
 
 
 def list_tasks(stages: bool = False) -> None:
@@ -11,6 +14,7 @@ def list_tasks(stages: bool = False) -> None:
     Args:
         stages: Also name the stages.
     """
+    load_engine()
     from rich import box
     from rich.table import Table
 
@@ -24,7 +28,7 @@ def list_tasks(stages: bool = False) -> None:
     table.add_column("Instruction")
     for name in catalog.names():
         task = catalog.get(name)
-        told = [task.instruction]
+        told = [re.sub(r"{(\w+)}", r"<\1>", task.instruction)]
         if stages:
             told += [f"{number} {stage.name}" for number, stage in enumerate(task.stages, 1)]
         table.add_row(

@@ -17,6 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from duobench.cli.console import counted
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.run import Run
 from duobench.evaluation.runner import Observer
@@ -66,7 +67,8 @@ class PlainProgress:
         self._successes = sum(record.success for record in finished)
         going_on = f", {self._done} already finished" if finished else ""
         self._console.print(
-            f"Policy {run.policy}: {len(run.tasks)} tasks, {self._total} episodes{going_on}",
+            f"Policy {run.policy}: {counted(len(run.tasks), 'task')}, "
+            f"{counted(self._total, 'episode')}{going_on}",
             soft_wrap=True,
         )
 
@@ -82,7 +84,7 @@ class PlainProgress:
         tenths, before = (PLAIN_LINES * n // self._total for n in (self._done, self._done - 1))
         if tenths != before:
             self._console.print(
-                f"{self._done} of {self._total} episodes, {self._successes} succeeded"
+                f"{self._done} of {counted(self._total, 'episode')}, {self._successes} succeeded"
             )
 
 
@@ -93,7 +95,7 @@ def progress_display(console: Console) -> Iterator[Observer]:
         yield PlainProgress(console)
         return
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[successes]} succeeded", style="dim"),

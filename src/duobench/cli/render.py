@@ -7,6 +7,7 @@ from pathlib import Path
 import tyro
 
 from duobench.cli.console import console
+from duobench.cli.engine import load_engine
 
 SAMPLES = 16
 """Pictures averaged into the one for people; what policies see has one."""
@@ -26,23 +27,28 @@ def render(
         size: Height and width of the pictures in pixels.
         out: Folder of the pictures.
     """
+    load_engine()
     from PIL import Image
 
     from duobench.envs.duo_env import DuoEnv
     from duobench.envs.wrappers import RandomizedReset
+    from duobench.errors import OptionError
+    from duobench.evaluation.files import make_folder
     from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog
 
+    if seed < 0:
+        raise OptionError(f"A seed is a whole number from 0 on, got {seed}.")
     height, width = size
     base = DuoEnv(catalog.get(task))
+    make_folder(out)
     RandomizedReset(base).reset(seed=seed)
     simulation = base.simulation
     pictures = {}
     for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
         with Renderer(simulation.model, height=height, width=width, samples=samples) as renderer:
             pictures |= renderer.render_all(simulation.data, cameras)
-    out.mkdir(parents=True, exist_ok=True)
     screen = console()
     for camera, picture in pictures.items():
         path = out / f"{base.task}-{seed}-{camera}.png"

@@ -7,6 +7,7 @@ from pathlib import Path
 import tyro
 
 from duobench.cli.console import console
+from duobench.cli.engine import load_engine
 
 
 def report(folder: tyro.conf.Positional[Path]) -> None:
@@ -15,6 +16,7 @@ def report(folder: tyro.conf.Positional[Path]) -> None:
     Args:
         folder: What was given to --out of duobench eval; the run need not be finished.
     """
+    load_engine()
     from duobench.evaluation.folder import RunFolder
     from duobench.evaluation.report import write_report
     from duobench.evaluation.table import results_table

@@ -6,7 +6,7 @@ binary grippers, action chunks, cameras.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Any
@@ -80,6 +80,12 @@ class Options:
 
     def __post_init__(self) -> None:
         """Refuse values that cannot be."""
+        if not isinstance(self.cameras, (bool, Iterable)):
+            raise OptionError(
+                f"cameras is True, False, the name of a camera or several; got {self.cameras!r}."
+            )
+        if self.binary_gripper not in (True, False):
+            raise OptionError(f"binary_gripper is True or False, got {self.binary_gripper!r}.")
         for name in self.camera_names:
             if name not in POLICY_CAMERAS:
                 raise UnknownNameError("camera", name, POLICY_CAMERAS)

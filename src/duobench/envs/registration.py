@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-from duobench.errors import DuoBenchError
+from duobench.errors import DuoBenchError, OptionError
 from duobench.tasks import catalog
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def make(task: Task | str, **options: Any) -> gym.Env:
 
     Raises:
         UnknownNameError: There is no such task or option; near misses are listed.
-        OptionError: The value of an option cannot be.
+        OptionError: What is given is no task, or the value of an option cannot be.
     """
     if isinstance(task, str) and env_id(task) in gym.registry:
         return gym.make(env_id(task), **options)
@@ -78,6 +78,14 @@ def _spec(task: Task | str) -> EnvSpec:
     """What Gymnasium needs to know about a task that is not in the catalog."""
     if isinstance(task, str):
         return _spec_of(catalog.get(task).id, task)
+
+    from duobench.tasks.task import Task
+
+    if not isinstance(task, Task):
+        raise OptionError(
+            'A task is an id, an import path "module:ATTRIBUTE", or a duobench.tasks.task.Task; '
+            f"got {task!r}."
+        )
 
     # A function, because Gymnasium copies keyword arguments deeply and a task must stay one.
     def create(**options: Any) -> gym.Env:

@@ -7,8 +7,32 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from duobench.errors import EvaluationError
+
 TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; whatever still carries it after a crash is rubbish."""
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder to write into, with its parents; one that is there is taken.
+
+    Raises:
+        EvaluationError: It cannot be made, or nothing may be written into it.
+    """
+    reason = None
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        reason = "it is a file"
+    except OSError as error:
+        reason = error.strerror
+    else:
+        if not os.access(path, os.W_OK | os.X_OK):
+            reason = "nothing may be written into it"
+    if reason:
+        raise EvaluationError(
+            f"{path} cannot be the folder of the output: {reason}. Give --out another one."
+        )
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from duobench.errors import EvaluationError
-from duobench.evaluation.files import remove_temporary, write_text
+from duobench.evaluation.files import make_folder, remove_temporary, write_text
 from duobench.evaluation.records import EpisodeRecord, read_record
 from duobench.evaluation.run import Run
 
@@ -65,12 +65,17 @@ class RunFolder:
     def begin(self, run: Run) -> None:
         """Begin a run in this folder, or continue the one that is there.
 
+        A run that has not finished a single episode holds nothing to keep, so that a command
+        that was wrong in its policy or tasks can be corrected: its description is replaced.
+
         Raises:
             EvaluationError: If the folder holds another run, or files that belong to none.
         """
         if self.description.exists():
             differences = run.differences(self.read_run())
-            if differences:
+            if differences and not any(self.path.glob("records/*/*.json")):
+                write_text(self.description, run.to_json())
+            elif differences:
                 raise EvaluationError(
                     f"{self.path} holds another evaluation. Asked for is {'; '.join(differences)}. "
                     "Give --out another folder, or delete this one; its own command is: "
@@ -89,9 +94,9 @@ class RunFolder:
         """Keep a second evaluation out of the folder; a killed one leaves nothing locked.
 
         Raises:
-            EvaluationError: If another process is evaluating into this folder.
+            EvaluationError: If the folder cannot be made, or another process is evaluating into it.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
+        make_folder(self.path)
         handle = os.open(self.path, os.O_RDONLY)
         try:
             self._lock(handle)
@@ -157,6 +162,11 @@ class RunFolder:
                         )
                     found.append(record)
         return found
+
+    def discard(self, task_id: str, episode: int) -> None:
+        """Remove record and video of an episode, which makes it one that is still to be played."""
+        for path in (self.video(task_id, episode), self.record(task_id, episode)):
+            path.unlink(missing_ok=True)
 
     def note_timing(self, note: dict[str, Any]) -> None:
         """Append one line to the timing notes."""

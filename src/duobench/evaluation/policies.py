@@ -47,7 +47,8 @@ class ExpertPolicy:
             PolicyError: If the task has no expert.
         """
         duo = cast("DuoEnv", env.unwrapped)
-        self._expert = make_expert(duo.task, duo.simulation)
+        reference = "" if duo.spec is None else duo.spec.kwargs.get("task", "")
+        self._expert = make_expert(duo.task, duo.simulation, reference)
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode."""

@@ -59,18 +59,26 @@ def _work(connection: Connection, run: Run, folder: RunFolder) -> None:
         seat = Seat(run, folder)
         while (trial := connection.recv()) is not None:
             seat.prepare(trial.task)
-            connection.send(_Ready())
-            connection.send(seat.play(trial))
+            _tell(connection, _Ready())
+            _tell(connection, seat.play(trial))
         seat.close()
     except DuoBenchError as error:
-        connection.send(_Refused(message=str(error)))
+        _tell(connection, _Refused(message=str(error)))
     except Exception as error:  # noqa: BLE001 - a process boundary; the parent raises it
-        connection.send(_Refused(message=f"A worker failed.\n{traceback_text(error)}"))
+        _tell(connection, _Refused(message=f"A worker failed.\n{traceback_text(error)}"))
     # Everything is written and closed. Taking the interpreter down is skipped: graphics drivers
     # have crashed there, and libraries complain on the error stream about what is left.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)
+
+
+def _tell(connection: Connection, message: _Ready | _Refused | Played) -> None:
+    """Tell the parent; when it is gone, so is the reason to be here."""
+    try:
+        connection.send(message)
+    except OSError:
+        os._exit(1)
 
 
 def _exit_with_parent() -> None:

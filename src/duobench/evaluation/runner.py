@@ -6,7 +6,7 @@ from collections.abc import Generator, Sequence
 from contextlib import closing, suppress
 from typing import Protocol
 
-from duobench.errors import RenderingError
+from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.metrics import Results
 from duobench.evaluation.pool import Pool
@@ -31,7 +31,12 @@ class Observer(Protocol):
 
 
 def evaluate(
-    run: Run, folder: RunFolder, *, workers: int = 1, observers: Sequence[Observer] = ()
+    run: Run,
+    folder: RunFolder,
+    *,
+    workers: int = 1,
+    observers: Sequence[Observer] = (),
+    retry_broken: bool = False,
 ) -> Results:
     """Play the episodes of a run that have no record yet, and write the report.
 
@@ -44,18 +49,29 @@ def evaluate(
         workers: Processes that play side by side; 0 or 1 plays in this process. With more, a
             script that calls this needs the usual `if __name__ == "__main__":` guard.
         observers: Who is told about the progress, in this process.
+        retry_broken: Also play the episodes again whose records say that they broke off.
 
     Returns:
         What all records of the run add up to.
 
     Raises:
-        EvaluationError: If the folder holds another run, is in use, or has a broken record.
+        EvaluationError: If the number of workers is negative, or the folder cannot be made, holds
+            another run, is in use, or has a broken record.
         PolicyError: If the policy cannot be made, or does not fit the environment.
         DuoBenchError: If the environment cannot be made.
     """
+    if workers < 0:
+        raise EvaluationError(
+            f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
+        )
     with folder.locked():
         folder.begin(run)
         finished = folder.read_records(run)
+        if retry_broken:
+            for record in finished:
+                if record.error is not None:
+                    folder.discard(record.task, record.episode)
+            finished = [record for record in finished if record.error is None]
         for observer in observers:
             observer.on_run_start(run, finished)
         done = {(record.task, record.episode) for record in finished}

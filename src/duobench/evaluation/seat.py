@@ -98,8 +98,9 @@ class Seat:
     def play(self, trial: Trial) -> Played:
         """Play one episode and write its video, if it is to be filmed, then its record.
 
-        An exception from the environment or the policy makes the episode a failed one; what is
-        wrong with the machine, such as graphics that do not work, ends the run instead.
+        An exception from the environment or the policy, `sys.exit` included, makes the episode a
+        failed one, and the run goes on; what is wrong with the machine, such as graphics that do
+        not work, ends the run instead.
         """
         start = time.perf_counter()
         env, policy = self.prepare(trial.task)
@@ -114,7 +115,7 @@ class Seat:
                 rollout(env, policy, seed=trial.seed, subscribers=subscribers)
             except RenderingError:
                 raise
-            except Exception as caught:  # noqa: BLE001 - kept in the record; the run goes on
+            except (Exception, SystemExit) as caught:  # noqa: BLE001 - kept in the record
                 error = traceback_text(caught)
         record = recorder.record(self._run.policy, self._versions, error)
         write_record(self._folder.record(trial.task.id, trial.episode), record)

@@ -16,29 +16,38 @@ if TYPE_CHECKING:
     from duobench.experts.motion import Arms, Script
 
 
-def find_script(task_id: str) -> Callable[[Arms], Script]:
-    """The script of a task, from the module of its name.
+def find_script(task_id: str, reference: str = "") -> Callable[[Arms], Script]:
+    """The script of a task: from the module that defines it, else from the benchmark's experts.
+
+    Args:
+        task_id: Id of the task.
+        reference: `module:ATTRIBUTE` under which the task was asked for, if it was.
 
     Raises:
         PolicyError: The task has none.
     """
-    module = f"duobench.experts.{task_id}"
-    if find_spec(module) is None:
-        raise PolicyError(
-            f"Task {task_id!r} has no scripted expert; write src/duobench/experts/{task_id}.py "
-            "with a function `script(arms)`, or pass a script of your own to `Expert`."
-        )
-    return import_module(module).script
+    own, is_path, _ = reference.partition(":")
+    modules = [own] if is_path else []
+    if find_spec(ours := f"duobench.experts.{task_id}") is not None:
+        modules.append(ours)
+    for module in modules:
+        if script := getattr(import_module(module), "script", None):
+            return script
+    raise PolicyError(
+        f"Task {task_id!r} has no scripted expert; write a function `script(arms)` into the module "
+        "that defines the task, and ask for the task as module:ATTRIBUTE."
+    )
 
 
-def make_expert(task_id: str, simulation: Simulation) -> Expert:
+def make_expert(task_id: str, simulation: Simulation, reference: str = "") -> Expert:
     """The expert of a task, bound to the simulation that it reads.
 
     Args:
-        task_id: Id of a task of the benchmark.
+        task_id: Id of the task.
         simulation: That of the environment the expert acts in: `env.unwrapped.simulation`.
+        reference: `module:ATTRIBUTE` under which the task was asked for, if it was.
 
     Raises:
         PolicyError: The task has no expert.
     """
-    return Expert(simulation, find_script(task_id))
+    return Expert(simulation, find_script(task_id, reference))

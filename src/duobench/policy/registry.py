@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import traceback
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
@@ -28,10 +29,10 @@ def make(name: str) -> Policy:
 
     Raises:
         UnknownNameError: If there is no baseline of that name.
-        PolicyError: If the module or its attribute is missing, or gives something else.
+        PolicyError: If the module or its attribute is missing, raises, or gives something else.
     """
     if ":" in name:
-        policy = _factory(name)()
+        policy = _made(name)
     elif name in BASELINES:
         policy = BASELINES[name]()
     else:
@@ -44,15 +45,38 @@ def make(name: str) -> Policy:
     return policy
 
 
+def _made(name: str) -> object:
+    """What `module:attribute` gives when it is called."""
+    factory = _factory(name)
+    try:
+        return factory()
+    except (Exception, SystemExit) as error:
+        raise PolicyError(f"Policy {name!r} cannot be made.\n{_traceback(error)}") from error
+
+
+def _traceback(error: BaseException) -> str:
+    """The traceback of somebody else's code: without the line of ours that called it."""
+    error.__traceback__ = error.__traceback__ and error.__traceback__.tb_next
+    return "".join(traceback.format_exception(error)).strip()
+
+
 def _factory(name: str) -> Callable[[], object]:
     """What `module:attribute` names."""
     module_name, _, attribute = name.partition(":")
+    if not (module_name and attribute) or module_name.startswith("."):
+        raise PolicyError(
+            f"Policy {name!r} is no `module:attribute`, such as my_policies:MyPolicy."
+        )
     try:
         module = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
         raise PolicyError(
             f"Policy {name!r}: no module named {error.name!r}. Install it, or put its folder on "
             "PYTHONPATH."
+        ) from error
+    except (Exception, SystemExit) as error:
+        raise PolicyError(
+            f"Policy {name!r}: module {module_name!r} cannot be imported.\n{_traceback(error)}"
         ) from error
     factory = getattr(module, attribute, None)
     if not callable(factory):

@@ -174,7 +174,8 @@ def probe(
     """
     call = f"import sys; sys.path[:] = {sys.path!r}; import {__name__} as gl; "
     call += f"gl.answer({backend!r}, {seconds!r})"
-    environment = {**os.environ, ASKED: backend}
+    # With rendering switched off, MuJoCo itself opens no library; `answer` opens the one to try.
+    environment = {**os.environ, ASKED: _OFF[0]}
     if platform.system() == "Linux":
         environment["PYOPENGL_PLATFORM"] = backend
     try:
@@ -215,7 +216,10 @@ def _outcome(
 
 def answer(backend: str, seconds: float) -> None:
     """Draw, say with what on the standard output, and end the process: the child of a probe."""
-    context = open_context(backend, 64, 64)
+    try:
+        context = open_context(backend, 64, 64)
+    except RenderingError as error:
+        sys.exit(_reason(error.__cause__ or error))  # the parent gives the advice, once
     model = mujoco.MjModel.from_xml_string(_PROBE_MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -272,19 +276,37 @@ def open_context(backend: str, height: int, width: int) -> Any:
             library = import_module(module)
             context = library.GLContext(width, height)
             context.make_current()
+            if backend == "glfw":
+                _check_window()
     except _failures() as error:  # evaluated only when something was raised
         raise RenderingError(
-            f"The OpenGL backend {backend!r} does not work here: {error}\n{_HELP}"
+            f"The OpenGL backend {backend!r} does not work here: {_reason(error)}\n{_HELP}"
         ) from error
     return context
+
+
+def _check_window() -> None:
+    """MuJoCo's GLFW context only warns where there is no display, and fails at the first picture.
+
+    Raises:
+        RuntimeError: There is no window to draw into.
+    """
+    if not import_module("glfw").get_current_context():
+        raise RuntimeError("it needs a display and found none; egl and osmesa draw without one")
 
 
 def _failures() -> tuple[type[Exception], ...]:
     """What MuJoCo and PyOpenGL raise where a library does not work."""
     from OpenGL.error import GLError
 
-    # PyOpenGL raises AttributeError where a library lacks a function or is missing altogether.
     return ImportError, AttributeError, OSError, RuntimeError, mujoco.FatalError, GLError
+
+
+def _reason(error: BaseException) -> str:
+    """An error in words; PyOpenGL has none of its own for a library that is not there."""
+    if isinstance(error, AttributeError):
+        return f"its library is missing or lacks a function ({error})"
+    return str(error)
 
 
 def info_of(backend: str) -> RenderingInfo:

@@ -1,0 +1,65 @@
+"""Ctrl-C: a verb that has nothing to put away is left at once, an evaluation is ended.
+
+Python raises `KeyboardInterrupt` wherever it happens to be. Libraries that try optional imports
+swallow it there, and the run would go on. So nothing is raised while a verb loads its libraries.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells use it."""
+_STDOUT, _STDERR = 1, 2
+_SHOW_CURSOR = b"\x1b[?25h"
+"""Live progress hides the cursor of a terminal."""
+
+
+def leave(_number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
+    """End the process here and now; like after a kill, every file is whole or absent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if os.isatty(_STDOUT):
+        os.write(_STDOUT, _SHOW_CURSOR)
+    os.write(_STDERR, b"\nStopped.\n")
+    os._exit(INTERRUPTED)
+
+
+def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
+    """Interrupt the block; pressed again, because it was swallowed or takes long: leave."""
+    signal.signal(signal.SIGINT, leave)
+    raise KeyboardInterrupt
+
+
+@contextmanager
+def leaving_at_once() -> Iterator[None]:
+    """Let Ctrl-C end the process as long as the block lasts."""
+    with _answered_by(leave):
+        yield
+
+
+@contextmanager
+def raising() -> Iterator[None]:
+    """Let Ctrl-C raise `KeyboardInterrupt` in the block, which has something to put away."""
+    with _answered_by(_raise):
+        yield
+
+
+@contextmanager
+def _answered_by(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    """Handle the signal, unless it is ignored, as in the background, or not ours to handle."""
+    before = signal.getsignal(signal.SIGINT)
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or before not in (signal.default_int_handler, leave):
+        yield
+        return
+    signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
