@@ -15,9 +15,9 @@ from PIL import ImageDraw, ImageFont
 
 from duobench.errors import DuoBenchError
 from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
-from duobench.scene.compose import CONTROL_HZ
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
+from duobench.types import CONTROL_HZ
 
 COVER_WIDTH = 1440
 COLUMNS = 3

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+CONTROL_HZ = 30.0
+"""Control rate, that of the published demonstrations [paper, data sets]."""
 ARM_JOINTS = 7
 """Joints of one arm."""
 SIDE_SIZE = ARM_JOINTS + 1

@@ -4,7 +4,7 @@ import av
 import numpy as np
 import pytest
 
-from duobench.evaluation.film import FRAME_EVERY, filming
+from duobench.evaluation.film import FRAME_EVERY, FilmError, filming
 from duobench.evaluation.loop import Step
 
 HEIGHT, WIDTH = 48, 64
@@ -79,3 +79,15 @@ def test_nothing_filmed_leaves_no_file(tmp_path: Path) -> None:
     with filming(tmp_path / "a.webm", lambda: np.zeros((2, 2, 3), dtype=np.uint8)):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_video_that_cannot_be_written_is_no_fault_of_the_policy(tmp_path: Path) -> None:
+    def film_into_nothing() -> None:
+        with filming(tmp_path / "a.webm", lambda: picture) as film:
+            (tmp_path / "gone").mkdir()
+            tmp_path.rename(tmp_path.with_name("elsewhere"))
+            film.on_episode_start(None, {}, {})  # type: ignore[arg-type]
+
+    picture = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
+    with pytest.raises(FilmError, match=r"a\.webm.*Make room"):
+        film_into_nothing()

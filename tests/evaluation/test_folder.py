@@ -66,6 +66,12 @@ def test_folder_that_cannot_be_made_is_refused(tmp_path: Path, name: str, messag
     assert (tmp_path / "file").read_text() == "precious"
 
 
+def test_run_killed_while_it_described_itself_can_be_begun_again(tmp_path: Path) -> None:
+    (tmp_path / ".run.json.123.tmp").write_text("{")
+    RunFolder(tmp_path).begin(sample_run())
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
+
+
 def test_folder_with_strange_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
     with pytest.raises(EvaluationError, match="not empty and holds no evaluation"):

@@ -5,10 +5,10 @@ from duobench.errors import PolicyError
 from duobench.policy import PolicyMetadata, as_chunk
 
 
-def test_chunk_is_returned_as_float64() -> None:
+def test_chunk_is_returned_as_float32() -> None:
     chunk = as_chunk([[0] * 16, [1] * 16])
     assert chunk.shape == (2, 16)
-    assert chunk.dtype == np.float64
+    assert chunk.dtype == np.float32
 
 
 @pytest.mark.parametrize("shape", [(16,), (0, 16), (1, 15), (1, 1, 16), ()])

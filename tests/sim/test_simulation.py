@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from duobench.errors import DuoBenchError, SimulationError, UnknownNameError
-from duobench.scene.compose import CONTROL_HZ
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import MAX_SETTLE_STEPS, Simulation
 from duobench.solids.blocks import RED, cube
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
-from duobench.types import DuoCommand
+from duobench.types import CONTROL_HZ, DuoCommand
 from tests.sim.props import EDGE, LID, scene
 
 REST = {

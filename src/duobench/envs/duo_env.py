@@ -17,13 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from duobench.envs import spaces
 from duobench.errors import DuoBenchError, LayoutError, SimulationError
 from duobench.scene.cameras import OVERVIEW
-from duobench.scene.compose import CONTROL_HZ
 from duobench.sim import placement
 from duobench.sim.placement import Layout
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks.task import Task
-from duobench.types import Array, DuoCommand, DuoState
+from duobench.types import CONTROL_HZ, Array, DuoCommand, DuoState
 
 Observation = dict[str, Any]
 Info = dict[str, Any]

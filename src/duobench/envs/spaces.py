@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duobench.errors import ActionError
-from duobench.scene.compose import CONTROL_HZ
 from duobench.scene.fr3 import VELOCITY_LIMITS
-from duobench.types import ARM_JOINTS, SIDES, Array
+from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array
 
 JOINT_MARGIN = 0.5
 """How far a measured joint may be outside its range, in radians; the engine's limits are soft."""

@@ -11,12 +11,14 @@ import av
 import gymnasium as gym
 import numpy as np
 from av.container import OutputContainer
+from av.error import FFmpegError
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from duobench.errors import EvaluationError
 from duobench.evaluation.files import replacing
 from duobench.evaluation.loop import Info, Observation, Step
-from duobench.policy.protocol import CONTROL_RATE_HZ
+from duobench.types import CONTROL_HZ
 
 FRAME_EVERY = 2
 """Control steps from one frame to the next; the video plays in real time."""
@@ -27,6 +29,21 @@ _CONTAINER_OPTIONS = {"fflags": "+bitexact"}
 """No random identifiers in the file: the same frames, the same bytes."""
 
 Image = NDArray[np.uint8]
+
+
+class FilmError(EvaluationError):
+    """A video cannot be written, through no fault of the policy."""
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, FFmpegError) as error:
+        raise FilmError(
+            f"The video {path.name} cannot be written to {path.parent}: {error}. Make room, or "
+            "evaluate without --videos; the same command goes on where it stopped."
+        ) from error
 
 
 class Film:
@@ -59,16 +76,18 @@ class Film:
     def _add_frame(self) -> None:
         image = self._render()
         if self._open is None:
-            self._open = self._opened(image)
+            with _writing(self._path):
+                self._open = self._opened(image)
         container, stream = self._open
         frame = av.VideoFrame.from_ndarray(image, format="rgb24")
         frame.pts = self._shown
         self._shown += 1
-        container.mux(stream.encode(frame))
+        with _writing(self._path):
+            container.mux(stream.encode(frame))
 
     def _opened(self, image: Image) -> tuple[OutputContainer, VideoStream]:
         container = av.open(self._path, "w", format="webm", options=_CONTAINER_OPTIONS)
-        rate = Fraction(CONTROL_RATE_HZ) / FRAME_EVERY
+        rate = Fraction(CONTROL_HZ) / FRAME_EVERY
         stream = container.add_stream(_CODEC, rate=rate, options=_CODEC_OPTIONS)
         stream.height, stream.width = image.shape[:2]
         stream.pix_fmt = "yuv420p"
@@ -79,8 +98,9 @@ class Film:
         """Write what the encoder still holds and finish the file."""
         if self._open is not None:
             container, stream = self._open
-            container.mux(stream.encode())
-            container.close()
+            with _writing(self._path):
+                container.mux(stream.encode())
+                container.close()
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from duobench.errors import EvaluationError
-from duobench.evaluation.files import make_folder, remove_temporary, write_text
+from duobench.evaluation.files import TEMPORARY_SUFFIX, make_folder, remove_temporary, write_text
 from duobench.evaluation.records import EpisodeRecord, read_record
 from duobench.evaluation.run import Run
 
@@ -81,13 +81,17 @@ class RunFolder:
                     "Give --out another folder, or delete this one; its own command is: "
                     f"{self.read_run().command}"
                 )
-        elif self.path.exists() and any(self.path.iterdir()):
+        elif self.path.exists() and not all(map(self._is_unfinished, self.path.iterdir())):
             raise EvaluationError(
                 f"{self.path} is not empty and holds no evaluation. Give --out another folder."
             )
         else:
             write_text(self.description, run.to_json())
         remove_temporary(self.path)
+
+    def _is_unfinished(self, path: Path) -> bool:
+        """Whether it is a description that a killed run was writing."""
+        return path.match(f".{self.description.name}.*{TEMPORARY_SUFFIX}")
 
     @contextmanager
     def locked(self) -> Iterator[None]:

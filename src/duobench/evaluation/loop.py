@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
 
 from duobench.envs.wrappers.cameras import Cameras
 from duobench.policy.compatibility import check_fits
 from duobench.policy.protocol import Policy, as_chunk
-from duobench.types import Array
 
 Observation = Mapping[str, Any]
 Info = Mapping[str, Any]
@@ -23,7 +24,7 @@ class Step:
 
     number: int
     """How many control steps the episode has had with this one, from 1."""
-    action: Array
+    action: NDArray[np.float32]
     """The action that was executed."""
     observation: Observation
     """What the environment showed afterwards; with pictures only if the policy sees it next."""

@@ -19,7 +19,7 @@ from duobench.evaluation.metrics import Results, Score, TaskResult, results
 from duobench.evaluation.palette import ink_on, stage_colours
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.run import Run, TaskInfo
-from duobench.policy.protocol import CONTROL_RATE_HZ
+from duobench.types import CONTROL_HZ
 
 SUMMARY_SCHEMA = 1
 """Version of the summary's fields."""
@@ -105,7 +105,7 @@ def _page(folder: RunFolder, run: Run, found: Results, drawn: dict[str, str]) ->
         expected=run.episodes * len(run.tasks),
         versions=_set_ups(found),
         figures={name: Markup(figures.for_page(svg)) for name, svg in drawn.items()},
-        control_rate_hz=CONTROL_RATE_HZ,
+        control_rate_hz=CONTROL_HZ,
         colours=stage_colours,
         ink_on=ink_on,
         percent=table.percent,

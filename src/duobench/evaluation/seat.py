@@ -14,7 +14,7 @@ from duobench.envs.duo_env import DuoEnv
 from duobench.envs.registration import make
 from duobench.errors import RenderingError
 from duobench.evaluation import policies
-from duobench.evaluation.film import Film, filming
+from duobench.evaluation.film import Film, FilmError, filming
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.loop import Subscriber, rollout
 from duobench.evaluation.recorder import Recorder, traceback_text
@@ -113,7 +113,7 @@ class Seat:
                 subscribers.append(stack.enter_context(self._filming(path)))
             try:
                 rollout(env, policy, seed=trial.seed, subscribers=subscribers)
-            except RenderingError:
+            except (RenderingError, FilmError):
                 raise
             except (Exception, SystemExit) as caught:  # noqa: BLE001 - kept in the record
                 error = traceback_text(caught)

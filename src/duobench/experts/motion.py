@@ -13,13 +13,12 @@ from collections.abc import Callable, Generator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.scene.compose import CONTROL_HZ
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.scene.naming import tcp_name
 from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.types import SIDES, DuoCommand, Side
+from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
 
 Array = NDArray[np.float64]
 Script = Generator[None, None, None]

@@ -7,13 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import PolicyError
-from duobench.types import FLAT_SIZE, Array
-
-CONTROL_RATE_HZ = 30.0
-"""Actions a second in the evaluation protocol."""
+from duobench.types import CONTROL_HZ, FLAT_SIZE
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -28,7 +25,7 @@ class PolicyMetadata:
     """Height and width of every image in pixels; None takes the environment's default."""
     action_mode: str = "joint"
     """The environment's action mode that the actions are meant for."""
-    control_rate_hz: float = CONTROL_RATE_HZ
+    control_rate_hz: float = CONTROL_HZ
     """Actions a second that the policy was made for."""
 
     def __post_init__(self) -> None:
@@ -73,7 +70,7 @@ class Policy(Protocol):
         ...
 
 
-def as_chunk(actions: ArrayLike, width: int = FLAT_SIZE) -> Array:
+def as_chunk(actions: ArrayLike, width: int = FLAT_SIZE) -> NDArray[np.float32]:
     """The actions that a policy returned, as a checked array.
 
     Args:
@@ -81,13 +78,15 @@ def as_chunk(actions: ArrayLike, width: int = FLAT_SIZE) -> Array:
         width: Numbers of one action.
 
     Returns:
-        Array (H, width) of float64 with H at least 1.
+        Array (H, width) of float32, as every action space has it, with H at least 1: what is
+        executed is what a recording can hold, also where a policy computes in float64.
 
     Raises:
         PolicyError: If the shape is another one, or a number is NaN or infinite.
     """
     try:
-        chunk = np.asarray(actions, dtype=np.float64)
+        with np.errstate(over="ignore"):  # too large is infinite, which is refused below
+            chunk = np.asarray(actions, dtype=np.float32)
     except (TypeError, ValueError) as error:
         raise PolicyError(f"A policy returns an array of numbers, got {actions!r}.") from error
     if chunk.ndim != 2 or chunk.shape[0] < 1 or chunk.shape[1] != width:  # noqa: PLR2004 - (H, n)

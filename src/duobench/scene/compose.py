@@ -27,11 +27,10 @@ from duobench.scene.station import (
     add_station,
 )
 from duobench.solids.prop import Prop
+from duobench.types import CONTROL_HZ
 
 SUBSTEPS = 16
 """Physics steps in one control step."""
-CONTROL_HZ = 30.0
-"""Control rate, that of the published demonstrations [paper, data sets]."""
 TIMESTEP = 1.0 / (CONTROL_HZ * SUBSTEPS)
 """Physics time step in seconds, 1/480."""
 MEMORY_BYTES = 32 * 2**20

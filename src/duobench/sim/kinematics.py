@@ -8,12 +8,11 @@ import mink
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.scene.compose import CONTROL_HZ
 from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.scene.naming import arm_joint_names, tcp_name
 from duobench.scene.robot import kinematic_model
 from duobench.spatial import SE3
-from duobench.types import ARM_JOINTS, SIDES, Side
+from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Side
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from duobench.scene.compose import CONTROL_HZ
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
-from duobench.types import SIDES, Side
+from duobench.types import CONTROL_HZ, SIDES, Side
 
 Point = tuple[float, float, float]
 Memory = tuple["Predicate"] | tuple["Predicate", "Predicate"]
