@@ -1,9 +1,22 @@
+import math
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from duobench.experts.motion import Arms, Script, move
+from duobench.experts.motion import Arms, Script, move, release, together
 from duobench.experts.pour_marbles import script, take
-from duobench.solids.cup import HEAP, HEIGHT, INNER_RADIUS, OUTER_RADIUS, WALL, cup, marble
+from duobench.sim.contacts import Limb, limb_owner
+from duobench.solids.cup import (
+    HEAP,
+    HEIGHT,
+    INNER_RADIUS,
+    MARBLE_RADIUS,
+    OUTER_RADIUS,
+    WALL,
+    cup,
+    marble,
+)
 from duobench.solids.solid import PLA_DENSITY, corner_points, mass_properties, printable
 from duobench.spatial import SE3
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
@@ -12,6 +25,9 @@ from tests.stageplay import Stageplay
 
 STEPS_TO_RAISE = 90
 """Control steps in which the expert has raised both cups, and has not poured yet."""
+IN_CUP = SE3.at(z=0.001)
+BESIDE_CUP = SE3.at(x=OUTER_RADIUS + MARBLE_RADIUS, z=MARBLE_RADIUS)
+OVER_RIM = SE3.at(z=HEIGHT + 0.001)
 
 
 @pytest.fixture(scope="module")
@@ -25,22 +41,31 @@ def _sides(bench: Stageplay, seed: int) -> tuple[Side, Side]:
     return full, full.other
 
 
-def _raised(bench: Stageplay, seed: int) -> tuple[Side, Side]:
+def _raised(bench: Stageplay, seed: int = 0) -> tuple[Side, Side]:
     """An episode in which both arms have raised their cups."""
     sides = _sides(bench, seed)
     assert bench.run_for(script, STEPS_TO_RAISE) == 3
     return sides
 
 
+def _let_go(bench: Stageplay) -> None:
+    def away(arms: Arms) -> Script:
+        arms.openings[:] = 1.0
+        yield from move(arms, {side: arms.targets[side].moved(z=0.25) for side in SIDES})
+
+    bench.act(away)
+
+
 def _marbles(base: SE3) -> dict[str, SE3]:
     return {name: base @ SE3.at(*at) for name, at in zip(MARBLES, HEAP, strict=True)}
 
 
-def _home(bench: Stageplay, offset: float = 0.0) -> dict[str, SE3]:
-    return {
-        CUPS[side]: SE3(np.eye(3), bench.sim.position(SQUARES[side])).moved(y=offset)
-        for side in SIDES
-    }
+def _home(bench: Stageplay) -> dict[str, SE3]:
+    return {CUPS[side]: SE3(np.eye(3), bench.sim.position(SQUARES[side])) for side in SIDES}
+
+
+def _with_marbles(cups: dict[str, SE3], side: Side) -> dict[str, SE3]:
+    return {**cups, **_marbles(cups[CUPS[side]] @ IN_CUP)}
 
 
 def _in_cup(bench: Stageplay, side: Side) -> int:
@@ -49,16 +74,34 @@ def _in_cup(bench: Stageplay, side: Side) -> int:
     return int((across & (local[:, 2] > 0) & (local[:, 2] < HEIGHT)).sum())
 
 
-def test_the_expert_pours_either_way_and_passes_the_stages_in_order(bench: Stageplay) -> None:
-    seeds = {}
-    for seed in range(10):
-        seeds.setdefault(_sides(bench, seed)[0], seed)
-    assert set(seeds) == set(SIDES)
-    for seed in seeds.values():
-        bench.start(seed)
-        assert bench.run_for(script, TASK.horizon) == 6
-        assert bench.history == sorted(bench.history)
-        assert {3, 4, 5, 6} <= set(bench.history)
+def _watched(play: Callable[[Arms], Script], look: Callable[[], None]) -> Callable[[Arms], Script]:
+    """The same script, looking at every state on the way."""
+
+    def watched(arms: Arms) -> Script:
+        for _ in play(arms):
+            look()
+            yield
+
+    return watched
+
+
+@pytest.mark.parametrize(("source", "seed"), [(Side.LEFT, 3), (Side.RIGHT, 0)])
+def test_the_expert_pours_either_way(bench: Stageplay, source: Side, seed: int) -> None:
+    assert _sides(bench, seed)[0] is source
+    partners = bench.sim.contacts.partners
+    touched: set[tuple[str, str]] = set()
+
+    def look() -> None:
+        touched.update((name, owner) for name in CUPS.values() for owner in partners(name))
+
+    assert bench.run_for(_watched(script, look), TASK.horizon) == 6
+    assert bench.history == sorted(bench.history)
+    assert {3, 4, 5, 6} <= set(bench.history)
+    # The pads of its own hand are all that a cup may touch of the robot: no camera, no linkage.
+    pads = (Limb.LEFT_PAD, Limb.RIGHT_PAD)
+    grasps = {(CUPS[side], limb_owner(side, pad)) for side in SIDES for pad in pads}
+    limbs = {limb_owner(side, limb) for side in SIDES for limb in Limb}
+    assert {(name, owner) for name, owner in touched if owner in limbs} == grasps
 
 
 def test_the_instruction_names_source_and_target(bench: Stageplay) -> None:
@@ -70,51 +113,103 @@ def test_the_instruction_names_source_and_target(bench: Stageplay) -> None:
 # --- what must not count -----------------------------------------------------------------------
 
 
-def test_marbles_on_the_table_do_not_count(bench: Stageplay) -> None:
-    _raised(bench, 0)
-    bench.put(**_marbles(SE3.at(0.5, 0.0, 0.001 - WALL)))
-    assert bench.hold(10) == 3
+def test_a_cup_in_the_hand_of_the_other_side_does_not_count(bench: Stageplay) -> None:
+    layout = bench.start(0)
+    bench.run_for(script, STEPS_TO_RAISE)
+    left, right = (bench.sim.pose(CUPS[side]) for side in SIDES)
+    bench.progress.reset(bench.sim, layout.variants)
+    bench.put(left_cup=right, right_cup=left)
+    assert all(bench.sim.contacts.pads(side, CUPS[side.other]) for side in SIDES)
+    assert bench.stage == 0
+    bench.put(left_cup=left, right_cup=SE3.at(0.5, -0.3))
+    assert bench.stage == 1
+    bench.put(right_cup=right)
+    assert bench.stage == 2
 
 
-def test_marbles_in_the_air_above_the_cup_do_not_count(bench: Stageplay) -> None:
-    _, target = _raised(bench, 0)
-    bench.put(**_marbles(bench.sim.pose(CUPS[target]).moved(z=HEIGHT)))
-    assert bench.stage == 3
+def test_both_cups_count_as_raised_from_20_mm_on(bench: Stageplay) -> None:
+    layout = bench.start(0)
+    bench.run_for(script, STEPS_TO_RAISE)
+    held = {CUPS[side]: bench.sim.pose(CUPS[side]) for side in SIDES}
+    bench.progress.reset(bench.sim, layout.variants)
+    bench.put(**{name: pose.moved(x=-0.2, z=0.025) for name, pose in held.items()})
+    assert bench.stage == 0
+    for left, right, stage in ((15, 15, 2), (25, 15, 2), (15, 25, 2), (25, 25, 3)):
+        # The cups slide up between the pads: the hands hold them all the time.
+        heights = zip(held.items(), (left, right), strict=True)
+        bench.put(**{name: pose.moved(z=mm / 1000) for (name, pose), mm in heights})
+        assert all(bench.sim.contacts.pads(side, CUPS[side]) for side in SIDES)
+        assert bench.stage == stage
+
+
+@pytest.mark.parametrize("outside", [BESIDE_CUP, OVER_RIM], ids=["on the table", "in the air"])
+def test_marbles_outside_the_target_do_not_count(bench: Stageplay, outside: SE3) -> None:
+    _, target = _raised(bench)
+    _let_go(bench)
+    home = _home(bench)
+    stray = home[CUPS[target]] @ outside
+    column = {name: stray.moved(z=0.011 * k) for k, name in enumerate(MARBLES)}
+    poured = _with_marbles(home, target)
+    for inside, stage in ((0, 3), (1, 4), (len(MARBLES) - 1, 4), (len(MARBLES), 6)):
+        rest = {name: column[name] for name in MARBLES[inside:]}
+        bench.put(**{**poured, **rest})
+        assert bench.stage == stage
 
 
 def test_marbles_that_fell_into_the_target_count(bench: Stageplay) -> None:
-    _, target = _raised(bench, 0)
-    bench.put(**_marbles(bench.sim.pose(CUPS[target]).moved(z=0.001)))
+    _, target = _raised(bench)
+    bench.put(**_marbles(bench.sim.pose(CUPS[target]) @ IN_CUP))
     assert bench.hold(5) == 5
-
-
-def test_cups_put_back_without_pouring_do_not_count(bench: Stageplay) -> None:
-    source, _ = _raised(bench, 0)
-    cups = _home(bench)
-    bench.start(0)
-    bench.put(**cups, **_marbles(cups[CUPS[source]].moved(z=0.001)))
-    assert bench.hold(20) == 0
-    assert _in_cup(bench, source) == len(MARBLES)
-
-
-def test_full_marks_need_both_cups_on_their_squares(bench: Stageplay) -> None:
-    for offset, stage in ((0.0, 6), (0.06, 5)):
-        _, target = _raised(bench, 0)
-        cups = _home(bench, offset)
-        bench.act(_let_go)
-        bench.put(**cups, **_marbles(cups[CUPS[target]].moved(z=0.001)))
-        assert bench.hold(20) == stage
 
 
 def test_pouring_into_a_cup_that_stands_does_not_count(bench: Stageplay) -> None:
     _, target = _sides(bench, 0)
-    bench.put(**_marbles(bench.sim.pose(CUPS[target]).moved(z=0.001)))
+    bench.put(**_marbles(bench.sim.pose(CUPS[target]) @ IN_CUP))
     assert bench.hold(5) == 0
 
 
-def _let_go(arms: Arms) -> Script:
-    arms.openings[:] = 1.0
-    yield from move(arms, {side: arms.targets[side].moved(z=0.25) for side in SIDES})
+def test_cups_put_back_without_pouring_do_not_count(bench: Stageplay) -> None:
+    source, _ = _raised(bench)
+    _let_go(bench)
+    bench.put(**_with_marbles(_home(bench), source))
+    assert bench.hold(20) == 3
+    assert _in_cup(bench, source) == len(MARBLES)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_full_marks_need_both_cups_upright_at_home_and_still(bench: Stageplay, side: Side) -> None:
+    _, target = _raised(bench)
+    _let_go(bench)
+    home, cup = _home(bench), CUPS[side]
+    tilt = SE3.about((1, 0, 0), math.radians(25))
+    for change in (tilt, SE3.at(x=0.06), SE3.at(y=-0.06)):
+        bench.put(**_with_marbles({**home, cup: home[cup] @ change}, target))
+        assert bench.stage == 5
+    for speed, stage in ((0.1, 5), (0.0, 6)):
+        for name, pose in _with_marbles(home, target).items():
+            bench.sim.place(name, pose)
+        bench.sim.data.qvel[bench.sim.model.joint(cup).dofadr[0]] = speed
+        bench.sim.refresh()
+        assert bench.judge() == stage
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_full_marks_need_both_cups_released(bench: Stageplay, side: Side) -> None:
+    _, target = _sides(bench, 1)
+
+    def leave(arms: Arms, side: Side) -> Script:
+        yield from release(arms, side)
+        yield from move(arms, {side: arms.targets[side] @ SE3.at(z=-0.1)})
+
+    def raise_and_lower(arms: Arms) -> Script:
+        yield from together(*(take(arms, s) for s in SIDES))
+        yield from move(arms, {s: arms.targets[s].moved(z=-0.06) for s in SIDES})
+        yield from leave(arms, side.other)
+
+    assert bench.act(raise_and_lower) == 3
+    bench.put(**_marbles(bench.sim.pose(CUPS[target]) @ IN_CUP))
+    assert bench.hold(10) == 5
+    assert bench.act(lambda arms: leave(arms, side)) == 6
 
 
 # --- physics -----------------------------------------------------------------------------------
@@ -122,15 +217,23 @@ def _let_go(arms: Arms) -> Script:
 
 def test_marbles_stay_in_a_cup_that_is_carried_upright(bench: Stageplay) -> None:
     source, _ = _sides(bench, 1)
+    name = CUPS[source]
+    seen: list[tuple[float, float, int]] = []
 
     def carry(arms: Arms) -> Script:
         yield from take(arms, source)
         for y in (0.12, -0.12):
             yield from move(arms, {source: arms.targets[source].moved(y=y, z=0.02)}, speed=0.3)
 
-    bench.act(carry)
-    assert _in_cup(bench, source) == len(MARBLES)
-    assert bench.stage == 1
+    def look() -> None:
+        upright = float(bench.sim.rotation(name)[2, 2])
+        seen.append((bench.sim.lowest(name), upright, _in_cup(bench, source)))
+
+    assert bench.act(_watched(carry, look)) == 1
+    lowest, upright, inside = zip(*seen, strict=True)
+    assert max(lowest) - lowest[0] > 0.04
+    assert min(upright) > math.cos(math.radians(20))
+    assert set(inside) == {len(MARBLES)}
 
 
 def test_a_reset_leaves_every_marble_at_rest_in_the_full_cup(bench: Stageplay) -> None:

@@ -2,7 +2,8 @@
 
 Both hands come from behind and outside, at right angles to each other. The pouring one turns its
 cup about the axis in which its fingers open, so that it rises over the cup and ends ahead of it;
-the holding one keeps low, out of its way. The lip of the pouring cup stays over the other's mouth.
+the holding one keeps low, out of its way. The lip of the pouring cup stays over the other's mouth,
+on the near side, from which the marbles fly to the middle.
 """
 
 from __future__ import annotations
@@ -27,15 +28,26 @@ from duobench.types import Side
 
 _GRASP_HEIGHT = 0.032
 """Where the pads hold a cup, in metres above its underside."""
-HOLD_LEAN = math.radians(55.0)
+_SHORT = 0.003
+"""How far the tool centre point stays short of the cup's axis, in metres: at 1 mm the cup rubs
+against the finger linkage, at 5 mm it turns in the pads by 10 degrees."""
+HOLD_LEAN = math.radians(59.0)
 POUR_LEAN = math.radians(50.0)
-"""How far the hands are from the vertical when they grasp, in radians."""
+"""How far the hands are from the vertical when they grasp, in radians. The holding one leans out of
+the way of the pouring cup; leaning further, its elbow would touch the table."""
 _POUR_ANGLE = math.radians(106.0)
 _POUR_SECONDS = 3.2
-_LIP_CLEARANCE = 0.032
+_RIGHT_SECONDS = 1.9
+"""How long the cup takes to pour, and to turn upright again, in seconds; turned upright in 1.3 s,
+it slips further in the pads, and by 30 degrees where they hold it half a millimetre less deep."""
+_LIP_CLEARANCE = 0.040
 """Height of the pouring lip above the other cup's rim, in metres."""
-_LIP_REACH = 0.008
-"""How far the pouring lip stays short of the middle of the mouth, in metres."""
+_LIP_REACH = 0.028
+"""How far the pouring lip stays short of the middle of the mouth, in metres: the marbles fly about
+as far until they fall through the mouth, so they fall through its middle."""
+_LIP_ASIDE = 0.006
+"""How far the pouring lip is from the middle of the mouth, away from the holding hand, in metres;
+with the lean and the clearance, it keeps the tilted cup 5 mm from that hand's camera."""
 _MEETING = (0.50, 0.0, 0.09)
 """Where the holding cup's underside waits for the marbles."""
 
@@ -46,7 +58,7 @@ def script(arms: Arms) -> Script:
     hold = source.other
     starts = {side: arms.sim.pose(_cup(side)) for side in Side}
     yield from together(take(arms, hold, lean=HOLD_LEAN), take(arms, source, lean=POUR_LEAN))
-    cup_from_tool = {side: arms.sim.pose(_cup(side)).inverse() @ arms.tool(side) for side in Side}
+    cup_from_tool = _grasps(arms)
 
     def tools(cups: dict[Side, SE3]) -> dict[Side, SE3]:
         return {side: cup @ cup_from_tool[side] for side, cup in cups.items()}
@@ -71,9 +83,11 @@ def script(arms: Arms) -> Script:
                 )
             }
         ),
-        1.3,
+        _RIGHT_SECONDS,
     )
-    # Each cup goes to the middle of its square; some start near its edge.
+    # Each cup goes to the middle of its square; some start near its edge. It has turned a little
+    # in its hand, and would come down on an edge.
+    cup_from_tool = _grasps(arms)
     squares = {side: arms.sim.position(f"{side}_square") for side in Side}
     backs = {side: SE3(starts[side].rotation, squares[side]) @ cup_from_tool[side] for side in Side}
     yield from together(*(_put_back(arms, side, backs[side]) for side in Side))
@@ -81,6 +95,11 @@ def script(arms: Arms) -> Script:
 
 def _cup(side: Side) -> str:
     return f"{side}_cup"
+
+
+def _grasps(arms: Arms) -> dict[Side, SE3]:
+    """Pose of each tool in the frame of the cup that it holds."""
+    return {side: arms.sim.pose(_cup(side)).inverse() @ arms.tool(side) for side in Side}
 
 
 def _marbles_in(arms: Arms, side: Side) -> int:
@@ -103,7 +122,8 @@ def _grasp(arms: Arms, side: Side, lean: float) -> SE3:
     approach = math.sin(lean) * ahead - math.cos(lean) * up
     camera = math.cos(lean) * ahead + math.sin(lean) * up
     rotation = np.column_stack([camera, np.cross(approach, camera), approach])
-    return SE3(rotation, arms.sim.position(_cup(side)) + _GRASP_HEIGHT * up)
+    middle = arms.sim.position(_cup(side)) + _GRASP_HEIGHT * up
+    return SE3(rotation, middle - _SHORT * approach)
 
 
 def take(arms: Arms, side: Side, *, lean: float = POUR_LEAN) -> Script:
@@ -122,7 +142,8 @@ def _pouring(side: Side, other: SE3, angle: float) -> SE3:
     rotation = SE3.about(np.cross(up, ahead), angle).rotation
     # Upright, the lip waits short of the mouth; tilted, it reaches over its near half.
     reach = -_LIP_REACH - 2.2 * INNER_RADIUS * max(0.0, 1.0 - angle / math.radians(70.0))
-    lip = other.translation + (HEIGHT + _LIP_CLEARANCE) * up + reach * ahead
+    aside = _LIP_ASIDE * _inward(side.other)
+    lip = other.translation + reach * ahead + aside + (HEIGHT + _LIP_CLEARANCE) * up
     return SE3(rotation, lip - rotation @ (INNER_RADIUS * ahead + HEIGHT * up))
 
 
