@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from duobench.experts.motion import (
+    CAREFUL,
     Arms,
     Script,
     follow,
@@ -65,7 +66,7 @@ def script(arms: Arms) -> Script:
 
     meeting = SE3(starts[hold].rotation, np.array(_MEETING))
     yield from move(
-        arms, tools({hold: meeting, source: _pouring(source, meeting, 0.0)}), speed=0.25
+        arms, tools({hold: meeting, source: _pouring(source, meeting, 0.0)}), speed=CAREFUL
     )
     yield from follow(
         arms,

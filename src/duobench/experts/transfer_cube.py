@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from duobench.experts.handover import Bar, clasp, let_go, pick_bar, present, receive_pose, tool
-from duobench.experts.motion import Arms, Script, move, release, together
+from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together
 from duobench.types import Side
 
 BAR = Bar(body="cube", giver=Side.RIGHT, grip=0.026, height=0.028)
@@ -25,12 +25,12 @@ def script(arms: Arms) -> Script:
     """Hand the cube to the left arm, which puts it into the bowl."""
     giver, receiver = BAR.giver, BAR.giver.other
     yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
-    yield from move(arms, {giver: present(BAR, MEETING_POINT, _RISE)}, tolerance=0.012)
+    yield from move(arms, {giver: present(BAR, MEETING_POINT, _RISE)}, tolerance=NEAR)
     yield from clasp(arms, receiver, receive_pose(arms, BAR, _RECEIVER_GRIP, _SLANT))
     yield from let_go(arms, giver)
     x, y, _ = arms.sim.position("bowl")
     goal = tool((x, y, _DROP_HEIGHT), along=(0.0, -0.6, -1.0), camera=(0.0, 1.0, 0.0))
-    yield from move(arms, {receiver: goal.moved(z=0.10)}, tolerance=0.012)
-    yield from move(arms, {receiver: goal}, speed=0.25)
+    yield from move(arms, {receiver: goal.moved(z=0.10)}, tolerance=NEAR)
+    yield from move(arms, {receiver: goal}, speed=CAREFUL)
     yield from release(arms, receiver)
     yield from move(arms, {receiver: goal.moved(z=0.10)}, arrive=False)
