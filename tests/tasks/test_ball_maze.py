@@ -168,7 +168,7 @@ def test_a_board_that_leans_on_the_table_is_not_lifted(bench: Stageplay) -> None
     bench.start(0)
     bench.run_for(script, STEPS_TO_LIFT)
     pose = bench.sim.pose("board")
-    leaning = pose.moved(z=BASE + 0.015 - pose.translation[2]) @ SE3.about((1, 0, 0), 0.2)
+    leaning = pose.moved(z=BASE + 0.012 - pose.translation[2]) @ SE3.about((1, 0, 0), 0.2)
     at = ball(bench)
     for _ in carry(bench.arms, "board", leaning, speed=0.1):
         bench.advance()

@@ -29,7 +29,7 @@ ON_FLOOR = FLOOR + HALF
 TOUCHING = ON_FLOOR - 0.0001
 STEPS_TO_STAGE_2 = 165
 """Control steps in which the expert has the cube in the air and the door wide open."""
-STEPS_TO_DROP = 202
+STEPS_TO_DROP = 199
 """Control steps in which the expert has the cube in the oven, still pinched."""
 
 
