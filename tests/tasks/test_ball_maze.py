@@ -165,12 +165,20 @@ def test_a_ball_that_moves_on_a_board_put_down_again_does_not_count(
 
 
 def test_a_board_that_leans_on_the_table_is_not_lifted(bench: Stageplay) -> None:
-    bench.start(0)
+    bench.start(2)
     bench.run_for(script, STEPS_TO_LIFT)
     pose = bench.sim.pose("board")
-    leaning = pose.moved(z=BASE + 0.012 - pose.translation[2]) @ SE3.about((1, 0, 0), 0.2)
+    apart = bench.arms.tool(Side.LEFT).translation - bench.arms.tool(Side.RIGHT).translation
+    turn = SE3.about(np.cross((0.0, 0.0, 1.0), apart), 0.2)
+    low = np.array([*pose.translation[:2], BASE + 0.010])
+    leaning = SE3(turn.rotation @ pose.rotation, low)
     at = ball(bench)
-    for _ in carry(bench.arms, "board", leaning, speed=0.1):
+
+    def lean(arms: Arms) -> Script:
+        yield from carry(arms, "board", leaning, speed=0.1)
+        yield from wait(12)
+
+    for _ in lean(bench.arms):
         bench.advance()
         bench.put(ball=on_board(bench, *at))
     assert bench.sim.contacts.between("board", "table")
