@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import duobench
 from benchmarks.measure import Measurement, Work, seconds
 from benchmarks.steps import Steps
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.duo_env import base_of
 from duobench.evaluation.loop import rollout
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.scene.compose import SUBSTEPS
@@ -76,14 +76,6 @@ def measure_resets(name: str, repeats: int = 20) -> Iterator[Measurement]:
         times.append(time.perf_counter() - start)
     env.close()
     yield Measurement(what=f"{name}: reset", value=statistics.median(times), unit="s", at_most=0.1)
-
-
-def base_of(env: gym.Env) -> DuoEnv:
-    """Return the environment under all wrappers."""
-    base = env.unwrapped
-    if not isinstance(base, DuoEnv):
-        raise TypeError(f"Expected a DuoBench environment, got {base}.")
-    return base
 
 
 def begin(env: gym.Env) -> None:

@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 
 import duobench
-from benchmarks.environments import base_of, begin
+from benchmarks.environments import begin
 from benchmarks.measure import Measurement, Work, seconds
+from duobench.envs.duo_env import base_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
 from duobench.scene.cameras import POLICY_CAMERAS
 from duobench.sim import rendering

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 import duobench
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.duo_env import base_of
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.types import DuoCommand
 
@@ -26,10 +26,6 @@ REMARKS = (
     r"[\s\S]*is different from the unwrapped version",
     r"[\s\S]*we recommend using a symmetric and normalized space",
 )
-
-
-def base_of(env: gym.Env) -> DuoEnv:
-    return cast("DuoEnv", env.unwrapped)
 
 
 def wave(number: int) -> NDArray[np.float32]:

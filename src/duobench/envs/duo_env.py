@@ -273,3 +273,15 @@ class DuoEnv(gym.Env[Observation, Any]):
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def base_of(env: gym.Env) -> DuoEnv:
+    """The `DuoEnv` under all wrappers.
+
+    Raises:
+        TypeError: There is none.
+    """
+    base = env.unwrapped
+    if not isinstance(base, DuoEnv):
+        raise TypeError(f"Expected a DuoEnv, wrapped or not, got {type(base).__name__}.")
+    return base

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.duo_env import base_of
 from duobench.envs.registration import make
 from duobench.errors import RenderingError
 from duobench.evaluation import policies
@@ -125,7 +125,7 @@ class Seat:
 
     def _filming(self, path: Path) -> AbstractContextManager[Film]:
         """A film of the simulation that is being played, from the camera for people."""
-        simulation = cast("DuoEnv", cast("gym.Env", self._env).unwrapped).simulation
+        simulation = base_of(cast("gym.Env", self._env)).simulation
         if self._renderer is None:
             height, width = VIDEO_SIZE
             self._renderer = Renderer(simulation.model, height=height, width=width)

@@ -178,9 +178,10 @@ def probe(
     environment = {**os.environ, ASKED: _OFF[0]}
     if platform.system() == "Linux":
         environment["PYOPENGL_PLATFORM"] = backend
+    children: list[subprocess.Popen[str]] = []
     try:
-        children = [
-            subprocess.Popen(
+        for _ in range(processes):
+            child = subprocess.Popen(
                 [python or sys.executable, "-c", call],
                 env=environment,
                 stdin=subprocess.DEVNULL,
@@ -188,9 +189,11 @@ def probe(
                 stderr=subprocess.PIPE,
                 text=True,
             )
-            for _ in range(processes)
-        ]
+            children.append(child)
     except OSError as error:
+        for child in children:
+            child.kill()
+            child.communicate()
         return f"no child process could be started to try it: {error}"
     deadline = time.monotonic() + timeout_s
     outcomes = [_outcome(child, deadline, timeout_s) for child in children]

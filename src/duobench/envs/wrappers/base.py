@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.duo_env import DuoEnv, base_of
 
 
 class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
@@ -28,15 +28,12 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         """
         gym.utils.RecordConstructorArgs.__init__(self, **arguments)
         gym.Wrapper.__init__(self, env)
-        if not isinstance(env.unwrapped, DuoEnv):
-            raise TypeError(
-                f"{type(self).__name__} wraps a DuoEnv, got {type(env.unwrapped).__name__}."
-            )
+        base_of(env)
 
     @property
     def base(self) -> DuoEnv:
         """The innermost environment."""
-        return cast("DuoEnv", self.unwrapped)
+        return base_of(self)
 
     @property
     def task(self) -> str:
