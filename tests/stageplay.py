@@ -31,7 +31,10 @@ class Stageplay:
     def start(self, seed: int = 0, layout: Layout | None = None) -> Layout:
         """Reset to a seed's layout, or to a given one."""
         candidates = self.task.layouts(seed) if layout is None else iter([layout])
-        layout = placement.first_valid(self.sim, map(self._configured, candidates), self.task.id)
+        valid = placement.first_valid(self.sim, map(self._configured, candidates), self.task.id)
+        # Through plain data, as an environment takes every layout.
+        layout = Layout.from_json(valid.to_json())
+        assert not placement.problems(self.sim, layout)
         self.sim.settle()
         self.progress.reset(self.sim, layout.variants)
         self.history = []
@@ -87,6 +90,8 @@ class Stageplay:
 
     def advance(self) -> None:
         """Send the arms' next action, and judge what came of it."""
-        flat = np.clip(self.arms.action(), self.sim.duo.low, self.sim.duo.high)
+        # In float32, as a rollout does.
+        action = self.arms.action().astype(np.float32)
+        flat = np.clip(action, self.sim.duo.low, self.sim.duo.high)
         self.sim.step(DuoCommand.from_flat(flat))
         self.judge()
