@@ -56,7 +56,7 @@ SHOTS: Mapping[str, Shot] = MappingProxyType(
             best=5,
         ),
         "ball_maze": Shot(
-            view=View(eye=(1.1, 0.6, 1.0), target=(0.5, 0.02, 0.10), fovy_deg=26.0), best=3
+            view=View(eye=(1.3, -0.1, 1.0), target=(0.48, -0.02, 0.10), fovy_deg=26.0), best=3
         ),
         "carry_pot": Shot(
             view=View(eye=(1.4, -0.6, 0.8), target=(0.45, 0.06, 0.12), fovy_deg=32.0), best=2
@@ -65,7 +65,10 @@ SHOTS: Mapping[str, Shot] = MappingProxyType(
             view=View(eye=(1.3, -0.38, 0.62), target=(0.48, 0.0, 0.11), fovy_deg=28.0), best=4
         ),
         "join_blocks": Shot(
-            view=View(eye=(1.0, 0.85, 0.6), target=(0.53, 0.0, 0.10), fovy_deg=26.0), best=2
+            view=View(eye=(1.0, 0.85, 0.6), target=(0.53, 0.0, 0.10), fovy_deg=26.0),
+            # From the other side, where no hand is in front of the bars.
+            last=View(eye=(0.75, -0.95, 0.55), target=(0.55, 0.0, 0.08), fovy_deg=27.0),
+            best=3,
         ),
         "transfer_cube": Shot(
             view=View(eye=(1.4, -0.6, 0.75), target=(0.42, 0.0, 0.20), fovy_deg=32.0), best=2
