@@ -26,6 +26,11 @@ MEETING_POINT = np.array([0.50, 0.0, 0.34])
 RISE = math.radians(25)
 RECEIVER_GRIP = 0.032
 _READY = tool((0.50, 0.25, 0.45), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
+_OVER_BOARD = (0.9, 0.0, 0.0, -2.5, 1.6, 2.45, 0.5)
+"""Joints in radians that the left arm is drawn to over the board."""
+_ABOVE = (0.16, 0.06)
+"""Heights of the peg above the board on its way, in metres. The elbow changes sides; lower down it
+may get stuck half-way, nearly stretched, and the arm does not reach the board."""
 _HEXAGON_TURN = math.pi / 3
 _PRECISE = 0.001
 """Distance in metres at which the peg is over its hole."""
@@ -39,13 +44,15 @@ def script(arms: Arms) -> Script:
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
     yield from let_go(arms, giver)
     hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
+    arms.posture[receiver.index] = _OVER_BOARD
     yield from insert(arms, receiver, hole)
     yield from let_go(arms, receiver)
 
 
 def insert(arms: Arms, side: Side, hole: SE3) -> Script:
     """Turn the peg upright over a hole, look again from near, lower it."""
-    yield from lead(arms, side, hole, 0.06, speed=0.4)
+    for height in _ABOVE:
+        yield from lead(arms, side, hole, height, speed=0.4)
     for height in (0.010, 0.004):
         yield from lead(arms, side, hole, height, speed=0.12)
     yield from lead(arms, side, hole, -0.024, speed=0.06)
