@@ -41,8 +41,9 @@ def _writing(path: Path) -> Iterator[None]:
         yield
     except (OSError, FFmpegError) as error:
         raise FilmError(
-            f"The video {path.name} cannot be written to {path.parent}: {error}. Make room, or "
-            "evaluate without --videos; the same command goes on where it stopped."
+            f"A video cannot be written to {path.parent}: {error}. Make room, and give the same "
+            "command again: it goes on where it stopped. With --videos 0 and another --out, none "
+            "is made."
         ) from error
 
 

@@ -9,8 +9,8 @@ Randomization:
     centimetres of their places, without yaw.
 
 Success:
-    Both blocks stand on the level beam, the beam on the cube, all released and still for half a
-    second.
+    Both blocks stand on the ends of the level beam, the beam on the cube, all released and still
+    for half a second.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ Randomization:
 
 Success:
     The cube rests in the bowl and no gripper touches it, brought by the arm that received it from
-    the one that picked it up.
+    the one that picked it up, and let go above the bowl or in it.
 """
 
 from __future__ import annotations
