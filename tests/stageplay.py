@@ -92,6 +92,5 @@ class Stageplay:
         """Send the arms' next action, and judge what came of it."""
         # In float32, as a rollout does.
         action = self.arms.action().astype(np.float32)
-        flat = np.clip(action, self.sim.duo.low, self.sim.duo.high)
-        self.sim.step(DuoCommand.from_flat(flat))
+        self.sim.step(DuoCommand.from_flat(self.sim.duo.limit(action)))
         self.judge()

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SUITE_VERSION = "2"
+SUITE_VERSION = "3"
 """Version of the benchmark's episodes. A change that alters any layout or state raises it."""
 
 

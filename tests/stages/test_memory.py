@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from duobench.stages.predicates import Predicate, ever
+from duobench.stages.predicates import Predicate, since
 from tests.recall import Recall
 
 STEPS = 5
@@ -37,7 +37,7 @@ def remembered(past: tuple[str, ...], event: str, until: str) -> bool:
 @pytest.mark.parametrize("first", ["", "p", "q", "pq"])
 def test_ever_until_is_of_earlier_steps_and_forgets(first: str) -> None:
     sequence = Sequence()
-    question = ever(sequence.letter("p"), until=sequence.letter("q"))
+    question = since(sequence.letter("p"), reset=sequence.letter("q"))
     for rest in itertools.product(["", "p", "q", "pq"], repeat=STEPS - 1):
         steps = (first, *rest)
         expected = [remembered(steps[:now], "p", "q") for now in range(STEPS)]
@@ -47,7 +47,7 @@ def test_ever_until_is_of_earlier_steps_and_forgets(first: str) -> None:
 def test_each_until_the_other_tells_who_was_last() -> None:
     sequence = Sequence()
     left, right = sequence.letter("l"), sequence.letter("r")
-    lasts = {"l": ever(left, until=right), "r": ever(right, until=left)}
+    lasts = {"l": since(left, reset=right), "r": since(right, reset=left)}
     for letters in itertools.product("lr-", repeat=STEPS):
         for letter, last in lasts.items():
             expected = [
@@ -66,20 +66,20 @@ def test_what_is_forgotten_is_forgotten_inside_other_memories_too(
     """r after p, and no q since p, nor since r."""
     sequence = Sequence()
     p, q, r, x = map(sequence.letter, "pqrx")
-    question = x & ever(r & ever(p, until=q), until=q)
+    question = x & since(r & since(p, reset=q), reset=q)
     assert sequence.ask(tuple(steps), question)[-1] == bool(expected)
 
 
 def test_a_memory_with_and_one_without_an_end_are_two() -> None:
     sequence = Sequence()
     p, q = sequence.letter("p"), sequence.letter("q")
-    question = ever(p) & ~ever(p, until=q)
+    question = since(p) & ~since(p, reset=q)
     assert sequence.ask(("p", "", "q", ""), question) == [False, False, False, True]
 
 
 def test_it_goes_on_without_end() -> None:
     sequence = Sequence()
     given, dropped = sequence.letter("g"), sequence.letter("d")
-    question = ever(given, until=dropped)
+    question = since(given, reset=dropped)
     assert sequence.ask(tuple("gd" * 50 + "g-"), question)[-1]
     assert not sequence.ask(tuple("gd" * 50 + "-"), question)[-1]

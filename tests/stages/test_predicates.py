@@ -21,14 +21,14 @@ from duobench.stages.predicates import (
     all_of,
     any_of,
     at_least,
-    clear,
-    free,
-    held,
-    held_by_any,
+    grasped,
     hinge_open,
     inside,
-    pinched,
+    lifted,
+    lifted_by_any,
+    off_table,
     raised,
+    released,
     rests_on,
     still,
     touches,
@@ -145,36 +145,36 @@ def test_predicates_read_as_sentences() -> None:
 def test_at_rest_nobody_holds_anything(sim: Simulation) -> None:
     for side in SIDES:
         assert not holds(touches(side, "cube"), sim)
-        assert not holds(pinched(side, "cube"), sim)
-        assert not holds(held(side, "cube"), sim)
-    assert holds(free("cube"), sim)
-    assert not holds(held_by_any("cube"), sim)
+        assert not holds(grasped(side, "cube"), sim)
+        assert not holds(lifted(side, "cube"), sim)
+    assert holds(released("cube"), sim)
+    assert not holds(lifted_by_any("cube"), sim)
     assert holds(touching("cube", TABLE), sim)
-    assert not holds(clear("cube"), sim)
+    assert not holds(off_table("cube"), sim)
 
 
 def test_a_gripped_cube_is_held_by_that_arm_alone(sim: Simulation) -> None:
     gripped(sim)
-    for word in (touches, pinched, held):
+    for word in (touches, grasped, lifted):
         assert holds(word(Side.LEFT, "cube"), sim)
         assert not holds(word(Side.RIGHT, "cube"), sim)
-    assert holds(held_by_any("cube"), sim)
-    assert holds(clear("cube"), sim)
-    assert not holds(free("cube"), sim)
+    assert holds(lifted_by_any("cube"), sim)
+    assert holds(off_table("cube"), sim)
+    assert not holds(released("cube"), sim)
 
 
 def test_held_needs_ten_millimetres(sim: Simulation) -> None:
     gripped(sim)
     lowest = sim.lowest("cube")
-    assert holds(held(Side.LEFT, "cube"), sim, start_lowest={"cube": lowest - 0.0101})
-    assert not holds(held(Side.LEFT, "cube"), sim, start_lowest={"cube": lowest - 0.0099})
+    assert holds(lifted(Side.LEFT, "cube"), sim, start_lowest={"cube": lowest - 0.0101})
+    assert not holds(lifted(Side.LEFT, "cube"), sim, start_lowest={"cube": lowest - 0.0099})
 
 
 def test_clear_means_all_supports(sim: Simulation) -> None:
     put(sim, cube=SE3.at(0.5, -0.2, 0.02 + EDGE / 2 - 0.0001))
-    assert holds(clear("cube"), sim)
-    assert not holds(clear("cube", "slab"), sim)
-    assert not holds(clear("slab", "chest"), sim)
+    assert holds(off_table("cube"), sim)
+    assert not holds(off_table("cube", "slab"), sim)
+    assert not holds(off_table("slab", "chest"), sim)
     assert holds(touching("slab", "cube"), sim)
 
 
@@ -182,8 +182,8 @@ def test_a_touch_of_the_palm_is_a_touch_and_no_pinch(sim: Simulation) -> None:
     tool = sim.site_pose(tcp_name(Side.RIGHT))
     put(sim, cube=tool @ SE3.at(0.0, 0.0, -0.05))
     assert holds(touches(Side.RIGHT, "cube"), sim)
-    assert not holds(pinched(Side.RIGHT, "cube"), sim)
-    assert not holds(free("cube"), sim)
+    assert not holds(grasped(Side.RIGHT, "cube"), sim)
+    assert not holds(released("cube"), sim)
 
 
 # --- place and motion ----------------------------------------------------------------------------
@@ -298,9 +298,9 @@ def test_counting_what_is_inside(sim: Simulation) -> None:
     "predicate",
     [
         touches(Side.LEFT, "cbue"),
-        pinched(Side.LEFT, "cbue"),
-        clear("cube", "cbue"),
-        free("cbue"),
+        grasped(Side.LEFT, "cbue"),
+        off_table("cube", "cbue"),
+        released("cbue"),
         inside("cube", BoxRegion(body="cbue", low=(0, 0, 0), high=(1, 1, 1))),
         upright("cbue", 0.1),
         hinge_open("cbue", 0.1),

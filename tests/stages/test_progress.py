@@ -11,7 +11,7 @@ from duobench.sim.simulation import Simulation
 from duobench.solids.blocks import RED, cube
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
-from duobench.stages.predicates import Predicate, ever, lasting, raised, variant
+from duobench.stages.predicates import Predicate, held_for, raised, since, variant
 from duobench.stages.progress import Progress, Stage
 
 
@@ -96,7 +96,7 @@ def test_final_holds_follows_the_moment(bench: Bench) -> None:
 
 
 def test_a_reset_forgets(bench: Bench) -> None:
-    progress = bench.begin(bench.fact("a"), bench.fact("b") & ever(bench.fact("a")))
+    progress = bench.begin(bench.fact("a"), bench.fact("b") & since(bench.fact("a")))
     bench.play(progress, "a", "b")
     assert progress.success
     progress.reset(bench.sim, {})
@@ -109,18 +109,18 @@ def test_a_reset_forgets(bench: Bench) -> None:
 
 def test_ever_means_an_earlier_step(bench: Bench) -> None:
     a, b = bench.fact("a"), bench.fact("b")
-    assert bench.play(bench.begin(b & ever(a)), "ab") == [0], "not the same step"
-    assert bench.play(bench.begin(b & ever(a)), "a", "b") == [0, 1]
-    assert bench.play(bench.begin(b & ever(a)), "b", "b") == [0, 0]
+    assert bench.play(bench.begin(b & since(a)), "ab") == [0], "not the same step"
+    assert bench.play(bench.begin(b & since(a)), "a", "b") == [0, 1]
+    assert bench.play(bench.begin(b & since(a)), "b", "b") == [0, 0]
 
 
 def test_the_same_step_counts_from_the_next_on(bench: Bench) -> None:
-    assert bench.play(bench.begin(bench.fact("b") & ever(bench.fact("a"))), "ab", "b") == [0, 1]
+    assert bench.play(bench.begin(bench.fact("b") & since(bench.fact("a"))), "ab", "b") == [0, 1]
 
 
 def test_nested_memories_see_events_in_order(bench: Bench) -> None:
     a, b, c = map(bench.fact, "abc")
-    ordered = c & ever(b & ever(a))
+    ordered = c & since(b & since(a))
     assert bench.play(bench.begin(ordered), "a", "b", "c") == [0, 0, 1]
     assert bench.play(bench.begin(ordered), "b", "a", "c") == [0, 0, 0]
     assert bench.play(bench.begin(ordered), "a", "bc", "") == [0, 0, 0], "c came with b"
@@ -131,7 +131,7 @@ def test_nested_memories_see_events_in_order(bench: Bench) -> None:
 
 def test_four_events_in_a_row(bench: Bench) -> None:
     a, b, c, d = map(bench.fact, "abcd")
-    ordered = d & ever(c & ever(b & ever(a)))
+    ordered = d & since(c & since(b & since(a)))
     for order in itertools.permutations("abcd"):
         expected = 1 if order == ("a", "b", "c", "d") else 0
         assert bench.play(bench.begin(ordered), *order)[-1] == expected, order
@@ -139,18 +139,18 @@ def test_four_events_in_a_row(bench: Bench) -> None:
 
 def test_memories_are_found_wherever_they_are_written(bench: Bench) -> None:
     a, b = bench.fact("a"), bench.fact("b")
-    for constraint in (b & (b | ever(a)) & ever(a), b & ~~ever(a), ever(a) & b):
+    for constraint in (b & (b | since(a)) & since(a), b & ~~since(a), since(a) & b):
         assert bench.play(bench.begin(constraint), "b", "a", "b") == [0, 0, 1]
 
 
 def test_not_ever(bench: Bench) -> None:
-    constraint = bench.fact("b") & ~ever(bench.fact("a"))
+    constraint = bench.fact("b") & ~since(bench.fact("a"))
     assert bench.play(bench.begin(constraint), "b") == [1]
     assert bench.play(bench.begin(constraint), "a", "b") == [0, 0]
 
 
 def test_two_episodes_at_once_do_not_share_memory(bench: Bench) -> None:
-    constraint = bench.fact("b") & ever(bench.fact("a"))
+    constraint = bench.fact("b") & since(bench.fact("a"))
     one, other = bench.begin(constraint), bench.begin(constraint)
     bench.play(one, "a")
     assert bench.play(other, "b") == [0]
@@ -158,21 +158,21 @@ def test_two_episodes_at_once_do_not_share_memory(bench: Bench) -> None:
 
 
 def test_a_memory_that_is_certain_is_not_asked_again(bench: Bench) -> None:
-    progress = bench.begin(bench.fact("z") & ever(bench.fact("a")))
+    progress = bench.begin(bench.fact("z") & since(bench.fact("a")))
     bench.play(progress, "", "a", "", "")
     assert bench.asked.count("a") == 2
 
 
-# --- lasting -------------------------------------------------------------------------------------
+# --- held for a time -----------------------------------------------------------------------------
 
 
-def test_lasting_needs_every_step_of_the_time(bench: Bench) -> None:
-    progress = bench.begin(lasting(bench.fact("a"), 0.1))
+def test_held_for_needs_every_step_of_the_time(bench: Bench) -> None:
+    progress = bench.begin(held_for(bench.fact("a"), 0.1))
     assert bench.play(progress, "a", "a", "", "a", "a", "a") == [0, 0, 0, 0, 0, 1]
 
 
-def test_lasting_starts_anew_with_an_episode(bench: Bench) -> None:
-    progress = bench.begin(lasting(bench.fact("a"), 0.1))
+def test_held_for_starts_anew_with_an_episode(bench: Bench) -> None:
+    progress = bench.begin(held_for(bench.fact("a"), 0.1))
     bench.play(progress, "a", "a")
     progress.reset(bench.sim, {})
     assert bench.play(progress, "a", "a", "a") == [0, 0, 1]

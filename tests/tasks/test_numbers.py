@@ -231,7 +231,7 @@ PAGES = {
 }
 
 SHARED = {
-    "stages.predicates.HELD_HEIGHT": 0.010,
+    "stages.predicates.LIFTED_HEIGHT": 0.010,
     "sim.simulation.STILL_SPEED": 0.05,
     "sim.simulation.STILL_TURN": 0.5,
     "stages.insertion.MAX_OFFSET": 0.004,

@@ -6,7 +6,6 @@ modes, action chunks, cameras. Each wrapper works on its own; `envs.protocol` pu
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterable, Mapping
 from typing import Any, SupportsFloat
 
@@ -31,6 +30,8 @@ Transition = tuple[Observation, SupportsFloat, bool, bool, Info]
 
 RENDER_SIZE = (480, 640)
 """Height and width of the picture that `render` draws, in pixels."""
+ROUNDING = 1e-6
+"""A target that is changed by less than this was rounded to float32, not clipped."""
 DEFAULT_SEED = 0
 """A reset without a layout uses the one that this seed draws."""
 
@@ -44,8 +45,9 @@ class DuoEnv(gym.Env[Observation, Any]):
 
     An action is 16 numbers: left joints 1-7 (absolute targets in radians), left gripper opening
     (0 closed to 1 open), then the same on the right. The targets are approached linearly over one
-    control step of 1/30 s. Finite targets outside the ranges are clipped, and `info["clipped"]`
-    (16 booleans) says which.
+    control step of 1/30 s. Finite targets outside the ranges are clipped, and so are joint targets
+    further from the last ones than the joint moves in one control step at its speed limit;
+    `info["clipped"]` (16 booleans) says which. Grippers move at the speed of their motor.
 
     An observation holds `agent_pos` (16,), measured, in the order of an action, and `tool_pose`
     (14,), the left and the right tool centre point in the table frame, x y z qx qy qz qw each.
@@ -80,7 +82,6 @@ class DuoEnv(gym.Env[Observation, Any]):
         self._instruction = task.instruction
         self._running = False
         self._low, self._high = self.simulation.duo.low, self.simulation.duo.high
-        self._lowest, self._highest = self._low.tolist(), self._high.tolist()
         self.action_space = spaces.joint_actions(self._low, self._high)
         self.observation_space = spaces.observations(self._low, self._high)
 
@@ -184,14 +185,10 @@ class DuoEnv(gym.Env[Observation, Any]):
         if not self._running:
             raise ResetNeededError("No episode is running; call reset first.")
         targets = self.check_action(action)
-        clipped = np.zeros(len(targets), dtype=bool)
-        if any(map(operator.lt, numbers := targets.tolist(), self._lowest)) or any(
-            map(operator.gt, numbers, self._highest)
-        ):
-            clipped = (targets < self._low) | (targets > self._high)
-            targets = np.clip(targets, self._low, self._high)
+        sent = self.simulation.duo.limit(targets)
+        clipped = np.abs(sent - targets) > ROUNDING
         try:
-            state = self.simulation.step(DuoCommand.from_flat(targets))
+            state = self.simulation.step(DuoCommand.from_flat(sent))
         except SimulationError:
             self._running = False
             raise

@@ -45,7 +45,7 @@ _AT_REST = 0.02
 
 def script(arms: Arms) -> Script:
     """Lift the board and let the ball run to the goal."""
-    while not all(arms.pinches(side, "board") for side in SIDES):
+    while not all(arms.grasps(side, "board") for side in SIDES):
         yield from _grasp(arms)
     yield from carry(arms, "board", arms.sim.pose("board").moved(z=_LIFT), speed=0.2)
     hand = _Tilt(arms)

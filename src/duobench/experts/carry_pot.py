@@ -31,7 +31,7 @@ _CLEARANCE = 0.04
 
 def script(arms: Arms) -> Script:
     """Carry the pot to the middle of the stove plate."""
-    while not all(arms.pinches(side, _handle(side)) for side in SIDES):
+    while not all(arms.grasps(side, _handle(side)) for side in SIDES):
         yield from _grasp(arms)
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=_LIFT), speed=0.15)
     stove = arms.sim.pose("stove")

@@ -89,7 +89,7 @@ class Bar:
 def pick_bar(arms: Arms, bar: Bar) -> Script:
     """Pick up the lying bar by the end that is nearer to the giver's side of the hand."""
     giver = bar.giver
-    while not arms.pinches(giver, bar.body):
+    while not arms.grasps(giver, bar.body):
         pose = arms.sim.pose(bar.body)
         # The camera looks away from the other arm when the bar is handed over. Half of the way
         # there is the turn from which every yaw is reached without the last joint's stop.

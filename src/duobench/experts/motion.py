@@ -80,8 +80,8 @@ class Arms:
         """How far a gripper really is open, 0 to 1."""
         return float(self.sim.duo.read().openings[side.index])
 
-    def pinches(self, side: Side, body: str) -> bool:
-        """Whether both pads of a gripper touch a body."""
+    def grasps(self, side: Side, body: str) -> bool:
+        """Whether both pads of a gripper press on a body, towards each other."""
         return self.sim.contacts.pads(side, body)
 
 
@@ -249,7 +249,7 @@ def pick_cube(arms: Arms, side: Side, cube: str, height: float, *, lean: float =
         height: Height of the tool centre point when the fingers close, in metres.
         lean: Lean of the gripper, see `down`.
     """
-    while not arms.pinches(side, cube):
+    while not arms.grasps(side, cube):
         pose = arms.sim.pose(cube)
         x, y, _ = pose.translation
         yaw = nearest_turn(pose.yaw, math.pi / 2)

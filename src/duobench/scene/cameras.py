@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from duobench.scene.filters import collide_as, distal, visual_only
+from duobench.scene.filters import Group, collide_as, distal, visual_only
+from duobench.scene.surfaces import set_metal
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 
@@ -107,7 +108,9 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
     _add_camera(world, HEAD, pose, HEAD_FOCAL)
     # The left lens is half a baseline (31.5 mm) to the left of the housing's middle.
     middle = ZED_BASELINE / 2
-    _add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.0622, 0.0152, 0.0130), _HOUSING)
+    housing = _add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.0622, 0.0152, 0.0130), _HOUSING)
+    collide_as(housing, Group.FIXTURE)
+    set_metal(housing)
     for x in (0.0, ZED_BASELINE):
         _add_box(world, pose @ SE3.at(x, 0.0, 0.001), (0.011, 0.011, 0.0006), _LENS)
 
@@ -126,12 +129,14 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
     )
     _add_camera(flange, wrist_name(side), pose, WRIST_FOCAL)
     housing = _add_box(flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.021, 0.021, 0.0115), _ALUMINIUM)
-    collide_as(housing, distal(side))
     _add_box(flange, pose @ SE3.at(0.0, 0.0, 0.001), (0.019, 0.015, 0.0006), _GLASS)
     for x in (-D405_BASELINE / 2, D405_BASELINE / 2):
         _add_box(flange, pose @ SE3.at(x, 0.0, 0.0008), (0.0035, 0.0035, 0.0006), _LENS)
-    bracket = flange_from_body @ SE3.at(0.046, 0.0, 0.020)
-    _add_box(flange, bracket, (0.004, 0.016, 0.026), _HOUSING)
+    at = flange_from_body @ SE3.at(0.046, 0.0, 0.020)
+    bracket = _add_box(flange, at, (0.004, 0.016, 0.026), _HOUSING)
+    for part in (housing, bracket):
+        collide_as(part, distal(side))
+        set_metal(part)
 
 
 def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from duobench.assets import meshes
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, proximal, visual_only
 from duobench.scene.naming import arm_joint_names, flange_name
+from duobench.scene.surfaces import set_metal
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, Side
 
@@ -31,6 +32,10 @@ BASE_POSES = {
     Side.RIGHT: SE3.from_wxyz((0.865641, 0.436978, 0.0225312, 0.243326), (0.0, -0.05018, 0.342)),
 }
 """World from arm base [manufacturer's duo set-up, as used by Robot Control Stack]."""
+_SHOULDER_HEIGHT = 0.333
+"""Where the axes of joints 1 to 3 meet above the base, in metres [Menagerie franka_fr3]."""
+SHOULDERS = {side: base.apply((0.0, 0.0, _SHOULDER_HEIGHT)) for side, base in BASE_POSES.items()}
+"""Middle of each arm's shoulder (3,) in the table frame."""
 
 _LEFT_HOME = (
     0.48797692,
@@ -274,6 +279,7 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
             group=COLLISION_GEOM_GROUP,
         )
         collide_as(hull, distal(side) if number >= _FIRST_DISTAL_LINK else proximal(side))
+        set_metal(hull)
     # The forearm and the wrist two joints on share space by design; the range of joint 6 keeps
     # them apart.
     spec.add_exclude(bodyname1=f"{side}/link5", bodyname2=f"{side}/link{ARM_JOINTS}")

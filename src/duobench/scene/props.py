@@ -15,6 +15,7 @@ from duobench.scene.filters import (
     visual_only,
 )
 from duobench.scene.shading import add_drawn_mesh
+from duobench.scene.surfaces import CONTACT_SOLIMP, CONTACT_SOLREF, stiffen
 from duobench.solids.prop import Hinge, Prop
 from duobench.solids.shapes import Shape, ShapeKind
 from duobench.solids.solid import (
@@ -25,10 +26,6 @@ from duobench.solids.solid import (
     mesh_of,
     printable,
 )
-
-CONTACT_SOLREF = (0.005, 1.0)
-"""Contact time constant just above two time steps, the stiffest that MuJoCo keeps stable."""
-CONTACT_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 
 _GEOM_TYPES = {
     ShapeKind.BOX: mujoco.mjtGeom.mjGEOM_BOX,
@@ -87,7 +84,7 @@ def _fill(
         geom.rgba = shape.rgba or solid.rgba
         geom.friction = solid.friction
         geom.condim = solid.condim
-        geom.solref, geom.solimp = CONTACT_SOLREF, CONTACT_SOLIMP
+        stiffen(geom)
         drawn = solid.mesh is None and shape.kind in _DRAWN_WELL
         geom.group = VISUAL_GEOM_GROUP if drawn else COLLISION_GEOM_GROUP
         collide_as(geom, group)

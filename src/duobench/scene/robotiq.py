@@ -18,6 +18,7 @@ from duobench.assets import meshes
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
 from duobench.scene.fr3 import Inertial, Vector, add_mesh
 from duobench.scene.naming import gripper_name
+from duobench.scene.surfaces import ROLLING, TORSION, set_metal
 from duobench.spatial import SE3
 from duobench.types import Side
 
@@ -25,19 +26,29 @@ MOUNT = SE3.about((0.0, 0.0, 1.0), math.pi / 2)
 """Flange from gripper."""
 TCP_OFFSET = 0.1493
 """Tool centre point beyond the flange along z, in metres [facts of the platform]."""
-DRIVER_CLOSED = 0.8
-"""Driver joint angle at which the fingers meet, in radians [Menagerie robotiq_2f85_v4]."""
 CTRL_CLOSED = 255.0
 """Actuator input for closed; 0 is open."""
-DRIVER_GAIN = 0.3137255
-"""Actuator gain, 0.8 rad * 100 N·m/rad / 255 [Menagerie robotiq_2f85_v4]."""
-DRIVER_STIFFNESS, DRIVER_DAMPING = 100.0, 10.0
-"""Actuator bias terms in N·m/rad and N·m·s/rad [Menagerie robotiq_2f85_v4]."""
-DRIVER_FORCE = 100.0
-"""Force range of the actuator, in the tendon's units. A fully closed command presses about 215 N on
-a 32 mm cube (measured); the data sheet's upper limit is 235 N."""
 TENDON_SHARE = 0.485
 """Part of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
+TENDON_CLOSED = 0.8
+"""Length of the tendon at which the pads meet [Menagerie robotiq_2f85_v4]."""
+DRIVER_CLOSED = TENDON_CLOSED / (2 * TENDON_SHARE)
+"""Angle of both driver joints at which the pads meet, in radians."""
+
+# The motor: it moves the fingers at a set speed until they meet something, and then presses with a
+# set force, whatever the commanded opening. As a torque-speed line: DRIVER_FORCE at standstill,
+# none left at the set speed. The position servo only brings it to a halt at the commanded opening.
+MAX_FINGER_SPEED = 0.150
+"""Largest speed in m/s at which the gap between the pads changes [2F-85 data sheet: 20 to 150]."""
+GRIP_FORCE = 100.0
+"""Force in N with which each pad presses on a 32 mm cube [2F-85 data sheet: 20 to 235]: what a
+printed part withstands, and enough to hold the heaviest object of the benchmark."""
+DRIVER_FORCE = 11.4
+"""Force of the actuator, in the tendon's units, that gives `GRIP_FORCE` (measured)."""
+DRIVER_DAMPING = DRIVER_FORCE / 1.2
+"""Damping of the tendon that gives `MAX_FINGER_SPEED` (measured)."""
+SERVO_BAND = 0.02
+"""Error in tendon units (radians of the driver) from which on the full force acts: 2 mm of gap."""
 
 METAL = (0.58, 0.58, 0.58, 1.0)
 BLACK = (0.149, 0.149, 0.149, 1.0)
@@ -50,8 +61,10 @@ PAD_SOLREF = (0.004, 1.0)
 """Contact time constant of the pads [facts of the platform]; MuJoCo raises it to two time steps."""
 PAD_SIZE = (0.002, 0.011, 0.009375)
 """Half sizes of one of the two boxes of a pad, in metres."""
-PADS = ((0.12, 0.7), (0.13875, 0.6))
-"""Height in the pad's frame and sliding friction of the two boxes of a pad."""
+PADS = (0.12, 0.13875)
+"""Heights in the pad's frame of the two boxes of a pad, in metres."""
+PAD_FRICTION = 0.8
+"""Sliding friction of the rubber pads on plastic."""
 FINGERTIP_SIZE = (0.0063, 0.0105, 0.0185)
 FINGERTIP_POSITION = (0.0349, 0.0, 0.129)
 """Half size and centre, in the pad's frame and metres, of the box that stands for the metal tongue
@@ -243,13 +256,14 @@ def _add_finger(
         group=COLLISION_GEOM_GROUP,
     )
     collide_as(fingertip, distal(side))
-    for height, friction in PADS:
+    set_metal(fingertip)
+    for height in PADS:
         geom = pad.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=PAD_SIZE,
             pos=(_PAD_OFFSET, 0, height),
             mass=_PAD_MASS,
-            friction=(friction, 0.005, 0.0001),
+            friction=(PAD_FRICTION, TORSION, ROLLING),
             solref=PAD_SOLREF,
             solimp=_STIFF_SOLIMP,
             priority=1,
@@ -301,6 +315,7 @@ def _add_hull(
         group=COLLISION_GEOM_GROUP,
     )
     collide_as(geom, distal(side))
+    set_metal(geom)
 
 
 def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:
@@ -324,16 +339,17 @@ def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:
         solref=_STIFF_SOLREF,
         solimp=_STIFF_SOLIMP,
     )
-    tendon = spec.add_tendon(name=prefix)
+    tendon = spec.add_tendon(name=prefix, damping=[DRIVER_DAMPING, 0.0, 0.0])
     for finger in FINGERS:
         tendon.wrap_joint(f"{prefix}/{finger}_driver", TENDON_SHARE)
+    stiffness = DRIVER_FORCE / SERVO_BAND
     spec.add_actuator(
         name=prefix,
         target=prefix,
         trntype=mujoco.mjtTrn.mjTRN_TENDON,
         biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        gainprm=[DRIVER_GAIN, *[0.0] * 9],
-        biasprm=[0.0, -DRIVER_STIFFNESS, -DRIVER_DAMPING, *[0.0] * 7],
+        gainprm=[stiffness * TENDON_CLOSED / CTRL_CLOSED, *[0.0] * 9],
+        biasprm=[0.0, -stiffness, *[0.0] * 8],
         ctrlrange=(0.0, CTRL_CLOSED),
         ctrllimited=True,
         forcerange=(-DRIVER_FORCE, DRIVER_FORCE),

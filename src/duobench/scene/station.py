@@ -20,6 +20,7 @@ from duobench.scene.filters import (
 from duobench.scene.fr3 import BASE_POSES
 from duobench.scene.naming import TABLE
 from duobench.scene.shading import FLAT, add_drawn_mesh
+from duobench.scene.surfaces import set_metal
 from duobench.solids.shapes import Colour, Shape, hull
 from duobench.solids.solid import manifold_of, mesh_of
 from duobench.spatial import SE3
@@ -187,7 +188,6 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
     world = spec.worldbody
     length, width, height = PEDESTAL_SIZE
     column = _add_box(world, SE3.at(PEDESTAL_X, 0.0, height / 2), PEDESTAL_SIZE, _STEEL)
-    collide_as(column, Group.FIXTURE)
     plate = SE3.at(PEDESTAL_X, 0.0, 0.0075)
     _add_box(world, plate, (length + 0.1, width + 0.1, 0.015), _ALUMINIUM)
     outline = np.array([(x, s * y, -0.0005) for x, y in _BASE_OUTLINE for s in (1, -1)])
@@ -197,11 +197,14 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
         for s in (1, -1)
         for t in (1, -1)
     ]
-    _add_solid(spec, "mount/block", hull(np.vstack([*faces, foot]).tolist()), _ALUMINIUM)
+    block = _add_solid(spec, "mount/block", hull(np.vstack([*faces, foot]).tolist()), _ALUMINIUM)
     top = HEAD_POSITION[2] + 0.012
     low = 0.35
-    _add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)
-    _add_box(world, SE3.at(-0.034, -0.0305, HEAD_POSITION[2] + 0.004), (0.022, 0.05, 0.012), _STEEL)
+    post = _add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)
+    holder = SE3.at(-0.034, -0.0305, HEAD_POSITION[2] + 0.004)
+    for part in (column, block, post, _add_box(world, holder, (0.022, 0.05, 0.012), _STEEL)):
+        collide_as(part, Group.FIXTURE)
+        set_metal(part)
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
@@ -264,7 +267,7 @@ def _add_box(
     return geom
 
 
-def _add_solid(spec: mujoco.MjSpec, name: str, shape: Shape, rgba: Colour) -> None:
+def _add_solid(spec: mujoco.MjSpec, name: str, shape: Shape, rgba: Colour) -> mujoco.MjsGeom:
     mesh = mesh_of(manifold_of(shape))
     geom = spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH,
@@ -272,3 +275,4 @@ def _add_solid(spec: mujoco.MjSpec, name: str, shape: Shape, rgba: Colour) -> No
         rgba=rgba,
     )
     visual_only(geom)
+    return geom

@@ -7,6 +7,7 @@ pairs of owners that touch; every question after that is a look-up.
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 
 import mujoco
@@ -15,6 +16,11 @@ import numpy as np
 from duobench.errors import UnknownNameError
 from duobench.scene.naming import gripper_name, pad_names
 from duobench.types import SIDES, Side
+
+MAX_PRESS_ANGLE = math.radians(60.0)
+"""Angle in radians between a pad's contact normal and the direction to the other pad up to which
+the pad presses towards it [task definitions]."""
+_MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
 
 
 class Limb(StrEnum):
@@ -67,6 +73,11 @@ class Contacts:
             for side in SIDES
         }
         self._hands = {side: self._index[limb_owner(side, Limb.HAND)] for side in SIDES}
+        self._arms = {side: self._index[limb_owner(side, Limb.ARM)] for side in SIDES}
+        self._pad_bodies = {
+            side: [model.body(name).id for name in pad_names(side)] for side in SIDES
+        }
+        self._pad_centres = data.xipos
 
     @property
     def owners(self) -> tuple[str, ...]:
@@ -116,15 +127,51 @@ class Contacts:
             self._touch(one, row) or self._touch(other, row) or self._touch(self._hands[side], row)
         )
 
+    def arm(self, side: Side, owner: str) -> bool:
+        """Whether any part of an arm is in contact with an owner: links, camera or gripper.
+
+        Raises:
+            UnknownNameError: There is no such owner.
+        """
+        return self._touch(self._arms[side], self._row(owner)) or self.gripper(side, owner)
+
     def pads(self, side: Side, owner: str) -> bool:
-        """Whether both finger pads of a gripper are in contact with an owner.
+        """Whether both finger pads of a gripper press on an owner, towards each other.
+
+        Fingers that are pressed on top of something touch it with both pads, and grasp nothing: so
+        each pad has a contact whose normal points to the other pad, within `MAX_PRESS_ANGLE`.
 
         Raises:
             UnknownNameError: There is no such owner.
         """
         row = self._row(owner)
         one, other = self._fingers[side]
-        return self._touch(one, row) and self._touch(other, row)
+        if not (self._touch(one, row) and self._touch(other, row)):
+            return False
+        left, right = self._pad_bodies[side]
+        across = self._pad_centres[right] - self._pad_centres[left]
+        across = (across / np.linalg.norm(across)).tolist()
+        return self._presses(one, row, across, 1.0) and self._presses(other, row, across, -1.0)
+
+    def _presses(self, pad: int, row: int, across: list[float], sign: float) -> bool:
+        """Whether a contact of a pad with an owner points along a direction, or against it."""
+        contact, owners = self._data.contact, self._owners
+        x, y, z = across
+        for (first, second), distance, frame in zip(
+            contact.geom.tolist(), contact.dist.tolist(), contact.frame.tolist(), strict=True
+        ):
+            if distance > 0.0:
+                continue
+            # The engine's normal points from the first geom to the second.
+            if owners[first] == pad and owners[second] == row:
+                outwards = sign
+            elif owners[first] == row and owners[second] == pad:
+                outwards = -sign
+            else:
+                continue
+            if outwards * (frame[0] * x + frame[1] * y + frame[2] * z) > _MIN_PRESS_COSINE:
+                return True
+        return False
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""

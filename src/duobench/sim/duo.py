@@ -9,10 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.scene.compose import SUBSTEPS
-from duobench.scene.fr3 import HOME_JOINTS
+from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED
 from duobench.sim.handles import DuoHandles
-from duobench.types import ARM_JOINTS, FLAT_SIZE, OPENING_SLOTS, SIDE_SIZE, DuoCommand, DuoState
+from duobench.types import (
+    ARM_JOINTS,
+    CONTROL_HZ,
+    FLAT_SIZE,
+    OPENING_SLOTS,
+    SIDE_SIZE,
+    SIDES,
+    DuoCommand,
+    DuoState,
+)
 
 Array = NDArray[np.float64]
 
@@ -46,6 +55,20 @@ class Duo:
         ranges[_OPENING_SLOTS] = 0.0, 1.0
         self.low, self.high = ranges.T
         """Limits of a flat command, (16,) each."""
+        self.max_change = np.full(FLAT_SIZE, np.inf)
+        """Largest change of a flat command in one control step (16,): joints move at their speed
+        limits at most, and grippers obey any opening at the speed of their motor."""
+        self.max_change[joints] = np.tile(VELOCITY_LIMITS, len(SIDES)) / CONTROL_HZ
+
+    def limit(self, targets: Array) -> Array:
+        """The command nearest to targets (16,) that the robot obeys, within ranges and speeds.
+
+        Speeds are limited with respect to the last command, as on the real robot.
+        """
+        last = self._ctrl[self.handles.actuators]
+        low = np.maximum(self.low, last - self.max_change)
+        high = np.minimum(self.high, last + self.max_change)
+        return np.minimum(np.maximum(targets, low), high)
 
     def ramp(self, command: DuoCommand) -> Iterator[None]:
         """Lead the controls linearly from where they are to a command.

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import mink
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
 from duobench.scene.naming import arm_joint_names, tcp_name
-from duobench.scene.robot import kinematic_model
+from duobench.scene.robot import LINK7_FROM_TCP, kinematic_model
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Side
 
@@ -22,8 +22,25 @@ POSTURE_COST = 2e-3
 """Pull of the redundant joint towards the home posture; weak enough not to show at the tool."""
 VELOCITY_SHARE = 0.9
 """Part of the arm's velocity limits that a solution may use."""
-LM_DAMPING = 1e-3
+LM_DAMPING = 0.1
+"""Damping for each unit of squared error: a target that is far away, or out of reach, is approached
+in many small steps. It fades as the tool comes near, and does not show in tracking."""
+REACH = 0.79
+"""Largest distance in metres from the middle of an arm's shoulder to that of its last wrist joint.
+Stretched, it is 0.80: upper arm and forearm at joint 4's limit, and the offset of the hand."""
+SHORTENINGS = 5
+"""How often a step that does not bring the tools nearer is halved, before the arms hold."""
 SOLVER = "daqp"
+
+_TCP_FROM_WRIST = LINK7_FROM_TCP.inverse()
+
+
+def within_reach(side: Side, tool: SE3) -> SE3:
+    """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
+    shoulder = SHOULDERS[side]
+    away = (tool @ _TCP_FROM_WRIST).translation - shoulder
+    excess = max(0.0, float(np.linalg.norm(away)) - REACH)
+    return tool.moved(*(-excess * away / np.linalg.norm(away))) if excess else tool
 
 
 class Kinematics:
@@ -70,6 +87,9 @@ class Kinematics:
     ) -> Array:
         """One step towards tool poses, within joint ranges and velocity limits.
 
+        Each step brings the arms nearer to the targets, so towards still targets they come to rest,
+        in reach or not. Where no step does, or the solver finds none, they stay.
+
         Args:
             joints: Where the arms are (2, 7), in radians.
             targets: Tool pose wanted for each side; a side that is missing stays.
@@ -85,20 +105,24 @@ class Kinematics:
         self._posture.set_target(np.asarray(posture).ravel())
         for side, pose in targets.items():
             task = self._tasks[side]
-            task.set_target(mink.SE3(np.concatenate([pose.wxyz, pose.translation])))
+            goal = within_reach(side, pose)
+            task.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
             tasks.append(task)
-        velocity = mink.solve_ik(
-            self._configuration,
-            tasks,
-            dt,
-            SOLVER,
-            limits=[self._range, self._speed],
-        )
-        result = start + (velocity * dt).reshape(2, ARM_JOINTS)
-        for side in SIDES:
-            if side not in targets:
-                result[side.index] = start[side.index]
-        return result
+        error = self._error(tasks)
+        try:
+            velocity = mink.solve_ik(
+                self._configuration, tasks, dt, SOLVER, limits=[self._range, self._speed]
+            )
+        except mink.NoSolutionFound:
+            return start
+        change = (velocity * dt).reshape(2, ARM_JOINTS)
+        change[[side.index for side in SIDES if side not in targets]] = 0.0
+        for _ in range(SHORTENINGS + 1):
+            self._configuration.update((start + change).ravel())
+            if self._error(tasks) < error:
+                return start + change
+            change = change / 2
+        return start
 
     def solve(
         self,
@@ -127,6 +151,11 @@ class Kinematics:
                 return current, True
             current = self.step(current, targets, dt=1.0, posture=current)
         return current, False
+
+    def _error(self, tasks: Iterable[mink.Task]) -> float:
+        """What a solution makes small: the squared errors of all tasks, each by its cost."""
+        weighted = (task.cost * task.compute_error(self._configuration) for task in tasks)
+        return sum(float(error @ error) for error in weighted)
 
     def _tool(self, side: Side) -> SE3:
         pose = self._configuration.get_transform_frame_to_world(tcp_name(side), "site")

@@ -14,10 +14,10 @@ from duobench.scene.naming import TABLE
 from duobench.stages.predicates import (
     Predicate,
     all_of,
-    clear,
-    ever,
-    held,
-    pinched,
+    grasped,
+    lifted,
+    off_table,
+    since,
     touches,
     touching,
 )
@@ -52,18 +52,18 @@ def handover(prop: str, *supports: str, where: Predicate | None = None) -> Hando
         supports: Where it may be put down, beside the table: on none of them it is in the air.
         where: What must hold, beside both arms holding it, when it is handed over.
     """
-    carried = {side: held(side, prop, *supports) & ~touches(side.other, prop) for side in SIDES}
-    shared = all_of(*(pinched(side, prop) for side in SIDES), clear(prop, *supports))
+    carried = {side: lifted(side, prop, *supports) & ~touches(side.other, prop) for side in SIDES}
+    shared = all_of(*(grasped(side, prop) for side in SIDES), off_table(prop, *supports))
     given = shared if where is None else shared & where
-    last_carried = {side: ever(carried[side], until=carried[side.other]) for side in SIDES}
-    grounded = ~clear(prop, *supports)
+    last_carried = {side: since(carried[side], reset=carried[side.other]) for side in SIDES}
+    grounded = ~off_table(prop, *supports)
     handed = {
-        side: carried[side] & ever(given & last_carried[side.other], until=grounded)
+        side: carried[side] & since(given & last_carried[side.other], reset=grounded)
         for side in SIDES
     }
-    received = {side: handed[side] & ~ever(handed[side.other], until=grounded) for side in SIDES}
+    received = {side: handed[side] & ~since(handed[side.other], reset=grounded) for side in SIDES}
     brought = {
-        side: ever(carried[side], until=touches(side.other, prop) | touching(prop, TABLE))
+        side: since(carried[side], reset=touches(side.other, prop) | touching(prop, TABLE))
         for side in SIDES
     }
     return Handover(
@@ -71,5 +71,5 @@ def handover(prop: str, *supports: str, where: Predicate | None = None) -> Hando
         shared=shared,
         last_carried=last_carried,
         received=received,
-        delivered={side: ever(received[side]) & brought[side] for side in SIDES},
+        delivered={side: since(received[side]) & brought[side] for side in SIDES},
     )

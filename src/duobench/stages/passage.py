@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from duobench.stages.predicates import Moment, Predicate, all_of, ever
+from duobench.stages.predicates import Moment, Predicate, all_of, since
 
 EXIT_DEPTH = 0.05
 """How far beyond the plane, in metres, an object is still in front of the hole. It is more than an
@@ -53,9 +53,9 @@ def passage(prop: str, hole: Hole) -> Passage:
     near = Predicate(f"{prop} is on the near side of {hole.body}", lambda m: where(m)[0] < 0)
     at_exit = ~near & Predicate(f"{prop} is in front of the hole of {hole.body}", in_front)
     beside = ~near & ~at_exit
-    crossing = at_exit & ever(near, until=beside)
-    around = beside & ever(near, until=at_exit)
-    came_through = ever(crossing, until=around)
+    crossing = at_exit & since(near, reset=beside)
+    around = beside & since(near, reset=at_exit)
+    came_through = since(crossing, reset=around)
     return Passage(
         crossing=Predicate(f"{prop} crosses {hole.body}", crossing.test, crossing.parts),
         through=all_of(~near, ~around, crossing | came_through),

@@ -1,8 +1,9 @@
 """The words that stages are written in: one implementation of each.
 
 A predicate is a pure question about one `Moment`. Predicates combine with `&`, `|` and `~`; the
-only memories are `ever(p)`, `ever(p, until=q)`, which forgets, and, for "still for half a second",
-`lasting(p, seconds)`. They are kept by `stages.progress`.
+only memories are `since(p, reset=q)`, which can be forgotten, and, for "still for half a second",
+`held_for(p, seconds)`. They are kept by `stages.progress`. That two hands were there once says
+nothing: where coordination is the point, ask for it at the moment that matters, or forget it.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ Point = tuple[float, float, float]
 Memory = tuple["Predicate"] | tuple["Predicate", "Predicate"]
 """What is remembered and, if anything makes it forgotten, what does."""
 
-HELD_HEIGHT = 0.010
-"""How far a held object is raised at least, in metres [task definitions]."""
+LIFTED_HEIGHT = 0.010
+"""How far a lifted object is raised at least, in metres [task definitions]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -103,36 +104,36 @@ class Predicate:
             found[self] = None
 
 
-class Ever(Predicate):
+class Since(Predicate):
     """A predicate that held at an earlier step of the episode; its parts are its `Memory`."""
 
     __slots__ = ()
 
 
-def ever(predicate: Predicate, *, until: Predicate | None = None) -> Predicate:
-    """`predicate` held at some earlier step of this episode.
+def since(predicate: Predicate, *, reset: Predicate | None = None) -> Predicate:
+    """`predicate` held at some earlier step of this episode, and `reset` has not held since.
 
     Args:
         predicate: What is remembered.
-        until: What makes it forgotten, if anything: it held at none of the steps from the one that
-            is remembered to the last one. So `ever(left, until=right)` is true where the last of
+        reset: What makes it forgotten, if anything: it held at none of the steps from the one that
+            is remembered to the last one. So `since(left, reset=right)` is true where the last of
             the two that held was `left`.
     """
-    memory: Memory = (predicate,) if until is None else (predicate, until)
-    name = f"ever {predicate.name}" + ("" if until is None else f" until {until.name}")
-    return Ever(name, lambda m: memory in m.remembered, memory)
+    memory: Memory = (predicate,) if reset is None else (predicate, reset)
+    name = f"since {predicate.name}" + ("" if reset is None else f" without {reset.name}")
+    return Since(name, lambda m: memory in m.remembered, memory)
 
 
-class Lasting(Predicate):
+class HeldFor(Predicate):
     """A predicate that has held for some time without a break."""
 
     __slots__ = ()
 
 
-def lasting(predicate: Predicate, seconds: float) -> Predicate:
+def held_for(predicate: Predicate, seconds: float) -> Predicate:
     """`predicate` holds, and has held at every control step of the last `seconds`."""
     steps = round(seconds * CONTROL_HZ)
-    return Lasting(
+    return HeldFor(
         f"{predicate.name} for {seconds:g} s",
         lambda m: m.lasted.get(predicate, 0) >= steps,
         (predicate,),
@@ -183,21 +184,26 @@ def touches(arm: Side, body: str) -> Predicate:
     return Predicate(f"{arm} touches {body}", lambda m: m.simulation.contacts.gripper(arm, body))
 
 
-def pinched(arm: Side, body: str) -> Predicate:
-    """Both pads of that gripper are in contact with the body."""
-    return Predicate(f"{arm} pinches {body}", lambda m: m.simulation.contacts.pads(arm, body))
+def arm_touches(arm: Side, body: str) -> Predicate:
+    """Any part of that arm is in contact with the body: links and wrist camera too."""
+    return Predicate(f"{arm} arm touches {body}", lambda m: m.simulation.contacts.arm(arm, body))
 
 
-def pinched_apart(one: str, other: str) -> Predicate:
-    """Each gripper pinches one of two bodies, either way round."""
-    return any_of(*(pinched(side, one) & pinched(side.other, other) for side in SIDES))
+def grasped(arm: Side, body: str) -> Predicate:
+    """Both pads of that gripper press on the body, towards each other."""
+    return Predicate(f"{arm} grasps {body}", lambda m: m.simulation.contacts.pads(arm, body))
 
 
-def clear(body: str, *supports: str) -> Predicate:
+def grasped_apart(one: str, other: str) -> Predicate:
+    """Each gripper grasps one of two bodies, either way round."""
+    return any_of(*(grasped(side, one) & grasped(side.other, other) for side in SIDES))
+
+
+def off_table(body: str, *supports: str) -> Predicate:
     """In contact with neither the table nor any of the given fixed supports."""
     names = (TABLE, *supports)
     return Predicate(
-        f"{body} is clear of {', '.join(names)}",
+        f"{body} is off {', '.join(names)}",
         lambda m: not any(m.simulation.contacts.between(body, s) for s in names),
     )
 
@@ -210,21 +216,21 @@ def raised(prop: str, height: float) -> Predicate:
     )
 
 
-def held(arm: Side, prop: str, *supports: str) -> Predicate:
-    """Pinched by that arm, clear of table and supports, and raised by `HELD_HEIGHT`."""
-    whole = all_of(pinched(arm, prop), clear(prop, *supports), raised(prop, HELD_HEIGHT))
-    return Predicate(f"{arm} holds {prop}", whole.test, whole.parts)
+def lifted(arm: Side, prop: str, *supports: str) -> Predicate:
+    """Grasped by that arm, off table and supports, and raised by `LIFTED_HEIGHT`."""
+    whole = all_of(grasped(arm, prop), off_table(prop, *supports), raised(prop, LIFTED_HEIGHT))
+    return Predicate(f"{arm} lifts {prop}", whole.test, whole.parts)
 
 
-def held_by_any(prop: str, *supports: str) -> Predicate:
-    """Held by at least one arm."""
-    return any_of(*(held(side, prop, *supports) for side in SIDES))
+def lifted_by_any(prop: str, *supports: str) -> Predicate:
+    """Lifted by at least one arm."""
+    return any_of(*(lifted(side, prop, *supports) for side in SIDES))
 
 
-def free(body: str) -> Predicate:
+def released(body: str) -> Predicate:
     """Neither gripper is in contact with it."""
     return Predicate(
-        f"{body} is free",
+        f"{body} is released",
         lambda m: not any(m.simulation.contacts.gripper(side, body) for side in SIDES),
     )
 

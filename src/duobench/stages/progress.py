@@ -1,8 +1,8 @@
 """From constraints to progress: the rule of the paper, with one owner of the memory.
 
 stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. A
-constraint may remember in two ways only: `ever(p)`, whether p held at an earlier control step, or
-since another predicate did, and `lasting(p, seconds)`, whether p has held without a break.
+constraint may remember in two ways only: `since(p, reset=q)`, whether p held at an earlier control
+step and q has not held since, and `held_for(p, seconds)`, whether p has held without a break.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import Ever, Lasting, Memory, Moment, Predicate
+from duobench.stages.predicates import HeldFor, Memory, Moment, Predicate, Since
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -30,7 +30,7 @@ class Stage:
 def memories_of(*predicates: Predicate) -> tuple[Memory, ...]:
     """What must be remembered to answer these predicates."""
     parts = (part for predicate in predicates for part in predicate.walk())
-    return tuple(dict.fromkeys(cast("Memory", part.parts) for part in parts if type(part) is Ever))
+    return tuple(dict.fromkeys(cast("Memory", part.parts) for part in parts if type(part) is Since))
 
 
 def recalled(memories: Sequence[Memory], moment: Moment) -> frozenset[Memory]:
@@ -38,11 +38,11 @@ def recalled(memories: Sequence[Memory], moment: Moment) -> frozenset[Memory]:
     before = moment.remembered
     new, gone = [], []
     for memory in memories:
-        held, *until = memory
+        predicate, *reset = memory
         if memory in before:
-            if until and until[0].ask(moment):
+            if reset and reset[0].ask(moment):
                 gone.append(memory)
-        elif held.ask(moment) and not (until and until[0].ask(moment)):
+        elif predicate.ask(moment) and not (reset and reset[0].ask(moment)):
             new.append(memory)
     return before.union(new).difference(gone) if new or gone else before
 
@@ -59,12 +59,12 @@ class Progress:
         self._stages = stages
         self._memories = memories_of(*(stage.holds for stage in stages))
         self._remembered: frozenset[Memory] = frozenset()
-        self._lasting = tuple(
+        self._timed = tuple(
             dict.fromkeys(
                 part.parts[0]
                 for stage in stages
                 for part in stage.holds.walk()
-                if isinstance(part, Lasting)
+                if isinstance(part, HeldFor)
             )
         )
         self._lasted: dict[Predicate, int] = {}
@@ -94,7 +94,7 @@ class Progress:
         """
         self._variants = dict(variants)
         self._remembered = frozenset()
-        self._lasted = dict.fromkeys(self._lasting, 0)
+        self._lasted = dict.fromkeys(self._timed, 0)
         self._start_lowest = {name: simulation.lowest(name) for name in simulation.props}
         self.stage = 0
         self.final_holds = False
@@ -108,7 +108,7 @@ class Progress:
             remembered=self._remembered,
             lasted=self._lasted,
         )
-        for predicate in self._lasting:
+        for predicate in self._timed:
             self._lasted[predicate] = self._lasted[predicate] + 1 if predicate(moment) else 0
         self.final_holds = self._stages[-1].holds(moment)
         # Stages never fall, so only higher ones are asked, and the highest that holds counts.

@@ -31,11 +31,11 @@ from duobench.stages.predicates import (
     Predicate,
     all_of,
     any_of,
-    clear,
-    ever,
-    free,
+    grasped,
     inside,
-    pinched,
+    off_table,
+    released,
+    since,
     still,
     touching,
 )
@@ -69,16 +69,16 @@ def _choose_board(model: mujoco.MjModel, layout: Layout) -> None:
 
 _ON_BOARD = inside("ball", BoxRegion(body="board", low=(-HALF, -HALF, 0), high=(HALF, HALF, TOP)))
 _AT_START, _AT_GOAL = _ball_within(START, LEFT_START), _ball_within(GOAL, AT_GOAL)
-_PINCHED = all_of(*(pinched(side, "board") for side in SIDES))
+_PINCHED = all_of(*(grasped(side, "board") for side in SIDES))
 _OFF_TABLE = inside(
     "board", BoxRegion(body=TABLE, low=(-inf, -inf, BASE + TAKEN), high=(inf, inf, inf))
 )
-_LIFTED = all_of(_PINCHED, _OFF_TABLE, clear("board"))
+_LIFTED = all_of(_PINCHED, _OFF_TABLE, off_table("board"))
 _TAKEN = all_of(_PINCHED, _OFF_TABLE, _AT_START)
 # From the start to the goal the ball is moved by tilts of the lifted board alone. Where a finger
 # touches it, or it moves while the board lies on the table, its way begins at the start again.
-_SPOILT = any_of(~free("ball"), touching("board", TABLE) & ~_OFF_TABLE & ~still("ball"))
-_ROLLED = all_of(_LIFTED, _ON_BOARD, ~_AT_START, free("ball"), ever(_TAKEN, until=_SPOILT))
+_SPOILT = any_of(~released("ball"), touching("board", TABLE) & ~_OFF_TABLE & ~still("ball"))
+_ROLLED = all_of(_LIFTED, _ON_BOARD, ~_AT_START, released("ball"), since(_TAKEN, reset=_SPOILT))
 
 TASK = Task(
     id="ball_maze",
@@ -95,7 +95,7 @@ TASK = Task(
         Stage(
             name="a gripper touches the board",
             instruction="Reach for a grip of the board.",
-            holds=~free("board"),
+            holds=~released("board"),
         ),
         Stage(
             name="both grippers hold the board",
@@ -110,7 +110,7 @@ TASK = Task(
         Stage(
             name="the ball is at the goal",
             instruction="Tilt the board until the ball is in the red corner.",
-            holds=all_of(_LIFTED, _AT_GOAL, free("ball"), ever(_ROLLED, until=_SPOILT)),
+            holds=all_of(_LIFTED, _AT_GOAL, released("ball"), since(_ROLLED, reset=_SPOILT)),
         ),
     ),
     printable=True,

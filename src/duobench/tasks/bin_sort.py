@@ -23,10 +23,10 @@ from duobench.stages.predicates import (
     Predicate,
     all_of,
     any_of,
-    clear,
-    free,
-    held_by_any,
     inside,
+    lifted_by_any,
+    off_table,
+    released,
     touching,
 )
 from duobench.stages.progress import Stage
@@ -58,12 +58,12 @@ def _in_bowl(colour: str) -> Predicate:
     """The cube is in the bowl of its colour, which stands under it."""
     cube_name, bowl_name = _cube(colour), _bowl(colour)
     region = CylinderRegion(body=bowl_name, radius=RADIUS - WALL, low=0.0, high=RIM_HEIGHT)
-    return all_of(touching(cube_name, bowl_name), inside(cube_name, region), clear(cube_name))
+    return all_of(touching(cube_name, bowl_name), inside(cube_name, region), off_table(cube_name))
 
 
 _REACHED = {colour: _in_bowl(colour) for colour in COLOURS}
-_WHITE_IN, _BLACK_IN = (_REACHED[colour] & free(_cube(colour)) for colour in COLOURS)
-_WHITE_HELD, _BLACK_HELD = (held_by_any(_cube(colour)) for colour in COLOURS)
+_WHITE_IN, _BLACK_IN = (_REACHED[colour] & released(_cube(colour)) for colour in COLOURS)
+_WHITE_HELD, _BLACK_HELD = (lifted_by_any(_cube(colour)) for colour in COLOURS)
 
 TASK = Task(
     id="bin_sort",

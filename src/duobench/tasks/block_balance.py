@@ -21,7 +21,7 @@ from duobench.randomness import around
 from duobench.solids.blocks import RED, WOOD, YELLOW, block
 from duobench.solids.prop import Prop
 from duobench.stages import predicates as is_
-from duobench.stages.predicates import all_of, any_of, clear, ever, touching
+from duobench.stages.predicates import all_of, any_of, off_table, since, touching
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -42,20 +42,20 @@ STILL_SECONDS = 0.5
 """How long everything must stand still [task definitions]."""
 BLOCKS = ("left_block", "right_block")
 
-_ON_CUBE = touching("beam", "cube") & clear("beam")
+_ON_CUBE = touching("beam", "cube") & off_table("beam")
 _LEVEL = is_.upright("beam", LEVEL)
 _EVERYTHING = ("cube", "beam", *BLOCKS)
 # A block is on either end of the beam, and the table carries neither.
 _ON_BEAM = all_of(
     *(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS),
-    *(touching(name, "beam") & clear(name) for name in BLOCKS),
+    *(touching(name, "beam") & off_table(name) for name in BLOCKS),
 )
-_HELD = is_.held_by_any("beam")
-_BRIDGE = all_of(is_.rests_on("beam", "cube"), _LEVEL, ever(_HELD))
-_READY = all_of(is_.pinched_apart(*BLOCKS), _ON_CUBE, ever(_BRIDGE))
-_LOADED = all_of(_ON_BEAM, _ON_CUBE, ever(_READY))
-_RELEASED = all_of(*(is_.still(name) & is_.free(name) for name in _EVERYTHING))
-_BALANCED = is_.lasting(all_of(_ON_BEAM, _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & ever(
+_HELD = is_.lifted_by_any("beam")
+_BRIDGE = all_of(is_.rests_on("beam", "cube"), _LEVEL, since(_HELD))
+_READY = all_of(is_.grasped_apart(*BLOCKS), _ON_CUBE, since(_BRIDGE))
+_LOADED = all_of(_ON_BEAM, _ON_CUBE, since(_READY))
+_RELEASED = all_of(*(is_.still(name) & is_.released(name) for name in _EVERYTHING))
+_BALANCED = is_.held_for(all_of(_ON_BEAM, _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & since(
     _LOADED
 )
 
@@ -89,7 +89,7 @@ TASK = Task(
             holds=_BRIDGE,
         ),
         Stage(
-            name="both blocks are pinched",
+            name="both blocks are grasped",
             instruction="Take one block with each hand.",
             holds=_READY,
         ),

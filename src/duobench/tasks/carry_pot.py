@@ -25,12 +25,12 @@ from duobench.stages.predicates import (
     BoxRegion,
     all_of,
     any_of,
-    clear,
-    ever,
+    grasped_apart,
     inside,
-    pinched_apart,
+    off_table,
     raised,
     rests_on,
+    since,
     touches,
     touching,
     upright,
@@ -50,8 +50,8 @@ YAW = math.radians(10)
 """Largest turn of the pot at the start, in radians."""
 
 
-_CLEAR = all_of(*(clear(body, "stove") for body in ("pot", *HANDLES)))
-_CARRIED = all_of(pinched_apart(*HANDLES), _CLEAR, raised("pot", LIFT))
+_CLEAR = all_of(*(off_table(body, "stove") for body in ("pot", *HANDLES)))
+_CARRIED = all_of(grasped_apart(*HANDLES), _CLEAR, raised("pot", LIFT))
 _ON_PLATE = inside(
     "pot",
     BoxRegion(
@@ -94,7 +94,7 @@ TASK = Task(
                 _OFF_TABLE,
                 _ON_PLATE,
                 upright("pot", TILT),
-                ever(_CARRIED, until=touching("pot", TABLE)),
+                since(_CARRIED, reset=touching("pot", TABLE)),
             ),
         ),
     ),

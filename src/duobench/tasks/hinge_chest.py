@@ -24,11 +24,11 @@ from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
     BoxRegion,
     all_of,
-    ever,
-    free,
-    held_by_any,
     hinge_open,
     inside,
+    lifted_by_any,
+    released,
+    since,
     touching,
 )
 from duobench.stages.progress import Stage
@@ -45,9 +45,9 @@ CAVITY_REGION = BoxRegion(
 """Where the cube's centre is when the cube is in the cavity and does not stick out over its rim."""
 
 _LID_OPEN = hinge_open("chest/lid", OPEN_ANGLE)
-_CUBE_HELD = held_by_any("cube", "chest", "chest/lid")
+_CUBE_HELD = lifted_by_any("cube", "chest", "chest/lid")
 _OPEN_AND_HELD = _LID_OPEN & _CUBE_HELD
-_CUBE_IN = all_of(inside("cube", CAVITY_REGION), touching("cube", "chest"), free("cube"))
+_CUBE_IN = all_of(inside("cube", CAVITY_REGION), touching("cube", "chest"), released("cube"))
 
 TASK = Task(
     id="hinge_chest",
@@ -79,7 +79,7 @@ TASK = Task(
         Stage(
             name="the cube is in the chest",
             instruction="Put the cube into the chest and let go of it.",
-            holds=all_of(_CUBE_IN, ever(_OPEN_AND_HELD)),
+            holds=all_of(_CUBE_IN, since(_OPEN_AND_HELD)),
         ),
     ),
     printable=True,

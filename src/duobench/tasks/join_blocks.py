@@ -20,7 +20,7 @@ from duobench.scene.cameras import View
 from duobench.solids import joint_blocks as bars
 from duobench.solids.prop import Prop
 from duobench.stages.insertion import Port, inserted
-from duobench.stages.predicates import all_of, any_of, ever, pinched_apart
+from duobench.stages.predicates import all_of, any_of, grasped_apart, since
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -37,9 +37,9 @@ _FRONT = Port(body="dark_block", pose=bars.FRONT_MOUTH)
 _BACK = Port(body="dark_block", pose=bars.BACK_MOUTH)
 _SOCKETS = ((_FRONT, _BACK), (_BACK, _FRONT))
 
-_BOTH_PINCHED = pinched_apart("light_block", "dark_block")
+_BOTH_PINCHED = grasped_apart("light_block", "dark_block")
 _JOINED = all_of(
-    any_of(*(inserted(_LIGHT_PEG, socket, DEPTH) for socket, _ in _SOCKETS)), ever(_BOTH_PINCHED)
+    any_of(*(inserted(_LIGHT_PEG, socket, DEPTH) for socket, _ in _SOCKETS)), since(_BOTH_PINCHED)
 )
 _MOUNTED = all_of(
     any_of(
@@ -48,7 +48,7 @@ _MOUNTED = all_of(
             for socket, free_socket in _SOCKETS
         )
     ),
-    ever(_JOINED),
+    since(_JOINED),
 )
 _YAW = Uniform(-MAX_YAW, MAX_YAW)
 
@@ -76,7 +76,7 @@ TASK = Task(
     },
     stages=(
         Stage(
-            name="both blocks are pinched",
+            name="both blocks are grasped",
             instruction="Take one block with each hand.",
             holds=_BOTH_PINCHED,
         ),

@@ -20,7 +20,7 @@ from duobench.solids import cup as cups
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages import predicates as is_
-from duobench.stages.predicates import Predicate, all_of, any_of, ever
+from duobench.stages.predicates import Predicate, all_of, any_of, since
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES, Side
@@ -55,19 +55,21 @@ def _in_cup(side: Side) -> tuple[Predicate, ...]:
 def _poured(count: int) -> Predicate:
     """At least `count` marbles are in the cup that was empty, after both cups were raised."""
     into = (is_.variant("empty", s.value) & is_.at_least(count, *_IN_CUP[s]) for s in SIDES)
-    return ever(_RAISED) & any_of(*into)
+    return since(_RAISED) & any_of(*into)
 
 
 def _back(side: Side) -> Predicate:
     """A cup stands upright on its square, released and still."""
     cup, half = CUPS[side], HALF_SQUARE
     square = is_.BoxRegion(body=SQUARES[side], low=(-half, -half, -half), high=(half, half, half))
-    return all_of(is_.upright(cup, UPRIGHT), is_.inside(cup, square), is_.free(cup), is_.still(cup))
+    return all_of(
+        is_.upright(cup, UPRIGHT), is_.inside(cup, square), is_.released(cup), is_.still(cup)
+    )
 
 
 _SQUARE = cups.square_mark(2 * HALF_SQUARE, GREEN)
 _IN_CUP = {side: _in_cup(side) for side in SIDES}
-_PINCHED = tuple(is_.pinched(side, CUPS[side]) for side in SIDES)
+_PINCHED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
 _RAISED = all_of(*_PINCHED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
 
 TASK = Task(
@@ -91,12 +93,12 @@ TASK = Task(
     arrange=_fill,
     stages=(
         Stage(
-            name="a cup is pinched",
+            name="a cup is grasped",
             instruction="Take a cup with the arm of its side.",
             holds=any_of(*_PINCHED),
         ),
         Stage(
-            name="both cups are pinched",
+            name="both cups are grasped",
             instruction="Take the other cup too.",
             holds=all_of(*_PINCHED),
         ),

@@ -25,12 +25,12 @@ from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
     BoxRegion,
     all_of,
-    ever,
-    free,
-    held_by_any,
     hinge_open,
     inside,
+    lifted_by_any,
+    released,
     rests_on,
+    since,
     touching,
 )
 from duobench.stages.progress import Stage
@@ -47,13 +47,13 @@ FLOOR_REGION = BoxRegion(
 """Where the cube's centre is when the cube lies on the cavity's floor, behind the front."""
 
 _DOOR_OPEN = hinge_open("microwave/door", OPEN_ANGLE)
-_CUBE_HELD = held_by_any("cube", "microwave", "microwave/door")
+_CUBE_HELD = lifted_by_any("cube", "microwave", "microwave/door")
 _OPEN_AND_HELD = _DOOR_OPEN & _CUBE_HELD
 _CUBE_IN = all_of(
     inside("cube", FLOOR_REGION),
     rests_on("cube", "microwave"),
     ~touching("cube", "microwave/door"),
-    free("cube"),
+    released("cube"),
 )
 
 TASK = Task(
@@ -86,7 +86,7 @@ TASK = Task(
         Stage(
             name="the cube is in the microwave",
             instruction="Put the cube on the floor of the microwave and let go of it.",
-            holds=all_of(_CUBE_IN, ever(_OPEN_AND_HELD)),
+            holds=all_of(_CUBE_IN, since(_OPEN_AND_HELD)),
         ),
     ),
     # From beside the robot: the microwave faces it.

@@ -27,12 +27,12 @@ from duobench.stages.predicates import (
     CylinderRegion,
     all_of,
     any_of,
-    ever,
-    free,
-    held_by_any,
     inside,
+    lifted_by_any,
     raised,
+    released,
     rests_on,
+    since,
 )
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
@@ -46,7 +46,7 @@ BELOW_RIM = 0.020
 _CUBE = handover(CUBE, BOWL)
 # It was held above the bowl and has not left the space above it since: neither thrown nor pushed.
 _OVER_BOWL = inside(CUBE, replace(IN_BOWL, high=inf))
-_PUT_IN = ever(held_by_any(CUBE, BOWL) & _OVER_BOWL, until=~_OVER_BOWL)
+_PUT_IN = since(lifted_by_any(CUBE, BOWL) & _OVER_BOWL, reset=~_OVER_BOWL)
 
 TASK = Task(
     id="transfer_cube",
@@ -66,7 +66,7 @@ TASK = Task(
         Stage(
             name="the cube is held",
             instruction="Pick up the cube.",
-            holds=held_by_any(CUBE, BOWL),
+            holds=lifted_by_any(CUBE, BOWL),
         ),
         Stage(
             name="both grippers hold the cube",
@@ -85,7 +85,7 @@ TASK = Task(
                 inside(CUBE, IN_BOWL),
                 rests_on(CUBE, BOWL),
                 ~raised(CUBE, BELOW_RIM),
-                free(CUBE),
+                released(CUBE),
                 _PUT_IN,
                 any_of(*_CUBE.delivered.values()),
             ),

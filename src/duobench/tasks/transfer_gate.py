@@ -23,17 +23,17 @@ from duobench.solids.prop import Prop
 from duobench.stages.handover import handover
 from duobench.stages.passage import Hole, passage
 from duobench.stages.predicates import (
-    HELD_HEIGHT,
+    LIFTED_HEIGHT,
     BoxRegion,
     all_of,
-    clear,
-    ever,
-    free,
-    held_by_any,
+    grasped,
     inside,
-    pinched,
+    lifted_by_any,
+    off_table,
     raised,
+    released,
     rests_on,
+    since,
     touching,
 )
 from duobench.stages.progress import Stage
@@ -52,8 +52,8 @@ OVER_MAT = BoxRegion(
 _WAY = passage(BLOCK, Hole(body=GATE, height=RING_HEIGHT, radius=CROSSING_RADIUS))
 _BLOCK = handover(BLOCK, MAT, where=_WAY.through)
 _RECEIVED = _BLOCK.received[Side.LEFT] & _WAY.through
-_PUT_DOWN = touching(BLOCK, MAT) & pinched(Side.LEFT, BLOCK) & ever(_RECEIVED)
-_TAKEN_UP = raised(BLOCK, MAT_THICKNESS + HELD_HEIGHT)
+_PUT_DOWN = touching(BLOCK, MAT) & grasped(Side.LEFT, BLOCK) & since(_RECEIVED)
+_TAKEN_UP = raised(BLOCK, MAT_THICKNESS + LIFTED_HEIGHT)
 
 TASK = Task(
     id="transfer_gate",
@@ -76,12 +76,12 @@ TASK = Task(
         Stage(
             name="the block is held",
             instruction="Pick up the block.",
-            holds=held_by_any(BLOCK, MAT),
+            holds=lifted_by_any(BLOCK, MAT),
         ),
         Stage(
             name="the block has crossed the ring",
             instruction="Bring the block through the ring.",
-            holds=_WAY.crossing & clear(BLOCK),
+            holds=_WAY.crossing & off_table(BLOCK),
         ),
         Stage(
             name="the other arm holds the block",
@@ -94,9 +94,9 @@ TASK = Task(
             holds=all_of(
                 rests_on(BLOCK, MAT),
                 inside(BLOCK, OVER_MAT),
-                free(BLOCK),
+                released(BLOCK),
                 _BLOCK.delivered[Side.LEFT],
-                ever(_PUT_DOWN, until=_TAKEN_UP),
+                since(_PUT_DOWN, reset=_TAKEN_UP),
             ),
         ),
     ),

@@ -33,7 +33,7 @@ from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages.handover import handover
 from duobench.stages.insertion import Port, inserted
-from duobench.stages.predicates import any_of, held_by_any
+from duobench.stages.predicates import any_of, lifted_by_any
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -78,7 +78,7 @@ TASK = Task(
         Stage(
             name="the peg is held",
             instruction="Pick up the peg.",
-            holds=held_by_any(PEG, BOARD),
+            holds=lifted_by_any(PEG, BOARD),
         ),
         Stage(
             name="both grippers hold the peg",

@@ -1,0 +1,32 @@
+"""How hard and how rough surfaces are: MuJoCo's contact parameters, in one place."""
+
+from __future__ import annotations
+
+import mujoco
+
+CONTACT_SOLREF = (0.005, 1.0)
+"""Contact time constant just above two time steps, the stiffest that MuJoCo keeps stable, and
+damping ratio."""
+CONTACT_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
+
+METAL_FRICTION = 0.3
+"""Sliding friction of links, linkages, cameras and mount: painted or bare metal on plastic. Only
+the pads are rubber."""
+TORSION, ROLLING = 0.005, 0.0001
+"""Torsional and rolling friction in metres, MuJoCo's defaults."""
+
+
+def stiffen(geom: mujoco.MjsGeom) -> None:
+    """Make a geom as hard as MuJoCo keeps stable."""
+    geom.solref, geom.solimp = CONTACT_SOLREF, CONTACT_SOLIMP
+
+
+def set_metal(geom: mujoco.MjsGeom) -> None:
+    """Give a geom of robot or mount the surface of metal.
+
+    Of two geoms in contact MuJoCo takes the larger friction, unless one has priority: so that metal
+    is as slippery on a rough object as on a smooth one, it has.
+    """
+    stiffen(geom)
+    geom.friction = (METAL_FRICTION, TORSION, ROLLING)
+    geom.priority = 1
