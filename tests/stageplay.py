@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -72,11 +72,26 @@ class Stageplay:
 
     def act(self, script: Callable[[Arms], Script], max_steps: int = 2000) -> int:
         """Run a script through the action space, judging every control step."""
-        for steps, _ in enumerate(script(self.arms)):
-            self.advance()
-            if steps >= max_steps:
-                raise AssertionError(f"The script did not end within {max_steps} steps.")
+        for _ in self.steps(script, max_steps=max_steps):
+            pass
         return self.progress.stage
+
+    def steps(
+        self, script: Callable[[Arms], Script], *, then: int = 0, max_steps: int = 2000
+    ) -> Iterator[int]:
+        """Run a script through the action space, then wait for some steps; the stage after each."""
+        for number, _ in enumerate(script(self.arms)):
+            self.advance()
+            yield self.stage
+            if number >= max_steps:
+                raise AssertionError(f"The script did not end within {max_steps} steps.")
+        for _ in range(then):
+            self.advance()
+            yield self.stage
+
+    def reach(self, script: Callable[[Arms], Script], stage: int) -> None:
+        """Run a script until a stage is reached, whenever that is; fail if it never is."""
+        assert any(reached >= stage for reached in self.steps(script)), f"stage {stage} not reached"
 
     def run_for(self, script: Callable[[Arms], Script], steps: int) -> int:
         """Run a script for some control steps, or until the last stage."""

@@ -1,0 +1,44 @@
+"""What an adversary is: a script that does a task's deed without what the task is about.
+
+An adversary acts through the action space, in the experts' motion vocabulary, and reads the
+simulator as experts do. It shows that a stage means what it says: `deed` is what it really brings
+about, so that no test passes because the adversary was clumsy, and `gets` the highest stage that
+this is worth. Each task has a module here that lists its own as `ADVERSARIES`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from duobench.experts.motion import Arms, Script
+from duobench.sim.simulation import Simulation
+
+
+class Hands(Enum):
+    """Which arms an adversary uses; the test checks that it does."""
+
+    ONE = "one arm alone: the other one is never told to move"
+    TURNS = "two arms, never at the same time: they never touch the objects together"
+    BOTH = "two arms as it likes"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Adversary:
+    """One way to cheat."""
+
+    name: str
+    """What it does, in a few words."""
+    script: Callable[[Arms], Script]
+    """How it acts."""
+    hands: Hands
+    """Which arms it uses."""
+    deed: Callable[[Simulation], bool]
+    """What holds at some control step if the script does what it is meant to do."""
+    gets: int
+    """The highest stage that it may reach: it reaches this one exactly."""
+    seed: int = 0
+    """Seed of the layout."""
+    settle: int = 30
+    """Control steps for which the robot waits after the script: nothing may count later."""
