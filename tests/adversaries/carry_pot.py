@@ -1,0 +1,5 @@
+"""How one might cheat in carry_pot."""
+
+from tests.adversaries.adversary import Adversary
+
+ADVERSARIES: tuple[Adversary, ...] = ()

@@ -1,0 +1,5 @@
+"""How one might cheat in hinge_chest."""
+
+from tests.adversaries.adversary import Adversary
+
+ADVERSARIES: tuple[Adversary, ...] = ()

@@ -1,0 +1,5 @@
+"""How one might cheat in join_blocks."""
+
+from tests.adversaries.adversary import Adversary
+
+ADVERSARIES: tuple[Adversary, ...] = ()

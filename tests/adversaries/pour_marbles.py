@@ -1,0 +1,5 @@
+"""How one might cheat in pour_marbles."""
+
+from tests.adversaries.adversary import Adversary
+
+ADVERSARIES: tuple[Adversary, ...] = ()

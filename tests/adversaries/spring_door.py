@@ -1,0 +1,5 @@
+"""How one might cheat in spring_door."""
+
+from tests.adversaries.adversary import Adversary
+
+ADVERSARIES: tuple[Adversary, ...] = ()

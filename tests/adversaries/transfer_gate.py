@@ -1,0 +1,5 @@
+"""How one might cheat in transfer_gate."""
+
+from tests.adversaries.adversary import Adversary
+
+ADVERSARIES: tuple[Adversary, ...] = ()
