@@ -16,8 +16,8 @@ import duobench
 from benchmarks.measure import Measurement, Work, seconds
 from benchmarks.steps import Steps
 from duobench.envs.duo_env import base_of
-from duobench.evaluation.loop import rollout
 from duobench.evaluation.policies import ExpertPolicy
+from duobench.evaluation.rollout import rollout
 from duobench.scene.compose import SUBSTEPS
 from duobench.sim.simulation import STATE
 
@@ -86,7 +86,7 @@ def begin(env: gym.Env) -> None:
 def expert_actions(env: gym.Env) -> NDArray[np.float32]:
     """Return the actions (n, 16) of the task's expert until the end of its episode."""
     steps = Steps()
-    rollout(env, ExpertPolicy(env), seed=SEED, subscribers=[steps])
+    rollout(env, ExpertPolicy(env), seed=SEED, watchers=[steps])
     return np.array([step.action for step in steps], dtype=np.float32)
 
 

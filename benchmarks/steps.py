@@ -2,11 +2,11 @@
 
 import gymnasium as gym
 
-from duobench.evaluation.loop import Info, Observation, Step
+from duobench.evaluation.rollout import Info, Observation, Step
 
 
 class Steps(list[Step]):
-    """A subscriber of a rollout that keeps every step."""
+    """A watcher of a rollout that keeps every step."""
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002
         """Forget the steps of an earlier episode."""
@@ -16,5 +16,5 @@ class Steps(list[Step]):
         """Keep it."""
         self.append(step)
 
-    def on_episode_end(self) -> None:
+    def on_episode_end(self, error: BaseException | None) -> None:
         """Nothing more to keep."""

@@ -22,7 +22,7 @@ from rich.table import Table
 import duobench
 from benchmarks.steps import Steps
 from duobench.evaluation import policies
-from duobench.evaluation.loop import rollout
+from duobench.evaluation.rollout import rollout
 from duobench.policy import BASELINES, HoldPolicy
 from duobench.tasks import catalog
 from duobench.types import OPENING_SLOTS
@@ -79,7 +79,7 @@ def play(job: Job) -> list[Outcome]:
     )
     outcomes, steps = [], Steps()
     for seed in job.seeds:
-        rollout(env, policy, seed=seed, subscribers=[steps])
+        rollout(env, policy, seed=seed, watchers=[steps])
         last = steps[-1]
         outcomes.append(
             Outcome(

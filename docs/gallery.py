@@ -35,8 +35,8 @@ from gallery_sources import sources
 import duobench
 from duobench.cli.console import console
 from duobench.errors import DuoBenchError
-from duobench.evaluation.loop import Info, Observation, Step, rollout
 from duobench.evaluation.policies import ExpertPolicy
+from duobench.evaluation.rollout import Info, Observation, Step, rollout
 from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.sim.painting import Image
 from duobench.sim.rendering import Renderer
@@ -74,7 +74,7 @@ class Witness:
         if step.info["stage"] > (self.reached[-1][1] if self.reached else 0):
             self.reached.append((step.number, step.info["stage"]))
 
-    def on_episode_end(self) -> None:
+    def on_episode_end(self, error: BaseException | None) -> None:
         """Nothing is left to keep."""
 
 
@@ -105,7 +105,7 @@ def draw(name: str, folder: Path) -> None:
     env = duobench.make(name, cameras=False)
     simulation = env.unwrapped.simulation
     witness = Witness(simulation)
-    rollout(env, ExpertPolicy(env), seed=shot(name).seed, subscribers=[witness])
+    rollout(env, ExpertPolicy(env), seed=shot(name).seed, watchers=[witness])
     stage = witness.reached[-1][1] if witness.reached else 0
     if stage < task.max_stage:
         raise DuoBenchError(

@@ -6,7 +6,16 @@ A message says what was wrong, what was given, what would have worked, and what 
 from __future__ import annotations
 
 import difflib
+import re
+import sys
+import traceback
 from collections.abc import Iterable
+from pathlib import Path
+
+LONGEST_LINE = 400
+"""Characters of a traceback's line that are kept."""
+LONGEST_TEXT = 20_000
+"""Characters of a traceback that are kept, most of them from its end."""
 
 
 class DuoBenchError(Exception):
@@ -58,5 +67,56 @@ class PolicyError(DuoBenchError):
     """A policy does not fit the environment, or it returned something that is no action chunk."""
 
 
+class PolicyTimeoutError(PolicyError):
+    """A policy took longer than its time limit."""
+
+
 class EvaluationError(DuoBenchError):
-    """A run folder belongs to another evaluation, or a record in it cannot be read."""
+    """A run cannot begin or go on, or a file of it cannot be read."""
+
+
+class OtherRunError(EvaluationError):
+    """The folder of a run holds something else: another run, or files that belong to none."""
+
+
+class OutputError(EvaluationError):
+    """A file or a folder cannot be written: no room, no permission, in use."""
+
+
+class MachineryError(EvaluationError):
+    """An episode could not be played, through no fault of the policy."""
+
+
+def printable(text: str) -> str:
+    r"""Text that every file, page and terminal takes.
+
+    Args:
+        text: Any text, such as that of an error of somebody else's code.
+
+    Returns:
+        The text with control characters (but line feeds and tabs) and lone surrogates, which stand
+        for bytes that are no UTF-8, written as `\x1b` and `\udcff`.
+    """
+    text = text.encode(errors="backslashreplace").decode()
+    return re.sub(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", lambda found: f"\\x{ord(found[0]):02x}", text)
+
+
+def traceback_text(error: BaseException) -> str:
+    """A traceback whose files are named from the folder they were imported from.
+
+    The text is then the same in every checkout, and tells nothing about a machine. It is printable;
+    lines that go on and on, such as those with a printed array, are cut, and so is the middle of
+    a text that is too long.
+    """
+    text = printable("".join(traceback.format_exception(error)))
+    folders = sorted({str(Path(entry).resolve()) for entry in sys.path}, key=len, reverse=True)
+    for folder in folders:
+        text = text.replace(f'File "{folder}/', 'File "')
+    text = "".join(
+        line if len(line) <= LONGEST_LINE else f"{line[:LONGEST_LINE]} …\n"
+        for line in text.splitlines(keepends=True)
+    )
+    if len(text) > LONGEST_TEXT:
+        first = LONGEST_TEXT // 4
+        text = f"{text[:first]}\n…\n{text[first - LONGEST_TEXT :]}"
+    return text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +47,19 @@ class Side(StrEnum):
 
 
 SIDES = (Side.LEFT, Side.RIGHT)
+
+
+def real_array(values: ArrayLike, dtype: type[np.floating[Any]]) -> NDArray[Any]:
+    """Numbers as an array of floats.
+
+    Raises:
+        TypeError: They are complex, text, dates, or partly masked, which NumPy would convert.
+        ValueError: They are no array of numbers.
+    """
+    array = np.asanyarray(values)
+    if array.dtype.kind in "cSUmM" or np.ma.is_masked(array):
+        raise TypeError(f"Real numbers are expected, got {array.dtype} or masked values.")
+    return np.asarray(array, dtype=dtype)
 
 
 def _flat(joints: Array, openings: Array) -> Array:

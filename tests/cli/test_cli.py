@@ -1,3 +1,4 @@
+import io
 import json
 import os
 import signal
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
+from rich.console import Console
 
 from duobench import __version__
 from duobench.assets import meshes
@@ -15,10 +17,24 @@ from duobench.cli import main
 from duobench.cli.console import console
 from duobench.tasks import catalog
 from tests.evaluation import small
-from tests.evaluation.processes import children, wait_until
+from tests.evaluation.processes import wait_until, workers
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
+
+
+BREAKS_ONCE = """
+import sys
+from pathlib import Path
+from duobench.policy import HoldPolicy
+
+class Mine(HoldPolicy):
+    def act(self, observation):
+        if not Path("was_here").exists():
+            Path("was_here").touch()
+            sys.exit(3)
+        return super().act(observation)
+"""
 
 
 def duobench(
@@ -37,7 +53,8 @@ def duobench(
 
 def evaluate(out: Path, *more: str) -> None:
     small_ones = [small.WAVE_NAME, small.NOD_NAME]
-    main(["eval", "--policy", "random", "--out", str(out), "--tasks", *small_ones, *more])
+    words = ["--policy", "random", "--out", str(out), "--tasks", *small_ones, "--workers", "0"]
+    main(["eval", *words, *more])
 
 
 def test_eval_leaves_what_it_says_and_exits_well(
@@ -71,8 +88,9 @@ def test_command_of_the_report_makes_the_same_report(tmp_path: Path) -> None:
     words = [
         "eval",
         *("--policy", run["policy"]),
-        *("--tasks", *(task["reference"] for task in run["tasks"])),
-        *("--episodes", str(run["episodes"]), "--first-episode", str(run["first_episode"])),
+        *("--tasks", *(task["reference"] for task in run["suite"]["tasks"])),
+        *("--episodes", str(run["suite"]["episodes"])),
+        *("--first-episode", str(run["suite"]["first_episode"])),
         *("--videos", str(run["videos"]), "--out", str(tmp_path / "two")),
     ]
     shown = " ".join(["duobench", *words[:-1], "DIR"])
@@ -165,6 +183,9 @@ def test_doctor_without_graphics_says_so_and_fails() -> None:
         (["eval", "--policy", "no.such.module:make", "--out", "OUT"], "no module named"),
         (["eval", "--policy", "hold", "--out", "OUT", "--workers", "-3"], "got -3"),
         (["eval", "--policy", "hold", "--out", "/proc/run"], "/proc/run cannot be the folder"),
+        (["eval", "--policy", "hold", "--out", "/proc/run"], "give --out another folder"),
+        (["eval", "--policy", "hold", "--out", "OUT", "--act-timeout", "0"], "limits are positive"),
+        (["eval", "--policy", "x\udcff:X", "--out", "OUT"], r"'x\udcff:X'"),
         (["eval", "--policy", ":x", "--out", "OUT"], "is no `module:attribute`"),
         (["render", "nothing"], "Unknown task 'nothing'"),
         (["render", "bin_sort", "--seed", "-1"], "from 0 on, got -1"),
@@ -194,14 +215,15 @@ def test_policy_of_a_wrong_name_can_be_corrected(tmp_path: Path) -> None:
     words += ["--out", str(tmp_path / "run"), "--policy"]
     with pytest.raises(SystemExit, match="no module named"):
         main([*words, "nomod:Foo"])
-    main([*words, "hold"])
+    main([*words, "hold", "--workers", "0"])
     assert (tmp_path / "run" / "index.html").exists()
 
 
 def test_broken_episodes_are_told_and_played_again(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(
-        "from tests.evaluation.small import Exits, HoldPolicy\nMine = Exits\n"
-    )
+    """Beside the policy lie files that are named as modules of the standard library are."""
+    for name in ("signal", "random", "queue", "tempfile", "socket"):
+        (tmp_path / f"{name}.py").write_text("raise ImportError('not the real one')\n")
+    (tmp_path / "mine.py").write_text(BREAKS_ONCE)
     words = ["eval", "--policy", "mine:Mine", "--tasks", small.WAVE_NAME, "--episodes", "1"]
     words += ["--videos", "0", "--out", "run"]
     told = duobench(*words, folder=tmp_path)
@@ -209,12 +231,81 @@ def test_broken_episodes_are_told_and_played_again(tmp_path: Path) -> None:
     assert "wave, episode 0 broke off: SystemExit: 3" in told.stdout
     assert "1 episode broke off, which counts as failed" in told.stdout
     assert "--retry-broken" in told.stdout
-    assert "index.html" in told.stdout
-    (tmp_path / "mine.py").write_text("from tests.evaluation.small import HoldPolicy as Mine\n")
+    assert "Report: run/index.html" in told.stdout
     assert duobench(*words, folder=tmp_path).returncode == 1
     told = duobench(*words, "--retry-broken", folder=tmp_path)
     assert told.returncode == 0, told.stdout + told.stderr
     assert "broke off" not in told.stdout
+
+
+def test_other_run_is_refused_with_its_command(tmp_path: Path) -> None:
+    words = ("--episodes", "1", "--videos", "0")
+    evaluate(tmp_path / "run", *words)
+    with pytest.raises(SystemExit, match=r"policy hold instead.*--out another.*--policy random"):
+        evaluate(tmp_path / "run", *words, "--policy", "hold")
+
+
+def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: Path) -> None:
+    """A limit on the size of files stands for a full disk: the system refuses in the same way."""
+    script = (
+        "import resource, sys; from duobench.cli import main\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))\n"
+        "main(sys.argv[1:])\n"
+    )
+    words = ["eval", "--policy", "hold", "--tasks", small.WAVE_NAME, "--episodes", "1"]
+    words += ["--videos", "0", "--workers", "0", "--out", str(tmp_path / "run")]
+    told = subprocess.run(
+        [sys.executable, "-c", script, *words],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert told.returncode == 1
+    assert told.stderr.startswith("error: Cannot write ")
+    assert "File too large. Nothing finished is lost. Make room" in told.stderr
+    assert len(list(tmp_path.glob("run/records/*/*.json"))) == 1
+    main(words)
+
+
+def test_output_that_is_full_is_told_in_a_sentence() -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "duobench", "list"]
+        told = subprocess.run(
+            command, env=ENVIRONMENT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert told.returncode == 1
+    assert told.stderr == "error: the output: No space left on device. What is finished is kept.\n"
+
+
+def test_output_may_have_any_encoding(tmp_path: Path) -> None:
+    evaluate(tmp_path / "run", "--episodes", "1", "--videos", "0")
+    told = duobench("report", str(tmp_path / "run"), PYTHONIOENCODING="ascii")
+    assert told.returncode == 0, told.stderr
+    assert "All tasks" in told.stdout
+
+
+def test_table_of_a_folder_that_cannot_be_written_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    evaluate(tmp_path / "run", "--episodes", "1", "--videos", "0")
+    table = capsys.readouterr().out.partition("Task")[2].partition("Report")[0]
+    (tmp_path / "run" / "summary.json").unlink()
+    (tmp_path / "run" / "summary.json").mkdir()
+    with pytest.raises(SystemExit, match="error: Cannot write"):
+        main(["report", str(tmp_path / "run")])
+    assert capsys.readouterr().out.partition("Task")[2].partition("Report")[0] == table
+
+
+def test_narrow_list_still_shows_every_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    out = io.StringIO()
+    monkeypatch.setattr("duobench.cli.list_tasks.console", lambda: Console(file=out, width=60))
+    main(["list"])
+    words = out.getvalue().split()
+    for name in catalog.names():
+        assert {name, str(catalog.get(name).horizon)} <= set(words)
+    assert "…" not in out.getvalue()
 
 
 def test_text_of_people_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -256,7 +347,7 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
         start_new_session=True,
     ) as process:
         if moment == "starting":
-            wait_until(lambda: len(children(process.pid)) >= 2, "a worker")
+            wait_until(lambda: workers(process.pid), "a worker")
         else:
             wait_until(lambda: list(tmp_path.glob("run/records/*/*.json")), "a record")
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does: every process gets it

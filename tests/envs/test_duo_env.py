@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 from duobench.envs.duo_env import DuoEnv, ResetNeededError
+from duobench.envs.spaces import REACH
 from duobench.errors import ActionError, DuoBenchError, LayoutError, SimulationError
 from duobench.randomness import Choice
 from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.scene.naming import tcp_name
 from duobench.sim.placement import Layout
 from duobench.spatial import SE3
 from duobench.tasks import catalog
@@ -364,3 +366,16 @@ def test_making_and_stepping_emits_no_warning() -> None:
         env = DuoEnv(catalog.get(TASK))
         env.reset(seed=0)
         env.step(env.action_space.sample())
+
+
+def test_no_chain_of_links_leaves_the_space_of_tool_poses() -> None:
+    """Stretched out in any direction, whatever the joints' ranges are."""
+    model = DuoEnv(catalog.get(TASK)).simulation.model
+    for side in SIDES:
+        site = model.site(tcp_name(side))
+        length, body = float(np.linalg.norm(site.pos)), model.body(int(site.bodyid[0]))
+        while body.parentid[0] != 0:
+            length += float(np.linalg.norm(body.pos))
+            body = model.body(int(body.parentid[0]))
+        assert (np.abs(body.pos) + length).max() < REACH
+        assert 1.1 * (np.abs(body.pos) + length).max() > REACH, "the space says something"

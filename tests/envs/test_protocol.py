@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
 from typing import Any
 
 import gymnasium as gym
+import msgspec
 import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.protocol import ACTION_MODES, Options, make_env
+from duobench.envs.config import ACTION_MODES, EnvConfig
+from duobench.envs.protocol import make_env
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.tasks import catalog
 from tests.envs.tools import TASK, base_of
@@ -28,7 +32,7 @@ def test_the_evaluation_protocol() -> None:
     assert stack(env) == ["Cameras", "TimeLimit", "TaskStages", "RandomizedReset", "DuoEnv"]
     assert env.action_space.shape == (16,)
     assert set(env.observation_space) == {"agent_pos", "tool_pose", "pixels"}  # type: ignore[call-overload]
-    assert Options() == Options.of({})
+    assert env.get_wrapper_attr("config") == EnvConfig() == EnvConfig.from_options({})
     env.close()
 
 
@@ -70,6 +74,8 @@ def test_action_modes(mode: str, size: int) -> None:
         ({"image_size": 64}, (64, 64, 3)),
         ({"image_size": (48, 64)}, (48, 64, 3)),
         ({"image_size": [720, 1280]}, (720, 1280, 3)),
+        ({"image_size": np.int64(64)}, (64, 64, 3)),
+        ({"image_size": tuple(np.array([48, 64]))}, (48, 64, 3)),
     ],
 )
 def test_image_sizes(options: dict[str, Any], shape: tuple[int, ...]) -> None:
@@ -92,6 +98,9 @@ def test_no_cameras_no_pixels(none: Any) -> None:
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),
         ({"cameras": 3}, OptionError, "cameras is True, False.*3"),
         ({"binary_gripper": 3}, OptionError, "binary_gripper is True or False, got 3"),
+        ({"cameras": (3,)}, UnknownNameError, "camera 3"),
+        ({"action_mode": ["joint"]}, UnknownNameError, r"action mode \['joint'\]"),
+        ({"control_rate_hz": 10}, OptionError, "control rate is 30 Hz, got 10"),
         ({"action_mode": "cartesien"}, UnknownNameError, "action mode.*'cartesian'"),
         ({"render_mode": "human"}, UnknownNameError, "render mode 'human'.*rgb_array"),
         ({"image_size": 721}, OptionError, "image_size.*720.*721"),
@@ -133,3 +142,46 @@ def test_attributes_are_found_on_the_outermost_environment() -> None:
         assert getattr(env, name) == env.get_wrapper_attr(name) == value
         assert getattr(env.unwrapped, name) == value
     env.close()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"cameras": (name for name in ("head", "left_wrist")), "image_size": np.int32(48)},
+        {"cameras": False, "chunk": np.int64(3), "horizon": 9, "action_mode": "cartesian"},
+        {"binary_gripper": True, "render_mode": "rgb_array", "render_size": [48, 64]},
+    ],
+    ids=str,
+)
+def test_configuration_survives_its_text_and_makes_the_same_environment(
+    options: dict[str, Any],
+) -> None:
+    config = EnvConfig.from_options(options)
+    text = json.dumps(msgspec.to_builtins(config))
+    assert msgspec.json.decode(text, type=EnvConfig) == config
+    env = make_env(TASK, **asdict(config))
+    assert env.get_wrapper_attr("config") == config
+
+
+def test_configuration_is_found_through_foreign_wrappers() -> None:
+    env = gym.Wrapper(gym.Wrapper(make_env(TASK, cameras=False, chunk=2)))
+    assert env.get_wrapper_attr("config") == EnvConfig(cameras=(), chunk=2)
+
+
+@pytest.mark.parametrize("seed", [1.5, "5", "a", -1, True, [3]])
+def test_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
+    for env in (make_env(TASK, cameras=False), base_of(make_env(TASK, cameras=False))):
+        with pytest.raises(OptionError, match="A seed is a whole number from 0 on, got"):
+            env.reset(seed=seed)
+
+
+def test_reset_options_that_are_no_dict_are_refused() -> None:
+    for env in (make_env(TASK, cameras=False), base_of(make_env(TASK, cameras=False))):
+        with pytest.raises(OptionError, match="options of a reset are a dict, got 'x'"):
+            env.reset(options="x")  # type: ignore[arg-type]
+
+
+def test_environments_are_made_where_underflow_is_an_error() -> None:
+    with np.errstate(all="raise"):
+        make_env(TASK, cameras=False)

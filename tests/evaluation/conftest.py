@@ -1,50 +1,74 @@
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.metrics import Results
-from duobench.evaluation.run import Run
-from duobench.evaluation.runner import evaluate
-from duobench.evaluation.suite import describe
-from duobench.evaluation.versions import package_versions
-from duobench.randomness import SUITE_VERSION
+from duobench.evaluation.suite import Suite, find_tasks
 from tests.evaluation import small
 
 Play = Callable[..., tuple[RunFolder, Results]]
 
 
-def small_run(policy: str, **changes: Any) -> Run:
-    """Run of the two small tasks, without films."""
-    fields: dict[str, Any] = {
-        "policy": policy,
-        "tasks": describe([small.WAVE_NAME, small.NOD_NAME]),
-        "episodes": 4,
-        "first_episode": 0,
-        "videos": 0,
-        "suite_version": SUITE_VERSION,
-        "versions": package_versions(),
-    }
-    return Run(**fields | changes)
+def small_suite(**changes: Any) -> Suite:
+    """Four episodes of the two small tasks."""
+    fields: dict[str, Any] = {"tasks": find_tasks([small.WAVE_NAME, small.NOD_NAME]), "episodes": 4}
+    return Suite(**fields | changes)
+
+
+COMPARED = ("index.html", "summary.json", "run.json")
+
+
+def compared(folder: RunFolder) -> dict[str, bytes]:
+    """Everything that must not depend on how a run was made."""
+    paths = [folder.path / name for name in COMPARED]
+    paths += [*folder.path.glob("records/*/*"), *folder.path.glob("figures/*")]
+    return {str(path.relative_to(folder.path)): path.read_bytes() for path in sorted(paths)}
+
+
+@pytest.fixture(scope="session")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    folder = RunFolder(tmp_path_factory.mktemp("reference") / "run")
+    results = evaluate("random", small_suite(), folder, workers=0)
+    # The comparison is worth something only if episodes differ.
+    stages = [record.final_stage for one in results.tasks for record in one.records]
+    assert len(set(stages)) > 1
+    return compared(folder)
+
+
+def without_policy(content: bytes) -> bytes:
+    """A record without the name and the version of its policy."""
+    return re.sub(rb'\n  "policy(_version)?": .*', b"", content)
+
+
+def assert_same_episodes(folder: RunFolder, reference: dict[str, bytes], count: int) -> None:
+    """Compare records with those of the random policy itself."""
+    records = {name: c for name, c in compared(folder).items() if name.startswith("records")}
+    assert len(records) == count
+    for name, content in records.items():
+        assert without_policy(content) == without_policy(reference[name])
 
 
 @pytest.fixture
 def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Play:
-    """Evaluate a policy on the small tasks, in a folder of its own."""
+    """Evaluate a policy on the small tasks, in a folder of its own; in this process if not told."""
     marks = tmp_path / "marks"
     marks.mkdir()
     monkeypatch.setenv(small.MARKS, str(marks))
 
-    def run(
-        policy: str, name: str = "run", workers: int = 1, retry_broken: bool = False, **changes: Any
-    ) -> tuple[RunFolder, Results]:
+    def run(policy: str, name: str = "run", **arguments: Any) -> tuple[RunFolder, Results]:
         folder = RunFolder(tmp_path / name)
-        if hasattr(small, policy):
+        if getattr(getattr(small, policy, None), "__module__", None) == small.__name__:
             policy = f"{small.__name__}:{policy}"
-        return folder, evaluate(
-            small_run(policy, **changes), folder, workers=workers, retry_broken=retry_broken
-        )
+        suite = {key: arguments.pop(key) for key in SUITE if key in arguments}
+        arguments = {"workers": 0} | arguments
+        return folder, evaluate(policy, small_suite(**suite), folder, **arguments)
 
     return run
+
+
+SUITE = ("tasks", "episodes", "first_episode")

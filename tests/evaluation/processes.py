@@ -1,5 +1,6 @@
 """What the operating system tells about processes, for tests that kill some."""
 
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,11 @@ def status(pid: int) -> tuple[str, int]:
 def children(pid: int) -> list[int]:
     pids = [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
     return [child for child in pids if status(child)[1] == pid]
+
+
+def workers(pid: int) -> list[int]:
+    """Children that lead a process group of their own."""
+    return [child for child in children(pid) if os.getpgid(child) == child]
 
 
 def is_running(pid: int) -> bool:

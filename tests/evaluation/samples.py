@@ -4,9 +4,12 @@ import random
 from pathlib import Path
 from typing import Any
 
+from duobench.envs.config import EnvConfig
 from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.records import EpisodeRecord, write_record
-from duobench.evaluation.run import Run, TaskInfo
+from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.records import EpisodeRecord
+from duobench.evaluation.suite import Run, Suite, TaskInfo
+from duobench.policy import PolicyMetadata
 
 VERSIONS: dict[str, Any] = {"duobench": "0", "mujoco": "4.0.0", "numpy": "2.4.6"}
 
@@ -37,18 +40,22 @@ TURN = TaskInfo(
 TASKS = (LIFT, SORT, TURN)
 
 
+CONFIG = EnvConfig(cameras=())
+
+
 def sample_run(**changes: Any) -> Run:
-    """Run of three tasks."""
+    """Run of three tasks; changes are fields of the run or of its suite."""
+    suite: dict[str, Any] = {"tasks": TASKS, "episodes": 4, "first_episode": 0, "version": "1"}
     fields: dict[str, Any] = {
         "policy": "mine",
-        "tasks": TASKS,
-        "episodes": 4,
-        "first_episode": 0,
         "videos": 1,
-        "suite_version": "1",
+        "limits": TimeLimits(),
+        "metadata": PolicyMetadata(name="mine", version="1"),
+        "config": CONFIG,
         "versions": VERSIONS,
     }
-    return Run(**fields | changes)
+    suite |= {name: changes.pop(name) for name in list(changes) if name in suite}
+    return Run(**{"suite": Suite(**suite)} | fields | changes)
 
 
 def sample_record(
@@ -67,6 +74,8 @@ def sample_record(
         "episode": episode,
         "seed": 1000 + episode,
         "policy": "mine",
+        "policy_version": "1",
+        "config": CONFIG,
         "instruction": f"Do the {task.id}.",
         "success": is_success,
         "success_at_end": is_success,
@@ -89,8 +98,8 @@ def sample_records(run: Run, seed: int = 0) -> list[EpisodeRecord]:
     """One record for every episode, of varied success."""
     rng = random.Random(seed)
     records = []
-    for task in run.tasks:
-        for episode in run.episode_indices:
+    for task in run.suite.tasks:
+        for episode in run.suite.indices:
             stage = rng.randint(0, task.max_stage)
             reached = tuple(sorted(rng.sample(range(1, task.horizon + 1), stage)))
             records.append(sample_record(task, episode, reached))
@@ -102,5 +111,5 @@ def sample_folder(path: Path, run: Run, records: list[EpisodeRecord]) -> RunFold
     folder = RunFolder(path)
     folder.begin(run)
     for record in records:
-        write_record(folder.record(record.task, record.episode), record)
+        folder.write(record, None)
     return folder

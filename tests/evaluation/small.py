@@ -1,16 +1,24 @@
 """A task that takes a second, and policies that behave and misbehave, for processes to import."""
 
+import asyncio
+import multiprocessing
 import os
+import random
+import re
 import signal
+import stat
+import subprocess
 import sys
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from duobench.policy import HoldPolicy, PolicyMetadata, RandomPolicy
-from duobench.randomness import around
+from duobench.randomness import around, episode_seed
 from duobench.solids.blocks import CUBE_EDGE, RED, cube
 from duobench.solids.prop import Prop
 from duobench.stages.predicates import Moment, Predicate
@@ -63,7 +71,10 @@ def mark(text: str) -> bool:
 
 
 class DiesOnce(RandomPolicy):
-    """Random, but kills its process in the middle of the first attempt at every episode."""
+    """Random, but kills its process in the middle of the first attempt at every episode.
+
+    A forked child stays behind, which keeps every file of its parent open.
+    """
 
     def reset(self, instruction: str, seed: int) -> None:
         super().reset(instruction, seed)
@@ -73,35 +84,144 @@ class DiesOnce(RandomPolicy):
     def act(self, observation: Mapping[str, Any]) -> Any:
         self._acts += 1
         if self._dies and self._acts == 5:
+            fork_a_helper()
             os.kill(os.getpid(), signal.SIGKILL)
         return super().act(observation)
 
 
-class DiesAlways(RandomPolicy):
-    """Random, but kills its process in the middle of every episode with an even seed."""
+class DiesAtTheEnd(HoldPolicy):
+    """Kills its process in every episode of the second task."""
 
     def reset(self, instruction: str, seed: int) -> None:
         super().reset(instruction, seed)
-        self._dies = seed % 2 == 0
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        if self._dies:
+        if "nod" in instruction:
             os.kill(os.getpid(), signal.SIGKILL)
+
+
+class SpoilsOnce(RandomPolicy):
+    """Random, but once writes nonsense into every socket that it inherited."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        if mark("nonsense"):
+            for path in Path("/proc/self/fd").iterdir():
+                with suppress(OSError):
+                    if stat.S_ISSOCK(os.fstat(int(path.name)).st_mode):
+                        os.write(int(path.name), b"\0\0\0\0\0\0\0\5hello")
         return super().act(observation)
 
 
-class Crashes(HoldPolicy):
-    """Raises in the fourth step of every episode with an even seed."""
+class HasHelpers(HoldPolicy):
+    """Starts processes of every kind, and none of them ever ends."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        mark(f"policy-{os.getpid()}")
+        fork_a_helper()
+        mark(f"helper-{subprocess.Popen(['sleep', '1000']).pid}")
+        process = multiprocessing.get_context("spawn").Process(
+            target=time.sleep, args=(1000,), daemon=True
+        )
+        process.start()
+        mark(f"helper-{process.pid}")
+
+    def close(self) -> None:
+        mark("closed")
+
+
+def fork_a_helper() -> None:
+    pid = os.fork()
+    if pid == 0:
+        time.sleep(1000)
+    mark(f"helper-{pid}")
+
+
+def hangs() -> None:
+    """Keep the interpreter busy in C code, so that no other thread can do anything."""
+    re.match(r"(a+)+$", "a" * 100 + "b")
+
+
+def exits() -> None:
+    sys.exit(3)
+
+
+def raises() -> None:
+    raise ZeroDivisionError("my policy is broken")
+
+
+def cancels() -> None:
+    raise asyncio.CancelledError
+
+
+def raises_bytes() -> None:
+    raise FileNotFoundError("weights-\udcff.bin \x1b[31m")
+
+
+def raises_much() -> None:
+    raise ValueError("line\n" * 1_000_000)
+
+
+FAULTS: tuple[Callable[[], None], ...] = (exits, raises, cancels, raises_bytes, raises_much)
+
+
+class Faulty(HoldPolicy):
+    """Breaks in the fourth step of the first episodes, each time in another way."""
 
     def reset(self, instruction: str, seed: int) -> None:
         super().reset(instruction, seed)
-        self._countdown = 4 if seed % 2 == 0 else HORIZON + 1
+        seeds = [episode_seed("wave", index) for index in range(len(FAULTS))]
+        self._fault = FAULTS[seeds.index(seed)] if seed in seeds else lambda: None
+        self._acts = 0
 
     def act(self, observation: Mapping[str, Any]) -> Any:
-        self._countdown -= 1
-        if self._countdown == 0:
-            raise ZeroDivisionError("my policy is broken")
+        self._acts += 1
+        if self._acts == 4:
+            self._fault()
         return super().act(observation)
+
+
+class Hangs(HoldPolicy):
+    """Hangs in the fourth step of the first episode."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        self._acts = 0 if seed == episode_seed("wave", 0) else 100
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        self._acts += 1
+        if self._acts == 4:
+            hangs()
+        return super().act(observation)
+
+
+class Interrupts(HoldPolicy):
+    """Raises what Ctrl-C raises."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
+        raise KeyboardInterrupt
+
+
+class Dawdles(HoldPolicy):
+    """Takes a tenth of a second for every answer."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        time.sleep(0.1)
+        return super().act(observation)
+
+
+class Moves(HoldPolicy):
+    """Changes the working folder."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        os.chdir(os.environ[MARKS])
+
+
+class UsesGlobalGenerators(HoldPolicy):
+    """Draws its actions from Python's and NumPy's global generators."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        drawn = random.random() + np.random.random()  # noqa: NPY002 - that is the point
+        return super().act(observation) + 0.1 * drawn
 
 
 class Sees(HoldPolicy):
@@ -119,13 +239,6 @@ class IsSlow(HoldPolicy):
     """Expects another control rate."""
 
     metadata = PolicyMetadata(name="is_slow", control_rate_hz=10.0)
-
-
-class Exits(HoldPolicy):
-    """Calls `sys.exit` in its first step."""
-
-    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
-        sys.exit(3)
 
 
 class BreaksOnce(RandomPolicy):

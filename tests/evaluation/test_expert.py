@@ -1,12 +1,12 @@
 from pathlib import Path
 
+from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.loop import rollout
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.evaluation.runner import evaluate
-from duobench.evaluation.suite import describe
+from duobench.evaluation.rollout import rollout
+from duobench.evaluation.suite import find_tasks
 from duobench.randomness import episode_seed
-from tests.evaluation.conftest import small_run
+from tests.evaluation.conftest import small_suite
 from tests.experts.lone import make
 
 TASKS, EPISODES = ("bin_sort", "carry_pot"), 3
@@ -21,10 +21,11 @@ def lone_fingerprint(task: str, episode: int) -> str:
     return fingerprint
 
 
-def test_experts_score_the_same_with_one_worker_with_two_and_alone(tmp_path: Path) -> None:
-    run = small_run("expert", tasks=describe(list(TASKS)), episodes=EPISODES)
+def test_experts_score_the_same_here_with_two_workers_and_alone(tmp_path: Path) -> None:
+    suite = small_suite(tasks=find_tasks(TASKS), episodes=EPISODES)
     one, two = (
-        evaluate(run, RunFolder(tmp_path / str(workers)), workers=workers) for workers in (1, 2)
+        evaluate("expert", suite, RunFolder(tmp_path / str(workers)), workers=workers)
+        for workers in (0, 2)
     )
     assert one == two
     assert one.overall.episodes == len(TASKS) * EPISODES

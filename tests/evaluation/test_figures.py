@@ -7,7 +7,7 @@ from duobench.evaluation.metrics import results
 from tests.evaluation.samples import TASKS, sample_records, sample_run
 
 RUN = sample_run(episodes=8)
-FOUND = results(RUN.tasks, sample_records(RUN))
+FOUND = results(RUN.suite.tasks, sample_records(RUN))
 
 
 def words(svg: str) -> list[str]:

@@ -1,15 +1,23 @@
+import os
+import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from duobench.errors import EvaluationError
+from duobench.envs.config import EnvConfig
+from duobench.errors import EvaluationError, OtherRunError, OutputError
 from duobench.evaluation.folder import RunFolder
+from duobench.evaluation.limits import TimeLimits
+from duobench.policy import PolicyMetadata
+from tests.evaluation.processes import is_running
 from tests.evaluation.samples import (
     LIFT,
     TASKS,
+    VERSIONS,
     sample_folder,
     sample_record,
     sample_records,
@@ -27,23 +35,40 @@ def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"policy": "other"}, "policy: other instead of mine"),
-        ({"episodes": 5}, "episodes: 5 instead of 4"),
-        ({"first_episode": 4}, "first episode: 4 instead of 0"),
-        ({"tasks": TASKS[:2]}, r"tasks: lift.*instead of lift.*turn"),
-        ({"suite_version": "2"}, "suite version: 2 instead of 1"),
-        ({"versions": {"mujoco": "4.0.9"}}, "versions: mujoco 4.0.9 instead of .*mujoco 4.0.0"),
-        ({"videos": 0}, "videos: 0 instead of 1"),
+        ({"policy": "other"}, "policy other instead of mine"),
+        ({"episodes": 3}, "episodes 3 instead of 4 or more"),
+        ({"first_episode": 4}, "first episode 4 instead of 0"),
+        ({"tasks": TASKS[:2]}, "tasks lift sort instead of lift sort turn"),
+        ({"version": "2"}, "suite version 2 instead of 1"),
+        (
+            {"versions": {**VERSIONS, "mujoco": "4.0.9"}},
+            "version of mujoco 4.0.9 instead",
+        ),
+        ({"videos": 0}, "videos 0 instead of 1"),
+        ({"limits": TimeLimits(act_s=1)}, "time limit act_s 1 instead of 120"),
+        ({"metadata": PolicyMetadata(name="mine", version="2")}, "policy's version 2 instead of 1"),
+        (
+            {"config": EnvConfig(cameras=(), action_mode="cartesian")},
+            "environment's action_mode cartesian instead of joint",
+        ),
     ],
 )
-def test_other_run_is_refused_with_what_differs_and_what_to_do(
+def test_other_run_is_refused_with_what_differs(
     tmp_path: Path, changes: dict[str, Any], message: str
 ) -> None:
     folder = sample_folder(tmp_path / "run", sample_run(), sample_records(sample_run())[:1])
     before = folder.description.read_bytes()
-    with pytest.raises(EvaluationError, match=rf"{message}.*--out.*duobench eval --policy mine"):
+    with pytest.raises(OtherRunError, match=rf"holds another evaluation; this one has .*{message}"):
         folder.begin(sample_run(**changes))
     assert folder.description.read_bytes() == before
+
+
+def test_run_grows_and_its_description_with_it(tmp_path: Path) -> None:
+    records = sample_records(sample_run())
+    folder = sample_folder(tmp_path / "run", sample_run(), records)
+    folder.begin(sample_run(episodes=9))
+    assert folder.read_run() == sample_run(episodes=9)
+    assert folder.read_records(folder.read_run()) == records
 
 
 def test_run_without_a_record_gives_way_to_a_corrected_one(tmp_path: Path) -> None:
@@ -59,7 +84,7 @@ def test_run_without_a_record_gives_way_to_a_corrected_one(tmp_path: Path) -> No
 def test_folder_that_cannot_be_made_is_refused(tmp_path: Path, name: str, message: str) -> None:
     (tmp_path / "file").write_text("precious")
     with (
-        pytest.raises(EvaluationError, match=rf"{name}.*{message}.*--out"),
+        pytest.raises(OutputError, match=rf"{name}.*{message}"),
         RunFolder(tmp_path / name).locked(),
     ):
         pass
@@ -94,7 +119,14 @@ def test_missing_records_are_left_out(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"episode": 1}, {"policy": "other"}, {"suite_version": "0"}, {"task": "turn"}],
+    [
+        {"episode": 1},
+        {"policy": "other"},
+        {"policy_version": "2"},
+        {"config": EnvConfig()},
+        {"suite_version": "0"},
+        {"task": "turn"},
+    ],
 )
 def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any]) -> None:
     folder, run = sample_folder(tmp_path / "run", sample_run(), []), sample_run()
@@ -102,15 +134,13 @@ def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any
     path.parent.mkdir(parents=True)
     path.write_text(sample_record(**{"task": LIFT, "reached": (5, 9)}).to_json())
     assert len(folder.read_records(run)) == 1
-    record = sample_record(LIFT, 0, (5, 9))
-    changed = {name: getattr(record, name) for name in record.__dataclass_fields__} | changes
-    path.write_text(type(record)(**changed).to_json())
+    path.write_text(replace(sample_record(LIFT, 0, (5, 9)), **changes).to_json())
     with pytest.raises(EvaluationError, match=r"00000\.json does not belong"):
         folder.read_records(run)
 
 
 def test_folder_without_a_run_says_how_to_make_one(tmp_path: Path) -> None:
-    with pytest.raises(EvaluationError, match=r"run\.json is missing.*duobench eval"):
+    with pytest.raises(EvaluationError, match=r"run\.json is missing"):
         RunFolder(tmp_path).read_run()
 
 
@@ -120,10 +150,40 @@ def test_unreadable_description_is_named(tmp_path: Path) -> None:
         RunFolder(tmp_path).read_run()
 
 
-def test_strange_task_id_stays_inside_the_folder(tmp_path: Path) -> None:
-    path = RunFolder(tmp_path).record("../../etc/x y", 3)
-    assert path.parent.parent == tmp_path / "records"
-    assert path.name == "00003.json"
+def test_record_that_cannot_be_read_says_how_to_go_on(tmp_path: Path) -> None:
+    folder = sample_folder(tmp_path, sample_run(), [])
+    folder.record("lift", 2).mkdir(parents=True)
+    with pytest.raises(EvaluationError, match=r"00002\.json.* Delete the file and run"):
+        folder.read_records(sample_run())
+
+
+def test_run_of_endless_length_is_read(tmp_path: Path) -> None:
+    run = sample_run(episodes=10**12)
+    folder = sample_folder(tmp_path, run, [sample_record(LIFT, 3, (5, 9))])
+    assert len(folder.read_records(run)) == 1
+
+
+def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
+    script = (
+        "import os, sys, time\n"
+        "from pathlib import Path\n"
+        "from duobench.evaluation.folder import RunFolder\n"
+        "with RunFolder(Path(sys.argv[1])).locked():\n"
+        "    if os.fork() == 0:\n"
+        "        print(os.getpid(), flush=True)\n"
+        "    time.sleep(1000)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout
+        orphan = int(other.stdout.readline())
+        other.kill()
+        other.wait()
+        assert is_running(orphan)
+        with RunFolder(tmp_path).locked():
+            pass
+        os.kill(orphan, signal.SIGKILL)
 
 
 def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> None:

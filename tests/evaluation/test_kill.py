@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from duobench.evaluation.folder import RunFolder
-from tests.evaluation.conftest import small_run
 from tests.evaluation.processes import children, is_running, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -18,14 +17,13 @@ import sys
 from pathlib import Path
 from rich.console import Console
 from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.runner import evaluate
-from duobench.evaluation.table import results_table
-from tests.evaluation.conftest import small_run
+from duobench.cli.table import results_table
+from duobench.evaluation.evaluate import evaluate
+from tests.evaluation.conftest import small_suite
 
-if __name__ == "__main__":
-    run = small_run("random", videos=1, episodes=EPISODES)
-    results = evaluate(run, RunFolder(Path(sys.argv[1])), workers=int(sys.argv[2]))
-    Console(width=130).print(results_table(results, run.episodes))
+folder, workers = RunFolder(Path(sys.argv[1])), int(sys.argv[2])
+results = evaluate("random", small_suite(episodes=EPISODES), folder, videos=1, workers=workers)
+Console(width=130).print(results_table(results, EPISODES))
 """
 EPISODES = 6
 
@@ -50,7 +48,7 @@ def script(tmp_path: Path) -> Path:
 
 def test_killed_run_goes_on_to_the_same_table(script: Path, tmp_path: Path) -> None:
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    with start(script, whole, 1) as process:
+    with start(script, whole, 0) as process:
         expected, complaint = process.communicate()
     assert process.returncode == 0, complaint
 
@@ -92,4 +90,5 @@ def test_interrupted_run_stops_and_keeps_what_is_finished(script: Path, tmp_path
     assert process.returncode != 0
     assert workers
     wait_until(lambda: not any(map(is_running, workers)), "the end of the workers")
-    assert RunFolder(folder).read_records(small_run("random", videos=1, episodes=EPISODES))
+    run_folder = RunFolder(folder)
+    assert run_folder.read_records(run_folder.read_run())

@@ -1,6 +1,6 @@
 import pytest
 
-from duobench.evaluation.palette import SUCCESS, ink_on, stage_colours
+from duobench.evaluation.figures import SUCCESS, ink_on, stage_colours
 
 
 def luminance(colour: str) -> float:

@@ -1,11 +1,13 @@
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from duobench.errors import EvaluationError
-from duobench.evaluation.records import EpisodeRecord, read_record, write_record
+from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.files import read, write
 from tests.evaluation.samples import LIFT, sample_record, sample_records, sample_run
 
 RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boom\n")]
@@ -13,7 +15,7 @@ RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boo
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: f"{record.task}-{record.episode}")
 def test_record_survives_its_file(record: EpisodeRecord, tmp_path: Path) -> None:
-    write_record(tmp_path / "r.json", record)
+    write(tmp_path / "r.json", record.to_json())
     assert read_record(tmp_path / "r.json") == record
     assert (tmp_path / "r.json").read_text() == record.to_json()
 
@@ -21,7 +23,7 @@ def test_record_survives_its_file(record: EpisodeRecord, tmp_path: Path) -> None
 def test_text_has_a_field_a_line() -> None:
     text = sample_record().to_json()
     assert '\n  "stage_changes": [[10, 1], [20, 2], [30, 3]],\n' in text
-    assert json.loads(text)["schema"] == 1
+    assert json.loads(text)["schema"] == 2
 
 
 @pytest.mark.parametrize(
@@ -53,6 +55,10 @@ def test_record_that_contradicts_itself_is_refused(changes: dict[str, Any], mess
         sample_record(**changes)
 
 
+def read_record(path: Path) -> EpisodeRecord:
+    return read(path, EpisodeRecord, RECORD_SCHEMA)
+
+
 def broken_texts() -> dict[str, str]:
     whole = sample_record().to_json()
     document = json.loads(whole)
@@ -65,18 +71,44 @@ def broken_texts() -> dict[str, str]:
         "unknown field": json.dumps({**document, "colour": "red"}),
         "contradiction": json.dumps({**document, "final_stage": 1}),
         "odd changes": json.dumps({**document, "stage_changes": [[1, 2, 3]]}),
+        "blank error": json.dumps({**document, "error": " \n", "success": False}),
+        "nested": "[" * 100_000,
     }
 
 
 @pytest.mark.parametrize("kind", broken_texts())
-def test_broken_file_is_named_with_the_way_on(kind: str, tmp_path: Path) -> None:
+def test_broken_file_is_named(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "00003.json"
     path.write_text(broken_texts()[kind])
-    with pytest.raises(EvaluationError, match=r"00003\.json: .*Delete the file"):
+    with pytest.raises(EvaluationError, match=r"Cannot read .*00003\.json: "):
         read_record(path)
 
 
-def test_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("field", "value", "found"),
+    [
+        ("seed", "not a number", "Expected `int`, got `str`"),
+        ("success", 1, "Expected `bool`, got `int`"),
+        ("instruction", [], "Expected `str`, got `array`"),
+        ("error", 3, "Expected `str | null`, got `int`"),
+        ("layout", None, "Expected `object`, got `null`"),
+        ("stage_changes", [[1, "2"]], "Expected `int`, got `str`"),
+        ("config", {"chunk": "x"}, "Expected `int | null`, got `str`"),
+        ("versions", 3, "Expected `object`, got `int`"),
+    ],
+)
+def test_wrong_type_is_refused_with_file_and_field(
+    field: str, value: Any, found: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "00003.json"
+    path.write_text(json.dumps({**json.loads(sample_record().to_json()), field: value}))
+    with pytest.raises(EvaluationError, match=rf"00003\.json: {re.escape(found)} - at `{field}"):
+        read_record(path)
+
+
+def test_file_that_is_no_text_or_no_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "r.json").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(EvaluationError, match="Delete the file"):
-        read_record(tmp_path / "r.json")
+    (tmp_path / "folder.json").mkdir()
+    for name in ("r.json", "folder.json"):
+        with pytest.raises(EvaluationError, match=f"Cannot read .*{name}"):
+            read_record(tmp_path / name)

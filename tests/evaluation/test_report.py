@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -93,7 +94,7 @@ def test_page_is_whole_and_its_links_lead_somewhere(tmp_path: Path) -> None:
     folder = sample_folder(tmp_path / "run", run, sample_records(run))
     video = folder.video(LIFT.id, 0)
     video.parent.mkdir(parents=True)
-    video.write_bytes(b"film")
+    video.write_bytes(b"video")
     write_report(folder)
     page = Page(folder.page)
     assert "videos/lift/00000.webm" in page.links
@@ -111,10 +112,10 @@ def test_page_tells_policy_stages_seeds_and_command(tmp_path: Path) -> None:
     write_report(folder)
     words = Page(folder.page).words
     assert run.command in words
-    for task in run.tasks:
+    for task in run.suite.tasks:
         assert task.title in words
         assert all(stage in words for stage in task.stages)
-    assert {str(1000 + episode) for episode in run.episode_indices} <= set(words.split())
+    assert {str(1000 + episode) for episode in run.suite.indices} <= set(words.split())
     assert "mujoco 4.0.0" in words
     assert "not finished" not in words
 
@@ -125,7 +126,8 @@ def test_whatever_is_wider_than_a_phone_scrolls_and_says_so(tmp_path: Path) -> N
     write_report(folder)
     html = folder.page.read_text()
     assert '.wide::before { content: "Scroll sideways' in html
-    assert html.count("<table>") == html.count('<div class="wide"><table>') == 1 + len(run.tasks)
+    tables = 1 + len(run.suite.tasks)
+    assert html.count("<table>") == html.count('<div class="wide"><table>') == tables
     for figure in re.findall(r"<figure>.*?</figure>", html, re.DOTALL):
         assert figure.startswith('<figure><div class="wide"')
 
@@ -133,10 +135,7 @@ def test_whatever_is_wider_than_a_phone_scrolls_and_says_so(tmp_path: Path) -> N
 def test_text_from_outside_is_escaped(tmp_path: Path) -> None:
     run = sample_run(tasks=(TURN,), episodes=1, policy="<script>alert(1)</script>")
     record = sample_record(TURN, 0, (), error="<img src=x>\n", instruction="a & <b>")
-    record = type(record)(
-        **{name: getattr(record, name) for name in record.__dataclass_fields__}
-        | {"policy": run.policy}
-    )
+    record = replace(record, policy=run.policy)
     folder = sample_folder(tmp_path / "run", run, [record])
     write_report(folder)
     html = folder.page.read_text()

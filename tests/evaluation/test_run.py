@@ -1,22 +1,28 @@
+import json
 import shlex
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from duobench.errors import EvaluationError
-from duobench.evaluation.run import Run
+from duobench.errors import DuoBenchError, EvaluationError
+from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.suite import Run, find_tasks
 from tests.evaluation.samples import LIFT, SORT, sample_run
 
 
 def test_description_survives_its_text() -> None:
     run = sample_run()
-    assert Run.from_json(run.to_json()) == run
+    assert Run.from_json(run.to_json().encode()) == run
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": 1}', '{"schema": 2}', "null"])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"schema": 1}', '{"schema": 2}', "null", "[" * 99_999]
+)
 def test_other_text_is_refused(text: str) -> None:
     with pytest.raises(EvaluationError):
-        Run.from_json(text)
+        Run.from_json(text.encode())
 
 
 @pytest.mark.parametrize(
@@ -34,10 +40,34 @@ def test_impossible_run_is_refused(changes: dict[str, Any]) -> None:
         sample_run(**changes)
 
 
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("videos",), "one", "Expected `int`, got `str` - at `videos`"),
+        (("suite", "episodes"), None, "Expected `int`, got `null` - at `suite.episodes`"),
+        (("limits", "act_s"), "1", "Expected `float`, got `str` - at `limits.act_s`"),
+        (("config", "cameras"), ["haed"], "Unknown camera 'haed'"),
+        (("metadata", "version"), 1, r"Expected `str \| null`, got `int` - at `metadata.version`"),
+        (("versions",), [], "Expected `object`, got `array` - at `versions`"),
+        (("colour",), "red", "Unknown fields: colour"),
+    ],
+)
+def test_wrong_type_is_refused_with_the_name_of_the_field(
+    path: tuple[str, ...], value: Any, message: str
+) -> None:
+    document = json.loads(sample_run().to_json())
+    part = document
+    for name in path[:-1]:
+        part = part[name]
+    part[path[-1]] = value
+    with pytest.raises(DuoBenchError, match=message):
+        Run.from_json(json.dumps(document).encode())
+
+
 def test_episodes_count_from_the_first() -> None:
-    run = sample_run(episodes=3, first_episode=7, videos=2)
-    assert list(run.episode_indices) == [7, 8, 9]
-    assert [run.is_filmed(episode) for episode in run.episode_indices] == [True, True, False]
+    run = sample_run(tasks=(LIFT,), episodes=3, first_episode=7, videos=2)
+    assert [episode.index for episode in run.episodes()] == [7, 8, 9]
+    assert [episode.has_video for episode in run.episodes()] == [True, True, False]
 
 
 def test_command_names_everything_that_decides_the_results() -> None:
@@ -45,12 +75,34 @@ def test_command_names_everything_that_decides_the_results() -> None:
     assert words[:4] == ["duobench", "eval", "--policy", "my pkg:make"]
     rest = "--tasks lift pkg.tasks:SORT turn --episodes 3 --first-episode 7 --videos 1 --out DIR"
     assert words[4:] == rest.split()
+    words = shlex.split(sample_run(limits=TimeLimits(act_s=5)).command)
+    assert words[-6:] == ["--act-timeout", "5", "--episode-timeout", "1800", "--out", "DIR"]
 
 
 def test_differences_are_told_field_by_field() -> None:
-    found = sample_run().differences(sample_run(policy="other", episodes=9, tasks=(LIFT,)))
-    assert len(found) == 3
-    assert "policy: mine instead of other" in found
-    assert "episodes: 4 instead of 9" in found
-    assert found[1].startswith("tasks: lift")
-    assert sample_run().differences(sample_run()) == []
+    run = sample_run()
+    assert run.differences(run) == []
+    found = run.differences(sample_run(policy="other", tasks=(LIFT,)))
+    assert "policy mine instead of other" in found
+    assert "tasks lift sort turn instead of lift" in found
+
+
+def test_run_may_have_more_episodes_than_before_but_not_fewer() -> None:
+    short, long = sample_run(episodes=2), sample_run(episodes=5)
+    assert long.differences(short) == []
+    assert short.differences(long) == ["episodes 2 instead of 5 or more"]
+
+
+@pytest.mark.parametrize("name", ["..", "", ".", "a/b", ".hidden", "a b", "-x"])
+def test_task_whose_id_is_no_name_of_a_folder_is_refused(name: str) -> None:
+    with pytest.raises(EvaluationError, match="An id names a folder"):
+        replace(LIFT, id=name)
+
+
+def test_module_of_a_task_that_cannot_be_imported_is_told_with_the_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken_task.py").write_text("1 / 0")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(EvaluationError, match=r"(?s)'broken_task:TASK' cannot.*ZeroDivisionError"):
+        find_tasks(["broken_task:TASK"])

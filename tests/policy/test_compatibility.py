@@ -1,11 +1,14 @@
 from typing import Any
 
+import gymnasium as gym
 import pytest
 
 import duobench
+from duobench.envs.duo_env import DuoEnv
 from duobench.errors import PolicyError
 from duobench.policy import PolicyMetadata
 from duobench.policy.compatibility import check_fits
+from duobench.tasks import catalog
 
 TASK = "bin_sort"
 
@@ -31,7 +34,7 @@ def test_pictures_must_be_there_and_of_the_size() -> None:
     check_fits(metadata(cameras=("left_wrist", "head"), image_size=(48, 64)), env)
     with pytest.raises(PolicyError, match="'right_wrist', the environment shows head, left_wrist"):
         check_fits(metadata(cameras=("right_wrist",)), env)
-    with pytest.raises(PolicyError, match=r"pictures of \(64, 48\), 'head' has \(48, 64\)"):
+    with pytest.raises(PolicyError, match=r"of \(64, 48\), the environment's are \(48, 64\)"):
         check_fits(metadata(cameras=("head",), image_size=(64, 48)), env)
 
 
@@ -57,3 +60,16 @@ def test_environment_from_the_advice_fits() -> None:
     wanted = metadata(cameras=("head",), image_size=(48, 64), action_mode="cartesian")
     options = {"cameras": ("head",), "image_size": (48, 64), "action_mode": "cartesian"}
     check_fits(wanted, duobench.make(TASK, **options))
+
+
+def test_foreign_wrappers_change_nothing() -> None:
+    env = gym.Wrapper(duobench.make(TASK, cameras=False, action_mode="cartesian"))
+    check_fits(metadata(action_mode="cartesian"), env)
+    with pytest.raises(PolicyError, match="'joint', the environment's 'cartesian'"):
+        check_fits(metadata(), env)
+
+
+@pytest.mark.parametrize("env", [DuoEnv(catalog.get(TASK)), gym.make("CartPole-v1")])
+def test_environment_without_a_configuration_is_refused(env: gym.Env) -> None:
+    with pytest.raises(PolicyError, match=r"no configuration.*duobench\.make"):
+        check_fits(metadata(), env)

@@ -25,15 +25,43 @@ def test_number_that_is_not_finite_is_refused_with_its_place(bad: float) -> None
         as_chunk(actions)
 
 
-@pytest.mark.parametrize("nonsense", ["left", None, [[0] * 16, [0] * 3], {"a": 1}])
+@pytest.mark.parametrize(
+    "nonsense",
+    [
+        "left",
+        None,
+        [[0] * 16, [0] * 3],
+        {"a": 1},
+        np.zeros((1, 16), dtype=complex),
+        [["1"] * 16],
+        np.zeros((1, 16), dtype="timedelta64[s]"),
+        np.ma.masked_equal(np.zeros((1, 16)), 0.0),
+    ],
+    ids=str,
+)
 def test_what_is_no_array_is_refused(nonsense: object) -> None:
     with pytest.raises(PolicyError):
         as_chunk(nonsense)  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize(
-    "fields", [{"control_rate_hz": 0.0}, {"image_size": (0, 224)}, {"image_size": (224,)}]
+    "fields",
+    [
+        {"control_rate_hz": 0.0},
+        {"control_rate_hz": float("nan")},
+        {"image_size": (0, 224)},
+        {"image_size": (224,)},
+        {"image_size": 224},
+        {"image_size": (224.5, 224)},
+        {"version": 3},
+    ],
 )
 def test_metadata_that_no_environment_meets_is_refused(fields: dict) -> None:
     with pytest.raises(PolicyError):
         PolicyMetadata(name="mine", **fields)
+
+
+def test_metadata_takes_numpy_numbers_and_one_camera() -> None:
+    given = PolicyMetadata(name="mine", cameras="head", image_size=np.array([48, 64]))  # type: ignore[arg-type]
+    assert given == PolicyMetadata(name="mine", cameras=("head",), image_size=(48, 64))
+    assert all(type(pixels) is int for pixels in given.image_size or ())

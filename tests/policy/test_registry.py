@@ -4,6 +4,7 @@ import pytest
 
 from duobench.errors import PolicyError, UnknownNameError
 from duobench.policy import HoldPolicy, make
+from duobench.policy.registry import source_version
 
 MODULE = """
 from duobench.policy import HoldPolicy, PolicyMetadata
@@ -93,3 +94,22 @@ def test_half_a_name_is_refused(name: str) -> None:
 def test_missing_module_is_named() -> None:
     with pytest.raises(PolicyError, match="no module named 'nowhere_at_all'"):
         make("nowhere_at_all:make")
+
+
+def test_version_of_a_source_changes_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "versioned.py").write_text("from duobench.policy import HoldPolicy as Mine\n")
+    make("versioned:Mine")
+    before = source_version("versioned")
+    assert before
+    assert before == source_version("versioned", "versioned")
+    assert before != source_version("versioned", "duobench.policy.baselines")
+    (tmp_path / "versioned.py").write_text("from duobench.policy import ZeroPolicy as Mine\n")
+    assert source_version("versioned") not in (before, None)
+
+
+@pytest.mark.parametrize("module", ["sys", "no_such_module"])
+def test_module_without_a_source_has_no_version(module: str) -> None:
+    assert source_version(module) is None

@@ -233,8 +233,9 @@ def test_a_renderer_that_is_gone_leaves_no_thread(simulation: Simulation, how: s
     assert not thread.is_alive()
 
 
-def test_a_renderer_is_not_taken_into_a_forked_process(
-    simulation: Simulation, renderer: Renderer
+@pytest.mark.parametrize("which", ["inherited", "new"])
+def test_nothing_is_rendered_in_a_process_that_was_forked_from_one_that_did(
+    simulation: Simulation, renderer: Renderer, which: str
 ) -> None:
     renderer.render(simulation.data, HEAD)
     with warnings.catch_warnings():
@@ -243,6 +244,8 @@ def test_a_renderer_is_not_taken_into_a_forked_process(
         child = os.fork()
     if child == 0:
         try:
+            if which == "new":
+                renderer = Renderer(simulation.model, height=24, width=32)
             renderer.render(simulation.data, HEAD)
         except RenderingError as error:
             os._exit(0 if "spawn" in str(error) else 2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -9,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from duobench.cli.interrupt import leave, leaving_at_once
-from duobench.errors import DuoBenchError
+from duobench.errors import DuoBenchError, printable
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -19,15 +21,37 @@ def main(arguments: Sequence[str] | None = None) -> None:
         arguments: What stands after `duobench`; the process's own if not given.
     """
     _find_modules_here()
+    _print_anything()
     with leaving_at_once():
         try:
             import_module("duobench.cli.verbs").run(arguments)
+            sys.stdout.flush()
         except DuoBenchError as error:
-            sys.exit(f"error: {error}")
+            sys.exit(f"error: {printable(str(error))}")
+        except BrokenPipeError:  # whoever reads the output has seen enough
+            _discard_output()
+            sys.exit(1)
+        except OSError as error:
+            _discard_output()
+            what = error.filename or "the output"
+            sys.exit(f"error: {what}: {error.strerror or error}. What is finished is kept.")
         except KeyboardInterrupt:
             with suppress(OSError):
                 sys.stdout.flush()
             leave()
+
+
+def _print_anything() -> None:
+    """Replace what the output's encoding lacks, such as a dash, instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def _discard_output() -> None:
+    """Forget what could not be printed; Python would try again at its end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _find_modules_here() -> None:

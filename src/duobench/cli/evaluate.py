@@ -10,7 +10,7 @@ from duobench.cli.engine import load_engine
 from duobench.cli.interrupt import raising
 
 
-def evaluate(
+def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     policy: str,
     out: Path,
     tasks: tuple[str, ...] = (),
@@ -18,12 +18,14 @@ def evaluate(
     first_episode: int = 0,
     workers: int = 1,
     videos: int = 1,
+    act_timeout: float = 120.0,
+    episode_timeout: float = 1800.0,
     retry_broken: bool = False,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
-    The same command in the same folder goes on where it was stopped. The exit code is 1 if an
-    episode broke off with an error.
+    The same command in the same folder goes on where it was stopped, also with more episodes. The
+    exit code is 1 if an episode broke off with an error.
 
     Args:
         policy: expert, hold, random, zero, or module:attribute for a policy of your own.
@@ -31,43 +33,46 @@ def evaluate(
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.
         first_episode: Index of the first episode; seeds follow from task and index alone.
-        workers: Processes that play side by side; the results do not depend on it.
-        videos: How many episodes of each task are filmed.
+        workers: Processes that play side by side; the results do not depend on it. With 0 this
+            process plays, for a debugger; it cannot stop a policy that hangs or outlive one that
+            crashes.
+        videos: How many episodes of each task have a video.
+        act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
+        episode_timeout: Seconds that an episode may take.
         retry_broken: Play the episodes again that broke off in an earlier call.
     """
     load_engine()
+    from duobench.cli.advice import for_evaluation
     from duobench.cli.progress import progress_display
-    from duobench.evaluation import policies
+    from duobench.cli.table import results_table
+    from duobench.evaluation.evaluate import evaluate as play
     from duobench.evaluation.folder import RunFolder
-    from duobench.evaluation.run import Run
-    from duobench.evaluation.runner import evaluate as play
-    from duobench.evaluation.suite import describe
-    from duobench.evaluation.table import results_table
-    from duobench.evaluation.versions import package_versions
-    from duobench.randomness import SUITE_VERSION
+    from duobench.evaluation.limits import TimeLimits
+    from duobench.evaluation.policies import check_name
+    from duobench.evaluation.suite import Suite, find_tasks
 
-    policies.check_name(policy)
-    run = Run(
-        policy=policy,
-        tasks=describe(tasks),
-        episodes=episodes,
-        first_episode=first_episode,
-        videos=videos,
-        suite_version=SUITE_VERSION,
-        versions=package_versions(),
-    )
+    check_name(policy)
+    suite = Suite(tasks=find_tasks(tasks), episodes=episodes, first_episode=first_episode)
+    limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
     folder = RunFolder(out)
     screen = console()
     try:
-        with raising(), progress_display(screen) as display:
+        with for_evaluation(folder), raising(), progress_display(screen) as display:
             results = play(
-                run, folder, workers=workers, observers=[display], retry_broken=retry_broken
+                policy,
+                suite,
+                folder,
+                videos=videos,
+                limits=limits,
+                workers=workers,
+                observers=[display],
+                retry_broken=retry_broken,
             )
     except KeyboardInterrupt:
         screen.print("What is finished is kept; the same command goes on from there.")
         raise
-    screen.print(results_table(results, run.episodes))
-    screen.print(f"Report: {folder.page}", soft_wrap=True)
+    screen.print(results_table(results, suite.episodes))
+    screen.print(f"Report: {out / folder.page.name}", soft_wrap=True)
     if results.overall.errors:
         screen.print(
             f"{counted(results.overall.errors, 'episode')} broke off, which counts as failed; "

@@ -10,24 +10,25 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells use it."""
+SIGNALLED = 128
+"""Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
 _STDOUT, _STDERR = 1, 2
 _SHOW_CURSOR = b"\x1b[?25h"
 """Live progress hides the cursor of a terminal."""
 
 
-def leave(_number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
+def leave(number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
     """End the process here and now; like after a kill, every file is whole or absent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if os.isatty(_STDOUT):
-        os.write(_STDOUT, _SHOW_CURSOR)
-    os.write(_STDERR, b"\nStopped.\n")
-    os._exit(INTERRUPTED)
+    with suppress(OSError):
+        if os.isatty(_STDOUT):
+            os.write(_STDOUT, _SHOW_CURSOR)
+        os.write(_STDERR, b"\nStopped.\n")
+    os._exit(SIGNALLED + number)
 
 
 def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
@@ -38,28 +39,30 @@ def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
 
 @contextmanager
 def leaving_at_once() -> Iterator[None]:
-    """Let Ctrl-C end the process as long as the block lasts."""
-    with _answered_by(leave):
+    """Let Ctrl-C, or a request to terminate, end the process as long as the block lasts."""
+    with _answered_by(leave, signal.SIGINT), _answered_by(leave, signal.SIGTERM):
         yield
 
 
 @contextmanager
 def raising() -> Iterator[None]:
     """Let Ctrl-C raise `KeyboardInterrupt` in the block, which has something to put away."""
-    with _answered_by(_raise):
+    with _answered_by(_raise, signal.SIGINT):
         yield
 
 
 @contextmanager
-def _answered_by(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Handle the signal, unless it is ignored, as in the background, or not ours to handle."""
-    before = signal.getsignal(signal.SIGINT)
+def _answered_by(
+    handler: Callable[[int, FrameType | None], object], number: signal.Signals
+) -> Iterator[None]:
+    """Handle a signal, unless it is ignored, as in the background, or not ours to handle."""
+    before = signal.getsignal(number)
     is_main = threading.current_thread() is threading.main_thread()
-    if not is_main or before not in (signal.default_int_handler, leave):
+    if not is_main or before not in (signal.default_int_handler, signal.SIG_DFL, leave):
         yield
         return
-    signal.signal(signal.SIGINT, handler)
+    signal.signal(number, handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(number, before)

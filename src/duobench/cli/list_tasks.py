@@ -22,10 +22,10 @@ def list_tasks(stages: bool = False) -> None:
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("Task", no_wrap=True, style="bold")
-    table.add_column("Category", no_wrap=True)
-    table.add_column("Stages", justify="right")
-    table.add_column("Horizon", justify="right")
-    table.add_column("Instruction")
+    table.add_column("Category", overflow="fold")
+    table.add_column("Stages", justify="right", no_wrap=True)
+    table.add_column("Horizon", justify="right", no_wrap=True)
+    table.add_column("Instruction", overflow="fold")
     for name in catalog.names():
         task = catalog.get(name)
         told = [re.sub(r"{(\w+)}", r"<\1>", task.instruction)]

@@ -18,9 +18,9 @@ from rich.progress import (
 )
 
 from duobench.cli.console import counted
+from duobench.evaluation.evaluate import Observer
 from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.run import Run
-from duobench.evaluation.runner import Observer
+from duobench.evaluation.suite import Run
 
 PLAIN_LINES = 10
 """About how many lines of progress a run prints where nothing can be drawn over."""
@@ -37,9 +37,9 @@ class LiveProgress:
 
     def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
         """Draw the bars, with what was finished earlier."""
-        for task in run.tasks:
+        for task in run.suite.tasks:
             self._bars[task.id] = self._progress.add_task(
-                task.id, total=run.episodes, successes=0, start=False
+                task.id, total=run.suite.episodes, successes=0, start=False
             )
         for record in finished:
             self.on_record(record)
@@ -62,12 +62,12 @@ class PlainProgress:
 
     def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
         """Say what is going to be done."""
-        self._total = run.episodes * len(run.tasks)
+        self._total = run.suite.size
         self._done = len(finished)
         self._successes = sum(record.success for record in finished)
         going_on = f", {self._done} already finished" if finished else ""
         self._console.print(
-            f"Policy {run.policy}: {counted(len(run.tasks), 'task')}, "
+            f"Policy {run.policy}: {counted(len(run.suite.tasks), 'task')}, "
             f"{counted(self._total, 'episode')}{going_on}",
             soft_wrap=True,
         )
@@ -77,9 +77,9 @@ class PlainProgress:
         self._done += 1
         self._successes += record.success
         if record.error:
-            reason = record.error.strip().splitlines()[-1]
             self._console.print(
-                f"{record.task}, episode {record.episode} broke off: {reason}", soft_wrap=True
+                f"{record.task}, episode {record.episode} broke off: {record.reason}",
+                soft_wrap=True,
             )
         tenths, before = (PLAIN_LINES * n // self._total for n in (self._done, self._done - 1))
         if tenths != before:

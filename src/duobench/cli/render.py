@@ -30,18 +30,19 @@ def render(
     load_engine()
     from PIL import Image
 
+    from duobench.envs.config import checked_seed
     from duobench.envs.duo_env import DuoEnv
     from duobench.envs.wrappers import RandomizedReset
-    from duobench.errors import OptionError
-    from duobench.evaluation.files import make_folder
+    from duobench.evaluation.suite import find_tasks
+    from duobench.files import make_folder, writing
     from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog
 
-    if seed < 0:
-        raise OptionError(f"A seed is a whole number from 0 on, got {seed}.")
+    checked_seed(seed)
+    (info,) = find_tasks([task])
     height, width = size
-    base = DuoEnv(catalog.get(task))
+    base = DuoEnv(catalog.get(info.reference))
     make_folder(out)
     RandomizedReset(base).reset(seed=seed)
     simulation = base.simulation
@@ -51,6 +52,7 @@ def render(
             pictures |= renderer.render_all(simulation.data, cameras)
     screen = console()
     for camera, picture in pictures.items():
-        path = out / f"{base.task}-{seed}-{camera}.png"
-        Image.fromarray(picture).save(path)
+        path = out / f"{info.id}-{seed}-{camera}.png"
+        with writing(path):
+            Image.fromarray(picture).save(path)
         screen.print(str(path), soft_wrap=True)

@@ -17,12 +17,14 @@ def report(folder: tyro.conf.Positional[Path]) -> None:
         folder: What was given to --out of duobench eval; the run need not be finished.
     """
     load_engine()
+    from duobench.cli.table import results_table
     from duobench.evaluation.folder import RunFolder
-    from duobench.evaluation.report import write_report
-    from duobench.evaluation.table import results_table
+    from duobench.evaluation.report import read_results, write_report
 
     run_folder = RunFolder(folder)
-    results = write_report(run_folder)
+    run, results = read_results(run_folder)
     screen = console()
-    screen.print(results_table(results, run_folder.read_run().episodes))
-    screen.print(f"Report: {run_folder.page}", soft_wrap=True)
+    # First, so that the table of a folder can be had by who may only read it.
+    screen.print(results_table(results, run.suite.episodes))
+    write_report(run_folder)
+    screen.print(f"Report: {folder / run_folder.page.name}", soft_wrap=True)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.envs import spaces
+from duobench.envs.config import RENDER_SIZE, EnvConfig, checked_reset_options, checked_seed
 from duobench.errors import DuoBenchError, LayoutError, SimulationError
 from duobench.scene.cameras import OVERVIEW
 from duobench.sim import placement
@@ -28,8 +29,6 @@ Info = dict[str, Any]
 Transition = tuple[Observation, SupportsFloat, bool, bool, Info]
 """Observation, reward, terminated, truncated, info."""
 
-RENDER_SIZE = (480, 640)
-"""Height and width of the picture that `render` draws, in pixels."""
 ROUNDING = 1e-6
 """A target that is changed by less than this was rounded to float32, not clipped."""
 DEFAULT_SEED = 0
@@ -73,6 +72,8 @@ class DuoEnv(gym.Env[Observation, Any]):
         """
         self.definition = task
         """The task as data."""
+        self.config: EnvConfig | None = None
+        """What was chosen about the environment; None where wrappers were put together by hand."""
         self.simulation = Simulation(task.props, task.overview)
         """The physics; privileged state is read here."""
         self.render_mode = render_mode
@@ -144,10 +145,12 @@ class DuoEnv(gym.Env[Observation, Any]):
 
         Raises:
             LayoutError: The layout is incomplete, overlapping or out of reach.
+            OptionError: The seed is no whole number from 0 on, or the options are no dict.
         """
-        super().reset(seed=None if seed is None else int(seed))  # NumPy's integers too
+        options = checked_reset_options(options)
+        super().reset(seed=checked_seed(seed))
         self._running = False
-        plain = self._asked_for(options or {})
+        plain = self._asked_for(options)
         layout = Layout.from_json(plain)
         instruction = self._instruct(layout)
         simulation = self.simulation

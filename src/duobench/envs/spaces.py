@@ -15,12 +15,15 @@ from numpy.typing import ArrayLike
 
 from duobench.errors import ActionError
 from duobench.scene.fr3 import VELOCITY_LIMITS
-from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array
+from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, real_array
 
 JOINT_MARGIN = 0.5
 """How far a measured joint may be outside its range, in radians; the engine's limits are soft."""
 WORKSPACE = 1.5
-"""No tool gets further from the table frame's origin along any axis, in metres."""
+"""Largest coordinate of a tool position in an action, in metres."""
+REACH = 1.9
+"""No tool gets further from the table frame's origin along any axis, in metres: the links from the
+base to the tool centre point are 1.47 m long together, and the bases are 0.34 m high."""
 MAX_SHIFT = 0.1
 """Largest relative translation in one control step, in metres: 3 m/s, the arm's limit."""
 MAX_TURN = 0.2
@@ -48,8 +51,9 @@ def box(low: ArrayLike, high: ArrayLike) -> gym.spaces.Box:
     """A float32 box that lies inside float64 bounds: rounding never leaves the range."""
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     low32, high32 = low.astype(np.float32), high.astype(np.float32)
-    low32 = np.where(low32 < low, np.nextafter(low32, np.float32(np.inf)), low32)
-    high32 = np.where(high32 > high, np.nextafter(high32, np.float32(-np.inf)), high32)
+    with np.errstate(under="ignore"):  # next to 0 is a number that underflows
+        low32 = np.where(low32 < low, np.nextafter(low32, np.float32(np.inf)), low32)
+        high32 = np.where(high32 > high, np.nextafter(high32, np.float32(-np.inf)), high32)
     return gym.spaces.Box(low32, high32, dtype=np.float32)
 
 
@@ -88,7 +92,7 @@ def observations(low: Array, high: Array) -> gym.spaces.Dict:
         `tool_pose` (14,), both tool centre points in the table frame, x y z qx qy qz qw each.
     """
     margin = np.tile([*[JOINT_MARGIN] * ARM_JOINTS, 0.0], len(SIDES))
-    pose = np.tile([*[WORKSPACE] * 3, *[1.0] * 4], len(SIDES))
+    pose = np.tile([*[REACH] * 3, *[1.0] * 4], len(SIDES))
     return gym.spaces.Dict(
         agent_pos=gym.spaces.Box(
             (low - margin).astype(np.float32), (high + margin).astype(np.float32), dtype=np.float32
@@ -112,7 +116,7 @@ def numbers(action: Any, shape: tuple[int, ...], labels: Sequence[str] = ()) -> 
         ActionError: It is not an array of numbers, or has another shape.
     """
     try:
-        array = np.asarray(action, dtype=np.float64)
+        array = real_array(action, np.float64)
     except (TypeError, ValueError) as error:
         raise ActionError(
             f"An action is an array of numbers of shape {shape}, got {action!r}."

@@ -10,12 +10,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from duobench.errors import EvaluationError
-from duobench.evaluation.files import TEMPORARY_SUFFIX, make_folder, remove_temporary, write_text
-from duobench.evaluation.records import EpisodeRecord, read_record
-from duobench.evaluation.run import Run
+from duobench.errors import EvaluationError, OtherRunError, OutputError
+from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.evaluation.suite import RUN_SCHEMA, Run, TaskInfo
+from duobench.files import (
+    TEMPORARY_SUFFIX,
+    make_folder,
+    read,
+    remove_temporary,
+    write,
+    writing,
+)
 
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
 """What file systems without locks answer; a run there goes on unprotected."""
@@ -28,7 +34,11 @@ class RunFolder:
     """Names in the folder of a run."""
 
     path: Path
-    """The folder."""
+    """The folder, absolute: a policy may change the working folder."""
+
+    def __post_init__(self) -> None:
+        """Find the folder now."""
+        object.__setattr__(self, "path", self.path.absolute())
 
     @property
     def description(self) -> Path:
@@ -56,37 +66,35 @@ class RunFolder:
 
     def record(self, task_id: str, episode: int) -> Path:
         """Record of an episode."""
-        return self.path / "records" / _file_name(task_id) / f"{episode:05d}.json"
+        return self.path / "records" / task_id / f"{episode:05d}.json"
 
     def video(self, task_id: str, episode: int) -> Path:
-        """Video of an episode, if it was filmed."""
-        return self.path / "videos" / _file_name(task_id) / f"{episode:05d}{VIDEO_SUFFIX}"
+        """Video of an episode, if it has one."""
+        return self.path / "videos" / task_id / f"{episode:05d}{VIDEO_SUFFIX}"
 
     def begin(self, run: Run) -> None:
         """Begin a run in this folder, or continue the one that is there.
 
-        A run that has not finished a single episode holds nothing to keep, so that a command
-        that was wrong in its policy or tasks can be corrected: its description is replaced.
+        A run may grow: with more episodes than before, those that are there stay. A run that has
+        not finished a single episode holds nothing to keep, so that whatever was wrong with it can
+        be corrected: its description is replaced.
 
         Raises:
-            EvaluationError: If the folder holds another run, or files that belong to none.
+            OtherRunError: If the folder holds another run, or files that belong to none.
         """
         if self.description.exists():
-            differences = run.differences(self.read_run())
-            if differences and not any(self.path.glob("records/*/*.json")):
-                write_text(self.description, run.to_json())
-            elif differences:
-                raise EvaluationError(
-                    f"{self.path} holds another evaluation. Asked for is {'; '.join(differences)}. "
-                    "Give --out another folder, or delete this one; its own command is: "
-                    f"{self.read_run().command}"
+            before = self.read_run()
+            differences = run.differences(before)
+            if differences and any(self.path.glob("records/*/*.json")):
+                raise OtherRunError(
+                    f"{self.path} holds another evaluation; this one has {'; '.join(differences)}."
                 )
+            if run != before:
+                write(self.description, run.to_json())
         elif self.path.exists() and not all(map(self._is_unfinished, self.path.iterdir())):
-            raise EvaluationError(
-                f"{self.path} is not empty and holds no evaluation. Give --out another folder."
-            )
+            raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
         else:
-            write_text(self.description, run.to_json())
+            write(self.description, run.to_json())
         remove_temporary(self.path)
 
     def _is_unfinished(self, path: Path) -> bool:
@@ -98,24 +106,30 @@ class RunFolder:
         """Keep a second evaluation out of the folder; a killed one leaves nothing locked.
 
         Raises:
-            EvaluationError: If the folder cannot be made, or another process is evaluating into it.
+            OutputError: If the folder cannot be made, or another process is evaluating into it.
         """
         make_folder(self.path)
-        handle = os.open(self.path, os.O_RDONLY)
+        handles = [os.open(self.path, os.O_RDONLY)]
+
+        def release() -> None:
+            while handles:
+                os.close(handles.pop())
+
+        # A child that a policy forks would keep the lock for as long as it lives.
+        os.register_at_fork(after_in_child=release)
         try:
-            self._lock(handle)
+            self._lock(handles[0])
             yield
         finally:
-            os.close(handle)
+            release()
 
     def _lock(self, handle: int) -> None:
         """Lock the open folder; the operating system drops the lock with the process."""
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise EvaluationError(
-                f"Another process is evaluating into {self.path}. Wait for it, or give --out "
-                "another folder."
+            raise OutputError(
+                f"Another process is evaluating into {self.path}. Wait for its end."
             ) from error
         except OSError as error:
             if error.errno not in _NO_LOCKS:
@@ -127,17 +141,11 @@ class RunFolder:
         Raises:
             EvaluationError: If there is none, or it cannot be read.
         """
-        try:
-            text = self.description.read_text(encoding="utf-8")
-        except OSError as error:
+        if not self.description.exists():
             raise EvaluationError(
-                f"{self.path} holds no evaluation: {self.description.name} is missing. "
-                "Make one with: duobench eval --out DIR"
-            ) from error
-        try:
-            return Run.from_json(text)
-        except EvaluationError as error:
-            raise EvaluationError(f"Cannot read {self.description}: {error}") from error
+                f"{self.path} holds no evaluation: {self.description.name} is missing."
+            )
+        return read(self.description, Run, RUN_SCHEMA)
 
     def read_records(self, run: Run) -> list[EpisodeRecord]:
         """The records of the episodes that are finished, in the order of the run.
@@ -146,38 +154,69 @@ class RunFolder:
             EvaluationError: If a record cannot be read, or is of another episode or run.
         """
         found = []
-        for task in run.tasks:
-            for episode in run.episode_indices:
-                path = self.record(task.id, episode)
-                if path.exists():
-                    record = read_record(path)
-                    expected = (task.id, episode, run.policy, run.suite_version, task.max_stage)
-                    given = (
-                        record.task,
-                        record.episode,
-                        record.policy,
-                        record.suite_version,
-                        record.max_stage,
-                    )
-                    if given != expected:
-                        raise EvaluationError(
-                            f"{path} does not belong to this run: it is of {given}, expected was "
-                            f"{expected} (task, episode, policy, suite version, last stage)."
-                        )
-                    found.append(record)
+        for task in run.suite.tasks:
+            paths = sorted(self.record(task.id, 0).parent.glob("*.json"))
+            indices = {
+                self.record(task.id, int(p.stem)): int(p.stem) for p in paths if _is_index(p)
+            }
+            for path, index in indices.items():
+                if index in run.suite.indices:
+                    found.append(self._read_record(path, run, task, index))
         return found
 
-    def discard(self, task_id: str, episode: int) -> None:
-        """Remove record and video of an episode, which makes it one that is still to be played."""
-        for path in (self.video(task_id, episode), self.record(task_id, episode)):
-            path.unlink(missing_ok=True)
+    def _read_record(self, path: Path, run: Run, task: TaskInfo, index: int) -> EpisodeRecord:
+        """One record, of this episode of this run."""
+        try:
+            record = read(path, EpisodeRecord, RECORD_SCHEMA)
+        except EvaluationError as error:
+            raise EvaluationError(
+                f"{error} Delete the file and run the evaluation again: it plays only the missing "
+                "episodes."
+            ) from error
+        expected = {
+            "task": task.id,
+            "episode": index,
+            "policy": run.policy,
+            "policy_version": run.metadata.version,
+            "config": run.config,
+            "suite_version": run.suite.version,
+            "max_stage": task.max_stage,
+        }
+        for name, value in expected.items():
+            if getattr(record, name) != value:
+                raise EvaluationError(
+                    f"{path} does not belong to this run: its {name} is {getattr(record, name)}, "
+                    f"expected was {value}."
+                )
+        return record
 
-    def note_timing(self, note: dict[str, Any]) -> None:
+    def write(self, record: EpisodeRecord, video: bytes | None) -> None:
+        """Write what an episode has left: its video first, so that a record means all of it.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        if video is not None:
+            write(self.video(record.task, record.episode), video)
+        write(self.record(record.task, record.episode), record.to_json())
+
+    def discard(self, record: EpisodeRecord) -> None:
+        """Remove record and video of an episode, which makes it one that is still to be played."""
+        for path in (
+            self.video(record.task, record.episode),
+            self.record(record.task, record.episode),
+        ):
+            with writing(path):
+                path.unlink(missing_ok=True)
+
+    def note_timing(self, record: EpisodeRecord, seconds: float | None) -> None:
         """Append one line to the timing notes."""
-        with self.timing.open("a", encoding="utf-8") as file:
+        note = {"task": record.task, "episode": record.episode, "steps": record.steps}
+        note["seconds"] = seconds and round(seconds, 3)
+        with writing(self.timing), self.timing.open("a", encoding="utf-8") as file:
             file.write(json.dumps(note) + "\n")
 
 
-def _file_name(task_id: str) -> str:
-    """A task's id as a folder name; ids are identifiers, so that only a stranger's may change."""
-    return "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in task_id)
+def _is_index(path: Path) -> bool:
+    """Whether a file is named as a record is."""
+    return path.stem.isascii() and path.stem.isdigit()

@@ -5,8 +5,8 @@ Experts and other policies never import each other; they meet here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike
 
 from duobench import policy
 from duobench.envs.duo_env import base_of
-from duobench.errors import UnknownNameError
-from duobench.experts.registry import make_expert
+from duobench.errors import PolicyError, UnknownNameError
+from duobench.evaluation.suite import TaskInfo
+from duobench.experts.registry import find_script, make_expert
 from duobench.policy import BASELINES, Policy, PolicyMetadata
+from duobench.policy.registry import source_version
 
 EXPERT = "expert"
 """The name under which each task's scripted expert is a policy."""
@@ -27,9 +29,11 @@ class PolicySource:
     """A policy that may still have to be bound to an environment."""
 
     metadata: PolicyMetadata
-    """What it expects; the environment is made to fit."""
+    """What it expects, and its version; the environment is made to fit."""
     bind: Callable[[gym.Env], Policy]
     """The policy for an environment."""
+    close: Callable[[], None]
+    """Frees what the policy holds."""
 
 
 class ExpertPolicy:
@@ -60,27 +64,39 @@ class ExpertPolicy:
 
 
 def check_name(name: str) -> None:
-    """Refuse a name that can be no policy, without making one.
+    """Reject a name that cannot be a policy's, without making one.
 
     Raises:
         UnknownNameError: If there is none of that name.
+        PolicyError: If the name is no text that can be written down.
     """
+    if not name.isprintable():
+        raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
     if ":" not in name and name != EXPERT and name not in BASELINES:
         raise UnknownNameError("policy", name, [EXPERT, *BASELINES, "module:attribute"])
 
 
-def source(name: str) -> PolicySource:
+def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
     """Look a policy up.
 
     Args:
         name: `expert`, a baseline's name, or `module:attribute`.
+        tasks: What it will play; an expert's version is that of the scripts of these tasks.
 
     Raises:
         UnknownNameError: If there is none of that name.
-        PolicyError: If the module or its attribute is missing, or gives something else.
+        PolicyError: If the module or its attribute is missing, or gives something else; if a task
+            has no expert.
     """
-    if name == EXPERT:
-        return PolicySource(metadata=ExpertPolicy.metadata, bind=ExpertPolicy)
     check_name(name)
+    if name == EXPERT:
+        scripts = [find_script(task.id, task.reference).__module__ for task in tasks]
+        metadata = replace(ExpertPolicy.metadata, version=source_version(*scripts))
+        return PolicySource(metadata=metadata, bind=ExpertPolicy, close=lambda: None)
     made = policy.make(name)
-    return PolicySource(metadata=made.metadata, bind=lambda _env: made)
+    metadata = made.metadata
+    if metadata.version is None:
+        modules = [name.partition(":")[0]] if ":" in name else []
+        metadata = replace(metadata, version=source_version(*modules, type(made).__module__))
+    close = getattr(made, "close", lambda: None)
+    return PolicySource(metadata=metadata, bind=lambda _env: made, close=close)

@@ -6,16 +6,19 @@ same bytes however it was run: with another number of workers, in another order,
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
-from duobench.errors import EvaluationError
-from duobench.evaluation.files import write_text
+import gymnasium as gym
 
-RECORD_SCHEMA = 1
+from duobench.envs.config import EnvConfig
+from duobench.errors import EvaluationError, PolicyTimeoutError, printable, traceback_text
+from duobench.evaluation.rollout import Info, Observation, Step
+from duobench.evaluation.suite import Episode, Setup
+from duobench.files import decode, encode
+from duobench.randomness import SUITE_VERSION
+
+RECORD_SCHEMA = 2
 """Version of the record's fields; raised when one is added, removed or changes its meaning."""
 
 
@@ -33,6 +36,10 @@ class EpisodeRecord:
     """Seed of the reset; a pure function of (task, suite version, episode)."""
     policy: str
     """Name under which the policy was asked for."""
+    policy_version: str | None
+    """Version of the policy, None if nobody knows."""
+    config: EnvConfig
+    """Configuration of the environment."""
     instruction: str
     """What the policy was told to do; empty if the episode died before its reset."""
     success: bool
@@ -56,14 +63,14 @@ class EpisodeRecord:
     error: str | None
     """Traceback of what broke the episode; such an episode counts as failed."""
     layout: dict[str, Any]
-    """What the reset drew: poses and variants, as the task describes them."""
+    """What the reset sampled: poses and variants, as the task describes them."""
     fingerprint: str | None
     """SHA-256 of the full simulation state after the last step; None if the episode broke."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
 
     def __post_init__(self) -> None:
-        """Refuse a record that contradicts itself."""
+        """Reject a record that contradicts itself."""
         reached = [stage for _, stage in self.stage_changes]
         when = [step for step, _ in self.stage_changes]
         problems = {
@@ -72,11 +79,13 @@ class EpisodeRecord:
             "final_stage must be the last stage of stage_changes": self.final_stage
             != (reached[-1] if reached else 0),
             "final_stage must lie in 0..max_stage": not 0 <= self.final_stage <= self.max_stage,
+            "max_stage must be positive": self.max_stage < 1,
             "success must mean that the last stage was reached without an error": self.success
             != (self.final_stage == self.max_stage and self.error is None),
             "stages are reached within the executed steps": bool(when)
             and not 0 <= when[0] <= when[-1] <= self.steps,
             "no more steps than the horizon": self.steps > self.horizon,
+            "error must say something": self.error is not None and not self.error.strip(),
         }
         broken = [rule for rule, violated in problems.items() if violated]
         if broken:
@@ -89,66 +98,101 @@ class EpisodeRecord:
         """Highest stage over last stage, 0..1."""
         return self.final_stage / self.max_stage
 
+    @property
+    def reason(self) -> str:
+        """The last line of the error, which says what it was; empty without one."""
+        return (self.error or "").strip().rpartition("\n")[2]
+
     def stage_after(self, step: int) -> int:
         """Stage after that many control steps; the last one stays once the episode is over."""
         return max((stage for when, stage in self.stage_changes if when <= step), default=0)
 
     def to_json(self) -> str:
         """As JSON text, one field a line; the same record always gives the same text."""
-        document = {"schema": RECORD_SCHEMA, **asdict(self)}
-        lines = [
-            f'  "{key}": {json.dumps(value, ensure_ascii=False, allow_nan=False)}'
-            for key, value in document.items()
-        ]
-        return "{\n" + ",\n".join(lines) + "\n}\n"
+        return encode(self, RECORD_SCHEMA)
 
     @staticmethod
-    def from_json(text: str) -> EpisodeRecord:
+    def from_json(text: bytes) -> EpisodeRecord:
         """From the text that `to_json` gave.
 
         Raises:
-            EvaluationError: If it is no JSON, another schema, or a field is missing or unknown.
+            EvaluationError: If it is no JSON, another schema, or a field is missing, unknown or of
+                a wrong type.
         """
-        try:
-            document = json.loads(text)
-        except ValueError as error:
-            raise EvaluationError(f"No JSON: {error}.") from error
-        if not isinstance(document, dict):
-            raise EvaluationError(f"A record is a JSON object, not a {type(document).__name__}.")
-        schema = document.pop("schema", None)
-        if schema != RECORD_SCHEMA:
-            raise EvaluationError(f"Schema {schema!r}; this version reads {RECORD_SCHEMA}.")
-        _check_fields(document)
-        document["stage_changes"] = tuple(
-            (int(step), int(stage)) for step, stage in document["stage_changes"]
+        return decode(text, EpisodeRecord, RECORD_SCHEMA)
+
+
+class EpisodeRecorder:
+    """Watches an episode, and keeps what its record needs, whether or not it ends well."""
+
+    def __init__(self, episode: Episode) -> None:
+        """Begin with an episode of which nothing is known but its place in the suite."""
+        self._episode = episode
+        self._env: gym.Env | None = None
+        self._instruction = ""
+        self._layout: dict[str, Any] = {}
+        self._stage = 0
+        self._stage_changes: list[tuple[int, int]] = []
+        self._last: Step | None = None
+        self._fingerprint: str | None = None
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """Note what the reset sampled."""
+        self._env = env
+        self._instruction = printable(info["instruction"])
+        self._layout = dict(info["layout"])
+        self._note_stage(0, info["stage"])
+
+    def on_step(self, step: Step) -> None:
+        """Note a stage that was newly reached."""
+        self._last = step
+        self._note_stage(step.number, step.info["stage"])
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """Note the final state."""
+        if self._env is not None and error is None:
+            self._fingerprint = self._env.get_wrapper_attr("fingerprint")()
+
+    def _note_stage(self, number: int, stage: int) -> None:
+        if stage > self._stage:
+            self._stage = stage
+            self._stage_changes.append((number, stage))
+
+    def record(self, setup: Setup, error: BaseException | None = None) -> EpisodeRecord:
+        """The record of the episode.
+
+        Args:
+            setup: What played it.
+            error: What broke the episode.
+        """
+        task, last = self._episode.task, self._last
+        return EpisodeRecord(
+            suite_version=SUITE_VERSION,
+            task=task.id,
+            episode=self._episode.index,
+            seed=self._episode.seed,
+            policy=setup.policy,
+            policy_version=setup.metadata.version,
+            config=setup.config,
+            instruction=self._instruction,
+            success=self._stage == task.max_stage and error is None,
+            success_at_end=bool(last and last.info["success_at_end"]) and error is None,
+            final_stage=self._stage,
+            max_stage=task.max_stage,
+            stage_changes=tuple(self._stage_changes),
+            steps=last.number if last else 0,
+            horizon=task.horizon,
+            terminated=bool(last and last.terminated),
+            truncated=bool(last and last.truncated),
+            error=None if error is None else _error_text(error),
+            layout=self._layout,
+            fingerprint=self._fingerprint,
+            versions=setup.versions,
         )
-        return EpisodeRecord(**document)
 
 
-def _check_fields(document: Mapping[str, Any]) -> None:
-    """Compare the fields of a parsed record with those that there should be."""
-    expected = {field.name for field in fields(EpisodeRecord)}
-    if missing := sorted(expected - document.keys()):
-        raise EvaluationError(f"Missing fields: {', '.join(missing)}.")
-    if unknown := sorted(document.keys() - expected):
-        raise EvaluationError(f"Unknown fields: {', '.join(unknown)}.")
-
-
-def write_record(path: Path, record: EpisodeRecord) -> None:
-    """Write a record in one atomic step."""
-    write_text(path, record.to_json())
-
-
-def read_record(path: Path) -> EpisodeRecord:
-    """Read a record.
-
-    Raises:
-        EvaluationError: If the file holds none; the message says which file, and how to go on.
-    """
-    try:
-        return EpisodeRecord.from_json(path.read_text(encoding="utf-8"))
-    except (EvaluationError, UnicodeDecodeError, TypeError, ValueError) as error:
-        raise EvaluationError(
-            f"Cannot read the record {path}: {error} Delete the file and run the evaluation again: "
-            "it runs only the missing episodes."
-        ) from error
+def _error_text(error: BaseException) -> str:
+    """The traceback; of a late answer only what it is, since nobody knows where it was stuck."""
+    if isinstance(error, PolicyTimeoutError):
+        return f"{type(error).__name__}: {error}\n"
+    return traceback_text(error)

@@ -12,17 +12,35 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from duobench.evaluation import figures, table
-from duobench.evaluation.files import write_text
+from duobench.evaluation import figures
+from duobench.evaluation.figures import ink_on, stage_colours
 from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.metrics import Results, Score, TaskResult, results
-from duobench.evaluation.palette import ink_on, stage_colours
+from duobench.evaluation.metrics import (
+    Results,
+    Score,
+    TaskResult,
+    interval_percent,
+    percent,
+    progress_text,
+    results,
+)
 from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.run import Run, TaskInfo
+from duobench.evaluation.suite import Run, TaskInfo
+from duobench.files import write
 from duobench.types import CONTROL_HZ
 
 SUMMARY_SCHEMA = 1
 """Version of the summary's fields."""
+
+
+def read_results(folder: RunFolder) -> tuple[Run, Results]:
+    """What the records in the folder of a run add up to; nothing is written.
+
+    Raises:
+        EvaluationError: If the folder holds no run, or a record cannot be read.
+    """
+    run = folder.read_run()
+    return run, results(run.suite.tasks, folder.read_records(run))
 
 
 def write_report(folder: RunFolder) -> Results:
@@ -36,14 +54,14 @@ def write_report(folder: RunFolder) -> Results:
 
     Raises:
         EvaluationError: If the folder holds no run, or a record cannot be read.
+        OutputError: If nothing can be written into the folder.
     """
-    run = folder.read_run()
-    found = results(run.tasks, folder.read_records(run))
+    run, found = read_results(folder)
     drawn = {name: figures.draw(name, found) for name in figures.FIGURES}
     for name, svg in drawn.items():
-        write_text(folder.figure(name), svg)
-    write_text(folder.summary, summary_json(run, found))
-    write_text(folder.page, _page(folder, run, found, drawn))
+        write(folder.figure(name), svg)
+    write(folder.summary, summary_json(run, found))
+    write(folder.page, _page(folder, run, found, drawn))
     return found
 
 
@@ -52,10 +70,11 @@ def summary_json(run: Run, found: Results) -> str:
     document = {
         "schema": SUMMARY_SCHEMA,
         "policy": run.policy,
-        "suite_version": run.suite_version,
+        "policy_version": run.metadata.version,
+        "suite_version": run.suite.version,
         "versions": run.versions,
-        "first_episode": run.first_episode,
-        "expected_episodes": run.episodes * len(run.tasks),
+        "first_episode": run.suite.first_episode,
+        "expected_episodes": run.suite.size,
         "tasks": {
             one.task.id: {
                 **_score(one.score),
@@ -96,26 +115,27 @@ def _page(folder: RunFolder, run: Run, found: Results, drawn: dict[str, str]) ->
     def video(record: EpisodeRecord) -> str:
         return quote(folder.video(record.task, record.episode).relative_to(folder.path).as_posix())
 
-    def filmed(one: TaskResult) -> list[EpisodeRecord]:
+    def with_video(one: TaskResult) -> list[EpisodeRecord]:
         return [r for r in one.records if folder.video(r.task, r.episode).exists()]
 
     return environment.get_template("report.html.j2").render(
         run=run,
+        suite=run.suite,
         results=found,
-        expected=run.episodes * len(run.tasks),
+        expected=run.suite.size,
         versions=_set_ups(found),
         figures={name: Markup(figures.for_page(svg)) for name, svg in drawn.items()},
         control_rate_hz=CONTROL_HZ,
         colours=stage_colours,
         ink_on=ink_on,
-        percent=table.percent,
-        interval_percent=table.interval_percent,
-        progress_text=table.progress_text,
+        percent=percent,
+        interval_percent=interval_percent,
+        progress_text=progress_text,
         whisker=_whisker,
         task_link=_task_link,
         instructions=_instructions,
         broken=lambda one: [record for record in one.records if record.error],
-        filmed=filmed,
+        with_video=with_video,
         video=video,
     )
 

@@ -1,31 +1,115 @@
-"""From names to what is evaluated: the tasks of a run, and the seed of each episode."""
+"""A suite is what is played; a run is a suite played by a policy.
+
+The description of a run stands in its folder, and must match when the run is resumed.
+"""
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
-from duobench.evaluation.run import Run, TaskInfo
-from duobench.randomness import episode_seed
+from duobench.envs.config import EnvConfig
+from duobench.errors import DuoBenchError, EvaluationError, traceback_text
+from duobench.evaluation.limits import TimeLimits
+from duobench.files import decode, encode
+from duobench.policy import PolicyMetadata
+from duobench.randomness import SUITE_VERSION, episode_seed
 from duobench.tasks import catalog
+
+RUN_SCHEMA = 2
+"""Version of the description's fields."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Trial:
-    """One episode to run."""
+class TaskInfo:
+    """What records, tables and reports need to know about a task, without the task itself."""
+
+    reference: str
+    """Name under which the task was asked for: its id, or `module:ATTRIBUTE`."""
+    id: str
+    """Id of the task, which is also the name of a folder."""
+    title: str
+    """Name for people."""
+    category: str
+    """Coordination category."""
+    stages: tuple[str, ...]
+    """Names of the stages 1, 2, ..."""
+    horizon: int
+    """Control steps after which an episode is truncated."""
+
+    def __post_init__(self) -> None:
+        """Reject a task that cannot have records."""
+        if not re.fullmatch(r"\w[\w.-]*", self.id):
+            raise EvaluationError(
+                f"Task {self.reference!r} has the id {self.id!r}. An id names a folder: letters, "
+                "digits, '_', '-' and '.', beginning with a letter, a digit or '_'."
+            )
+        if not self.stages or self.horizon < 1:
+            raise EvaluationError(f"Task {self.id!r} needs a stage and a positive horizon.")
+
+    @property
+    def max_stage(self) -> int:
+        """Number of the last stage."""
+        return len(self.stages)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Episode:
+    """One episode to play."""
 
     task: TaskInfo
     """The task."""
-    episode: int
+    index: int
     """Index of the episode in the suite."""
+    has_video: bool = False
+    """Whether a video of it is made."""
 
     @property
     def seed(self) -> int:
         """Seed of the reset: a pure function of (task, suite version, episode)."""
-        return episode_seed(self.task.id, self.episode)
+        return episode_seed(self.task.id, self.index)
 
 
-def describe(references: Sequence[str]) -> tuple[TaskInfo, ...]:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Suite:
+    """What a policy is evaluated on."""
+
+    tasks: tuple[TaskInfo, ...]
+    """The tasks, in the order of the table."""
+    episodes: int = 20
+    """Episodes of each task."""
+    first_episode: int = 0
+    """Index of the first one."""
+    version: str = SUITE_VERSION
+    """Version of the benchmark's episodes."""
+
+    def __post_init__(self) -> None:
+        """Reject an empty or impossible suite."""
+        if self.episodes < 1 or self.first_episode < 0:
+            raise EvaluationError(
+                "A suite has at least one episode, counted from 0; got "
+                f"{self.episodes} from {self.first_episode}."
+            )
+        if not self.tasks:
+            raise EvaluationError("A suite has at least one task, got none.")
+        ids = [task.id for task in self.tasks]
+        if twice := sorted({task_id for task_id in ids if ids.count(task_id) > 1}):
+            raise EvaluationError(f"Named more than once: {', '.join(twice)}. Name each task once.")
+
+    @property
+    def indices(self) -> range:
+        """Indices of the episodes of every task."""
+        return range(self.first_episode, self.first_episode + self.episodes)
+
+    @property
+    def size(self) -> int:
+        """Episodes of all tasks."""
+        return self.episodes * len(self.tasks)
+
+
+def find_tasks(references: Sequence[str]) -> tuple[TaskInfo, ...]:
     """Look tasks up.
 
     Args:
@@ -36,25 +120,133 @@ def describe(references: Sequence[str]) -> tuple[TaskInfo, ...]:
 
     Raises:
         UnknownNameError: If a task does not exist.
+        EvaluationError: If its module cannot be imported, or the task can have no records.
     """
-    infos = []
-    for reference in references or catalog.names():
+    return tuple(_described(reference) for reference in references or catalog.names())
+
+
+def _described(reference: str) -> TaskInfo:
+    try:
         task = catalog.get(reference)
-        infos.append(
-            TaskInfo(
-                reference=reference,
-                id=task.id,
-                title=task.title,
-                category=str(task.category),
-                stages=tuple(stage.name for stage in task.stages),
-                horizon=task.horizon,
+    except (DuoBenchError, KeyboardInterrupt):
+        raise
+    except BaseException as error:
+        raise EvaluationError(
+            f"The module of task {reference!r} cannot be imported.\n{traceback_text(error)}"
+        ) from error
+    return TaskInfo(
+        reference=reference,
+        id=task.id,
+        title=task.title,
+        category=str(task.category),
+        stages=tuple(stage.name for stage in task.stages),
+        horizon=task.horizon,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Setup:
+    """What plays: a policy, its environments, and the software under them."""
+
+    policy: str
+    """Name under which the policy was asked for."""
+    metadata: PolicyMetadata
+    """What the policy says about itself, with its version."""
+    config: EnvConfig
+    """Configuration of the environments that it acts in."""
+    versions: dict[str, str | None]
+    """What `record_versions` gave."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Run:
+    """Everything that decides what a run's records say. The number of workers is not part of it."""
+
+    policy: str
+    """Name of the policy."""
+    suite: Suite
+    """What is played."""
+    videos: int
+    """How many episodes of each task, from the first on, have a video."""
+    limits: TimeLimits
+    """How long the policy may take."""
+    metadata: PolicyMetadata
+    """What the policy says about itself, with its version."""
+    config: EnvConfig
+    """Configuration of the environments."""
+    versions: dict[str, str]
+    """Versions of the packages that scores depend on."""
+
+    def __post_init__(self) -> None:
+        """Reject an impossible number of videos."""
+        if self.videos < 0:
+            raise EvaluationError(f"A number of videos is not negative, got {self.videos}.")
+
+    def episodes(self) -> list[Episode]:
+        """Every episode of every task, task by task."""
+        return [
+            Episode(task=task, index=index, has_video=nth < self.videos)
+            for task in self.suite.tasks
+            for nth, index in enumerate(self.suite.indices)
+        ]
+
+    @property
+    def command(self) -> str:
+        """The command line that makes this run again, into a folder DIR."""
+        suite, limits = self.suite, self.limits
+        words = ["duobench", "eval", "--policy", self.policy]
+        words += ["--tasks", *(task.reference for task in suite.tasks)]
+        words += ["--episodes", str(suite.episodes), "--first-episode", str(suite.first_episode)]
+        words += ["--videos", str(self.videos)]
+        if limits != TimeLimits():
+            words += ["--act-timeout", f"{limits.act_s:g}"]
+            words += ["--episode-timeout", f"{limits.episode_s:g}"]
+        return shlex.join([*words, "--out", "DIR"])
+
+    def to_json(self) -> str:
+        """As JSON text with a final line feed."""
+        return encode(self, RUN_SCHEMA)
+
+    @staticmethod
+    def from_json(text: bytes) -> Run:
+        """From the text that `to_json` gave.
+
+        Raises:
+            EvaluationError: If it is no JSON or describes no run of this version; the message
+                names the field.
+        """
+        return decode(text, Run, RUN_SCHEMA)
+
+    def differences(self, other: Run) -> list[str]:
+        """What another run has differently, field by field; its number of episodes may be lower."""
+        ours, theirs = self._facts(), other._facts()
+        found = [
+            f"{name} {ours.get(name)} instead of {theirs.get(name)}"
+            for name in ours | theirs
+            if ours.get(name) != theirs.get(name)
+        ]
+        if self.suite.episodes < other.suite.episodes:
+            found.append(
+                f"episodes {self.suite.episodes} instead of {other.suite.episodes} or more"
             )
-        )
-    return tuple(infos)
+        return found
+
+    def _facts(self) -> dict[str, object]:
+        """Everything but the number of episodes, by its name in words."""
+        suite = self.suite
+        return {
+            "policy": self.policy,
+            "tasks": " ".join(task.id for task in suite.tasks),
+            **{f"task {task.id}": task for task in suite.tasks},
+            "first episode": suite.first_episode,
+            "suite version": suite.version,
+            "videos": self.videos,
+            **_fields("time limit", self.limits),
+            **_fields("policy's", self.metadata),
+            **_fields("environment's", self.config),
+            **{f"version of {name}": value for name, value in self.versions.items()},
+        }
 
 
-def trials(run: Run) -> list[Trial]:
-    """Every episode of every task of a run, task by task."""
-    return [
-        Trial(task=task, episode=episode) for task in run.tasks for episode in run.episode_indices
-    ]
+def _fields(what: str, value: TimeLimits | PolicyMetadata | EnvConfig) -> dict[str, object]:
+    return {f"{what} {field.name}": getattr(value, field.name) for field in fields(value)}

@@ -1,4 +1,4 @@
-"""Versions of what a score depends on."""
+"""Versions of what a score depends on; importing this loads nothing of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def record_versions(renderer: str | None) -> dict[str, str | None]:
     """Everything that a record notes about where it was made.
 
     Args:
-        renderer: What drew the policy's images; None for a policy that sees none.
+        renderer: What renders the policy's images; None for a policy that sees none.
     """
     return {
         **package_versions(),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import operator
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import PolicyError
-from duobench.types import CONTROL_HZ, FLAT_SIZE
+from duobench.types import CONTROL_HZ, FLAT_SIZE, real_array
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -27,20 +28,40 @@ class PolicyMetadata:
     """The environment's action mode that the actions are meant for."""
     control_rate_hz: float = CONTROL_HZ
     """Actions a second that the policy was made for."""
+    version: str | None = None
+    """What changes when the policy does, such as the hash of its checkpoint; a run goes on only
+    with the version it began with. An evaluation takes the hash of the module's source for None."""
 
     def __post_init__(self) -> None:
-        """Refuse values that no environment could meet."""
-        if self.control_rate_hz <= 0:
+        """Reject values that no environment could meet; NumPy's whole numbers become Python's."""
+        if isinstance(self.cameras, str):
+            object.__setattr__(self, "cameras", (self.cameras,))
+        object.__setattr__(self, "cameras", tuple(self.cameras))
+        if not self.control_rate_hz > 0:
             raise PolicyError(f"A control rate is positive, got {self.control_rate_hz} Hz.")
-        if self.image_size is not None and (
-            len(self.image_size) != 2 or min(self.image_size) < 1  # noqa: PLR2004 - an image's axes
-        ):
-            raise PolicyError(f"An image size is (height, width) in pixels, got {self.image_size}.")
+        if self.image_size is not None:
+            object.__setattr__(self, "image_size", _checked_size(self.image_size))
+        if self.version is not None and not isinstance(self.version, str):
+            raise PolicyError(f"The version of a policy is text, got {self.version!r}.")
+
+
+def _checked_size(size: Iterable[Any]) -> tuple[int, int]:
+    try:
+        height, width = map(operator.index, size)
+    except (TypeError, ValueError):
+        height = width = 0
+    if height < 1 or width < 1:
+        raise PolicyError(f"An image size is (height, width) in pixels, got {size}.")
+    return height, width
 
 
 @runtime_checkable
 class Policy(Protocol):
-    """Anything that turns observations into chunks of actions."""
+    """Anything that turns observations into chunks of actions.
+
+    A policy that holds something, such as a connection or helper processes, may also have a method
+    `close()`, which an evaluation calls at its end.
+    """
 
     @property
     def metadata(self) -> PolicyMetadata:
@@ -86,7 +107,7 @@ def as_chunk(actions: ArrayLike, width: int = FLAT_SIZE) -> NDArray[np.float32]:
     """
     try:
         with np.errstate(over="ignore"):  # too large is infinite, which is refused below
-            chunk = np.asarray(actions, dtype=np.float32)
+            chunk = real_array(actions, np.float32)
     except (TypeError, ValueError) as error:
         raise PolicyError(f"A policy returns an array of numbers, got {actions!r}.") from error
     if chunk.ndim != 2 or chunk.shape[0] < 1 or chunk.shape[1] != width:  # noqa: PLR2004 - (H, n)

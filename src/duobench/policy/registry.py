@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
-import traceback
+import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import MappingProxyType
 
-from duobench.errors import PolicyError, UnknownNameError
+from duobench.errors import PolicyError, UnknownNameError, traceback_text
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.protocol import Policy, PolicyMetadata
 
@@ -45,19 +47,37 @@ def make(name: str) -> Policy:
     return policy
 
 
+def source_version(*modules: str) -> str | None:
+    """A version made of the source files of modules; None if one of them has no file.
+
+    Args:
+        modules: Names of imported modules, in any order.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(set(modules)):
+        file = getattr(sys.modules.get(name), "__file__", None)
+        try:
+            digest.update(Path(file or "").read_bytes())
+        except OSError:
+            return None
+    return f"source {digest.hexdigest()[:16]}"
+
+
 def _made(name: str) -> object:
     """What `module:attribute` gives when it is called."""
     factory = _factory(name)
     try:
         return factory()
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise PolicyError(f"Policy {name!r} cannot be made.\n{_traceback(error)}") from error
 
 
 def _traceback(error: BaseException) -> str:
     """The traceback of somebody else's code: without the line of ours that called it."""
     error.__traceback__ = error.__traceback__ and error.__traceback__.tb_next
-    return "".join(traceback.format_exception(error)).strip()
+    return traceback_text(error).strip()
 
 
 def _factory(name: str) -> Callable[[], object]:
@@ -74,7 +94,9 @@ def _factory(name: str) -> Callable[[], object]:
             f"Policy {name!r}: no module named {error.name!r}. Install it, or put its folder on "
             "PYTHONPATH."
         ) from error
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise PolicyError(
             f"Policy {name!r}: module {module_name!r} cannot be imported.\n{_traceback(error)}"
         ) from error

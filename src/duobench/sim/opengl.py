@@ -261,12 +261,23 @@ _PROBE_MODEL = """
 """
 
 
+_openers: list[int] = []
+"""Number of the process that first made a context here; a forked child inherits it."""
+
+
 def open_context(backend: str, height: int, width: int) -> Any:
     """Make an OpenGL context and make it current on the calling thread.
 
     Raises:
         RenderingError: The backend is not known or does not work here.
     """
+    if _openers[:1] not in ([], [os.getpid()]):
+        # Drivers hang in such a process, while they hold the interpreter.
+        raise RenderingError(
+            "This process was forked from one that had already rendered, which graphics drivers do "
+            "not survive. Start processes with the method 'spawn', such as "
+            'AsyncVectorEnv(..., context="spawn").'
+        )
     module = BACKENDS.get(backend)
     if module is None:
         raise RenderingError(
@@ -277,6 +288,7 @@ def open_context(backend: str, height: int, width: int) -> Any:
         with _OPENING:
             # This binds PyOpenGL to a library: nothing of PyOpenGL may be imported before.
             library = import_module(module)
+            _openers.append(os.getpid())
             context = library.GLContext(width, height)
             context.make_current()
             if backend == "glfw":

@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import UnknownNameError
@@ -16,15 +17,14 @@ from duobench.sim.rendering import Renderer
 
 PIXELS = "pixels"
 """Key of the pictures in an observation."""
-IMAGE_SIZE = (224, 224)
-"""Default height and width in pixels."""
 
 
 class Cameras(DuoWrapper):
     """Adds `pixels` to the observation: one picture (height, width, 3), uint8, for each camera.
 
-    It belongs outside everything else: one picture of each camera is drawn for each step and each
-    reset, nothing before the first reset.
+    It belongs outside action chunks: one picture of each camera is drawn for each step and each
+    reset, nothing before the first reset. `set_rendering` leaves pictures out that nobody looks
+    at; `env.get_wrapper_attr` finds it through any wrappers.
     """
 
     def __init__(
@@ -50,6 +50,7 @@ class Cameras(DuoWrapper):
             if name not in POLICY_CAMERAS:
                 raise UnknownNameError("camera", name, POLICY_CAMERAS)
         self._cameras = tuple(cameras)
+        self._is_rendering = True
         height, width = image_size
         self._renderer = Renderer(self.base.simulation.model, height=height, width=width)
         inner = env.observation_space
@@ -62,6 +63,10 @@ class Cameras(DuoWrapper):
         self.observation_space = gym.spaces.Dict(
             {**inner.spaces, PIXELS: gym.spaces.Dict({name: picture() for name in cameras})}
         )
+
+    def set_rendering(self, is_on: bool) -> None:
+        """Switch pictures on or off; while they are off, an observation has no `pixels`."""
+        self._is_rendering = is_on
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -76,6 +81,8 @@ class Cameras(DuoWrapper):
         return self._seen(observation), float(reward), terminated, truncated, info
 
     def _seen(self, observation: Observation) -> Observation:
+        if not self._is_rendering:
+            return observation
         data = self.base.simulation.data
         return {**observation, PIXELS: self._renderer.render_all(data, self._cameras)}
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 
+from duobench.envs.config import checked_reset_options, checked_seed
 from duobench.envs.duo_env import Info, Observation
 from duobench.envs.wrappers.base import DuoWrapper
 
@@ -35,11 +36,12 @@ class RandomizedReset(DuoWrapper):
 
         Raises:
             LayoutError: No valid layout was found, or the given one is none.
+            OptionError: The seed is no whole number from 0 on, or the options are no dict.
         """
-        options = dict(options or {})
+        options, seed = checked_reset_options(options), checked_seed(seed)
         used = None
         if options.get("layout") is None:
-            used = int(self.np_random.integers(SEEDS)) if seed is None else int(seed)
+            used = int(self.np_random.integers(SEEDS)) if seed is None else seed
             options["layout"] = self.base.first_valid(self.base.definition.layouts(used))
         observation, info = self.env.reset(seed=seed, options=options)
         info["seed"] = used

@@ -3,8 +3,8 @@ import re
 
 from rich.console import Console
 
+from duobench.cli.table import results_table
 from duobench.evaluation.metrics import results
-from duobench.evaluation.table import results_table
 from tests.evaluation.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
 
 
@@ -26,7 +26,7 @@ def test_row_has_rate_interval_progress_and_distribution() -> None:
 
 def test_category_of_several_tasks_has_a_row() -> None:
     run = sample_run()
-    lines = printed(sample_records(run), run.episodes)
+    lines = printed(sample_records(run), run.suite.episodes)
     assert any(line.startswith("bimanual manipulation|8|") for line in lines)
     assert not any(line.startswith("parallel execution") for line in lines)
 
@@ -39,5 +39,5 @@ def test_broken_episodes_are_shown() -> None:
 
 def test_narrow_terminal_still_shows_every_number() -> None:
     run = sample_run()
-    text = "\n".join(printed(sample_records(run), run.episodes, width=80))
+    text = "\n".join(printed(sample_records(run), run.suite.episodes, width=80))
     assert "…" not in text

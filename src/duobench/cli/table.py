@@ -6,23 +6,14 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from duobench.evaluation.metrics import Results, Score, TaskResult
-
-
-def percent(share: float | None) -> str:
-    """A share as per cent with one digit; a dash where there is none."""
-    return "–" if share is None else f"{100 * share:.1f}"
-
-
-def interval_percent(score: Score) -> str:
-    """The Wilson interval as per cent."""
-    low, high = score.interval
-    return f"{100 * low:.1f}–{100 * high:.1f}"
-
-
-def progress_text(score: Score) -> str:
-    """Mean final progress with three digits; a dash where there is none."""
-    return "–" if score.mean_final_progress is None else f"{score.mean_final_progress:.3f}"
+from duobench.evaluation.metrics import (
+    Results,
+    Score,
+    TaskResult,
+    interval_percent,
+    percent,
+    progress_text,
+)
 
 
 def results_table(results: Results, expected_episodes: int) -> Table:

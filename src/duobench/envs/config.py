@@ -1,0 +1,174 @@
+"""What can be chosen about an environment, and what was chosen about this one."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from duobench.errors import OptionError, UnknownNameError
+from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
+from duobench.types import CONTROL_HZ
+
+ACTION_MODES = ("joint", "joint_relative", "cartesian", "cartesian_relative")
+"""What the numbers of an action may mean, by name."""
+RENDER_MODES = ("rgb_array",)
+IMAGE_SIZE = (224, 224)
+"""Default height and width of an image in an observation, in pixels."""
+RENDER_SIZE = (480, 640)
+"""Default height and width of the image that `render` gives, in pixels."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EnvConfig:
+    """Configuration of an environment; the defaults are the evaluation protocol.
+
+    Plain data: it is written into every record and compared with what a policy expects.
+    """
+
+    cameras: tuple[str, ...] = POLICY_CAMERAS
+    """Cameras that the observation shows."""
+    image_size: tuple[int, int] = IMAGE_SIZE
+    """Height and width of their images in pixels; at most 720 x 1280."""
+    action_mode: str = "joint"
+    """One of `ACTION_MODES`."""
+    binary_gripper: bool = False
+    """Whether openings are rounded to open or closed."""
+    chunk: int | None = None
+    """Actions in one step, as an array (chunk, n); None takes single actions (n,)."""
+    horizon: int | None = None
+    """Control steps after which an episode is truncated; None takes the task's."""
+    control_rate_hz: float = CONTROL_HZ
+    """Control steps a second; there is one rate."""
+    render_mode: str | None = None
+    """ "rgb_array", for `render`."""
+    render_size: tuple[int, int] = RENDER_SIZE
+    """Height and width of the image that `render` gives, in pixels; at most 720 x 1280."""
+
+    def __post_init__(self) -> None:
+        """Reject invalid values."""
+        for name in self.cameras:
+            _check_name("camera", name, POLICY_CAMERAS)
+        _check_name("action mode", self.action_mode, ACTION_MODES)
+        if self.render_mode is not None:
+            _check_name("render mode", self.render_mode, RENDER_MODES)
+        if not isinstance(self.binary_gripper, bool):
+            raise OptionError(f"binary_gripper is True or False, got {self.binary_gripper!r}.")
+        if self.control_rate_hz != CONTROL_HZ:
+            raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")
+        for name in ("image_size", "render_size"):
+            height, width = getattr(self, name)
+            if not (0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH):
+                raise _size_error(name, (height, width))
+        for name in ("chunk", "horizon"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise OptionError(f"{name} is a positive whole number, got {value!r}.")
+
+    @staticmethod
+    def from_options(options: Mapping[str, Any]) -> EnvConfig:
+        """From keyword arguments, which may be looser than the fields.
+
+        Args:
+            options: Values of the fields by name. `cameras` may also be True (all), False (none),
+                one name or any iterable of names; `image_size` one number for a square. Whole
+                numbers may be NumPy's.
+
+        Raises:
+            UnknownNameError: There is no such option, camera or mode.
+            OptionError: A value is invalid.
+        """
+        known = [field.name for field in fields(EnvConfig)]
+        for name in options:
+            if name not in known:
+                raise UnknownNameError("option", name, known)
+        chosen = dict(options)
+        if "cameras" in chosen:
+            chosen["cameras"] = _cameras(chosen["cameras"])
+        for name in ("image_size", "render_size"):
+            if name in chosen:
+                chosen[name] = _size(name, chosen[name])
+        for name in ("chunk", "horizon"):
+            if chosen.get(name) is not None:
+                chosen[name] = _count(name, chosen[name])
+        if "binary_gripper" in chosen and chosen["binary_gripper"] in (0, 1):
+            chosen["binary_gripper"] = bool(chosen["binary_gripper"])
+        return EnvConfig(**chosen)
+
+
+def checked_seed(seed: Any) -> int | None:
+    """The seed of a reset as an integer; NumPy's integers are taken too.
+
+    Raises:
+        OptionError: It is no whole number, or negative.
+    """
+    if seed is None:
+        return None
+    number = _whole(seed)
+    if number is None or number < 0:
+        raise OptionError(f"A seed is a whole number from 0 on, got {seed!r}.")
+    return number
+
+
+def checked_reset_options(options: Any) -> dict[str, Any]:
+    """The options of a reset as a new dict.
+
+    Raises:
+        OptionError: They are no mapping.
+    """
+    if options is not None and not isinstance(options, Mapping):
+        raise OptionError(f"The options of a reset are a dict, got {options!r}.")
+    return dict(options or {})
+
+
+def _check_name(kind: str, name: object, known: Iterable[str]) -> None:
+    names = tuple(known)
+    if not isinstance(name, str) or name not in names:
+        raise UnknownNameError(kind, name, names)
+
+
+def _cameras(value: Any) -> tuple[str, ...]:
+    if isinstance(value, bool):
+        return POLICY_CAMERAS if value else ()
+    if isinstance(value, str):
+        return (value,)
+    if isinstance(value, Iterable):
+        return tuple(value)
+    raise OptionError(f"cameras is True, False, the name of a camera or several; got {value!r}.")
+
+
+def _size(name: str, value: Any) -> tuple[int, int]:
+    number = _whole(value)
+    if number is not None and name == "image_size":
+        return number, number
+    pixels = [_whole(part) for part in value] if isinstance(value, (tuple, list)) else []
+    match pixels:
+        case [int(height), int(width)]:
+            return height, width
+    raise _size_error(name, value)
+
+
+def _size_error(name: str, value: object) -> OptionError:
+    square = ", or one number for a square" if name == "image_size" else ""
+    return OptionError(
+        f"{name} is (height, width) in pixels, at most {(NATIVE_HEIGHT, NATIVE_WIDTH)}{square}; "
+        f"got {value!r}."
+    )
+
+
+def _count(name: str, value: Any) -> int:
+    number = _whole(value)
+    if number is None:
+        raise OptionError(f"{name} is a positive whole number, got {value!r}.")
+    return number
+
+
+def _whole(value: Any) -> int | None:
+    """A whole number, Python's or NumPy's, as an int; None for anything else, also for a bool."""
+    if isinstance(value, bool):
+        return None
+    try:
+        return operator.index(value)
+    except TypeError:
+        return None

@@ -1,0 +1,183 @@
+"""Playing episodes: one environment, one policy, one task at a time; nothing is written here."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import gymnasium as gym
+import numpy as np
+
+from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.duo_env import base_of
+from duobench.envs.registration import make
+from duobench.errors import (
+    DuoBenchError,
+    EvaluationError,
+    MachineryError,
+    RenderingError,
+    traceback_text,
+)
+from duobench.evaluation import policies
+from duobench.evaluation.limits import EpisodeClock, TimedPolicy, TimeLimits
+from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
+from duobench.evaluation.rollout import Watcher, rollout
+from duobench.evaluation.suite import Episode, Setup, TaskInfo
+from duobench.evaluation.versions import record_versions
+from duobench.evaluation.video import VideoRecorder
+from duobench.policy import Policy, PolicyMetadata
+from duobench.scene.cameras import OVERVIEW
+from duobench.sim.rendering import Renderer, describe
+
+VIDEO_SIZE = (480, 640)
+"""Height and width of a video in pixels."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EpisodeResult:
+    """An episode that was played."""
+
+    record: EpisodeRecord
+    """Its record."""
+    video: bytes | None = None
+    """Its video as a WebM file, if there is one."""
+    seconds: float | None = None
+    """How long it took, video included; None if nobody knows."""
+
+
+def config_for(metadata: PolicyMetadata) -> EnvConfig:
+    """The configuration of the environments that a policy expects.
+
+    Raises:
+        UnknownNameError: It expects a camera or an action mode that does not exist.
+        OptionError: It expects images of a size that cannot be, or another control rate.
+    """
+    return EnvConfig(
+        cameras=metadata.cameras,
+        action_mode=metadata.action_mode,
+        control_rate_hz=metadata.control_rate_hz,
+        image_size=metadata.image_size or IMAGE_SIZE,
+    )
+
+
+class EpisodeRunner:
+    """Plays episodes with one policy, one after the other."""
+
+    def __init__(
+        self,
+        policy: str,
+        tasks: Sequence[TaskInfo],
+        limits: TimeLimits,
+        clock: EpisodeClock | None = None,
+        *,
+        is_interruptible: bool = True,
+    ) -> None:
+        """Make the policy; environments are made when they are needed.
+
+        Args:
+            policy: Name of the policy.
+            tasks: What it may have to play.
+            limits: How long it may take.
+            clock: Where its times are noted, for another process.
+            is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
+
+        Raises:
+            DuoBenchError: If the policy cannot be made, or expects what no environment has.
+        """
+        self._source = policies.source(policy, tasks)
+        self._limits = limits
+        self._clock = clock or EpisodeClock()
+        self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
+        self._task: TaskInfo | None = None
+        self._env: gym.Env | None = None
+        self._policy: Policy | None = None
+        self._renderer: Renderer | None = None
+        metadata = self._source.metadata
+        config = config_for(metadata)
+        renderer = describe().renderer if config.cameras else None
+        self.setup = Setup(
+            policy=policy, metadata=metadata, config=config, versions=record_versions(renderer)
+        )
+        """What plays; the same for every episode."""
+
+    def play(self, episode: Episode) -> EpisodeResult:
+        """Play one episode.
+
+        Whatever the policy raises, `sys.exit` included, and whatever its actions make the
+        environment raise, makes the episode a failed one. Python's and NumPy's global generators
+        are seeded with the episode, for policies that use them.
+
+        Raises:
+            MachineryError: If the episode could not be played through no fault of the policy.
+            DuoBenchError: If environment and policy cannot be made, or do not fit.
+        """
+        start = time.perf_counter()
+        env, policy = self._prepare(episode.task)
+        recorder = EpisodeRecorder(episode)
+        watchers: list[Watcher] = [recorder]
+        video = self._video_recorder(env) if episode.has_video else None
+        if video is not None:
+            watchers.append(video)
+        random.seed(episode.seed)
+        np.random.seed(episode.seed)  # noqa: NPY002 - the generator that policies share
+        error = None
+        self._clock.start_episode()
+        try:
+            rollout(env, policy, seed=episode.seed, watchers=watchers)
+        except (RenderingError, MachineryError) as fault:
+            self._close_environment()
+            raise MachineryError(str(fault)) from fault
+        except self._let_through:
+            raise
+        except BaseException as caught:  # noqa: BLE001 - kept in the record
+            error = caught
+        finally:
+            self._clock.end_episode()
+        if error is not None:
+            self._close_environment()  # whatever broke may have left it in any state
+        return EpisodeResult(
+            record=recorder.record(self.setup, error),
+            video=None if video is None else video.video(),
+            seconds=time.perf_counter() - start,
+        )
+
+    def close(self) -> None:
+        """Free environment and policy, which are not used again."""
+        self._close_environment()
+        self._source.close()
+
+    def _prepare(self, task: TaskInfo) -> tuple[gym.Env, Policy]:
+        """Environment and policy of a task; those of another task are closed first."""
+        if self._env is None or self._policy is None or self._task != task:
+            self._close_environment()
+            try:
+                self._env = make(task.reference, **asdict(self.setup.config))
+                bound = self._source.bind(self._env)
+            except (DuoBenchError, KeyboardInterrupt):
+                raise
+            except BaseException as error:
+                raise EvaluationError(
+                    f"The environment of task {task.id!r} cannot be made.\n{traceback_text(error)}"
+                ) from error
+            (action_size,) = self._env.action_space.shape or (0,)
+            self._policy = TimedPolicy(bound, self._limits, self._clock, action_size)
+            self._task = task
+        return self._env, self._policy
+
+    def _video_recorder(self, env: gym.Env) -> VideoRecorder:
+        """A video of the simulation that is being played, from the camera for people."""
+        simulation = base_of(env).simulation
+        if self._renderer is None:
+            height, width = VIDEO_SIZE
+            self._renderer = Renderer(simulation.model, height=height, width=width)
+        renderer = self._renderer
+        return VideoRecorder(lambda: renderer.render(simulation.data, OVERVIEW))
+
+    def _close_environment(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+        if self._env is not None:
+            self._env.close()
+        self._renderer = self._env = self._policy = self._task = None

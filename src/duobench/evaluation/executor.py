@@ -1,0 +1,290 @@
+"""Where episodes are played: in this process, or in workers that may hang or die without harm."""
+
+from __future__ import annotations
+
+import select
+import time
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+import msgspec
+
+from duobench import errors
+from duobench.errors import EvaluationError, MachineryError, PolicyTimeoutError
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner
+from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.records import EpisodeRecorder
+from duobench.evaluation.suite import Episode, Setup, TaskInfo
+from duobench.evaluation.worker import (
+    Begin,
+    ClosedError,
+    Faulty,
+    Finished,
+    Play,
+    Ready,
+    Rejected,
+    Report,
+    Stop,
+    Worker,
+)
+
+MAX_ATTEMPTS = 3
+"""How often an episode is begun before a fault of the machinery ends the run."""
+MAX_FAILED_STARTS = 3
+"""Workers that die one after the other while they start, until the run gives up."""
+SHUTDOWN_TIMEOUT_S = 10.0
+"""How long workers may take to free everything before they are killed, in seconds."""
+TICK_S = 0.1
+"""How often deaths and time limits are looked after, in seconds."""
+GRACE_S = 60.0
+"""How long an episode may be over its time limit without its policy being busy, in seconds."""
+
+
+class Executor(Protocol):
+    """Something that plays episodes, in whatever processes, and writes nothing."""
+
+    def prepare(self) -> Setup:
+        """Make the policy, and say what plays.
+
+        Raises:
+            DuoBenchError: If the policy cannot be made.
+        """
+        ...
+
+    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
+        """Play episodes, each exactly once, after `prepare`.
+
+        Args:
+            episodes: What to play, in any order.
+
+        Yields:
+            Their results, in the order in which they are finished.
+
+        Raises:
+            MachineryError: If one of them cannot be played.
+            DuoBenchError: If the policy does not fit, or an environment cannot be made.
+        """
+        ...
+
+    def close(self) -> None:
+        """End every process, and whatever the policy has started in it."""
+        ...
+
+
+class Attempts:
+    """How often each episode was hit by a fault of the machinery."""
+
+    def __init__(self) -> None:
+        """Begin without a fault."""
+        self._faults: Counter[Episode] = Counter()
+
+    def note(self, episode: Episode, fault: str) -> None:
+        """Note a fault; the episode is to be played again.
+
+        Raises:
+            MachineryError: If it was played often enough.
+        """
+        self._faults[episode] += 1
+        if self._faults[episode] == MAX_ATTEMPTS:
+            raise MachineryError(
+                f"{episode.task.id}, episode {episode.index} cannot be played; in each of "
+                f"{MAX_ATTEMPTS} attempts something failed, the last time: {fault} What is "
+                "finished is kept, and the rest is still to be played."
+            )
+
+
+class LocalExecutor:
+    """Plays in this process: for debugging, notebooks and tests.
+
+    It cannot outlive a policy that crashes its process, and it cannot stop one that hangs: an
+    answer that comes too late fails the episode once it comes. `ProcessExecutor` can do both.
+    """
+
+    def __init__(self, policy: str, tasks: Sequence[TaskInfo], limits: TimeLimits) -> None:
+        """Remember what to play.
+
+        Args:
+            policy: Name of the policy.
+            tasks: The tasks of the suite.
+            limits: How long the policy may take.
+        """
+        self._arguments = policy, tasks, limits
+        self._runner: EpisodeRunner | None = None
+
+    def prepare(self) -> Setup:
+        """Make the policy, and say what plays."""
+        self._runner = EpisodeRunner(*self._arguments)
+        return self._runner.setup
+
+    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
+        """Play episodes in their order."""
+        if self._runner is None:
+            raise AssertionError("An executor is prepared before it plays.")
+        attempts = Attempts()
+        for episode in episodes:
+            result = None
+            while result is None:
+                try:
+                    result = self._runner.play(episode)
+                except MachineryError as fault:
+                    attempts.note(episode, str(fault))
+            yield result
+
+    def close(self) -> None:
+        """Free environment and policy."""
+        if self._runner is not None:
+            self._runner.close()
+            self._runner = None
+
+
+class ProcessExecutor:
+    """Plays in processes of their own, side by side; one that hangs or dies is replaced.
+
+    Workers are new processes that import only what they need: a script that calls this needs no
+    `if __name__ == "__main__":` guard.
+    """
+
+    def __init__(
+        self, policy: str, tasks: Sequence[TaskInfo], limits: TimeLimits, workers: int
+    ) -> None:
+        """Remember what to play; processes are started when they are needed.
+
+        Args:
+            policy: Name of the policy.
+            tasks: The tasks of the suite.
+            limits: How long the policy may take.
+            workers: Most processes at a time.
+        """
+        self._begin = Begin(policy=policy, tasks=tuple(tasks), limits=limits)
+        self._limits = limits
+        self._most = workers
+        self._workers: list[Worker] = []
+        self._waiting: deque[Episode] = deque()
+        self._attempts = Attempts()
+        self._failed_starts = 0
+        self._setup: Setup | None = None
+
+    def prepare(self) -> Setup:
+        """Start a first worker, and say what plays."""
+        while self._setup is None:
+            if not self._workers:
+                self._workers.append(Worker(self._begin))
+            for _ in self._look():
+                pass
+        return self._setup
+
+    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
+        """Play episodes; those of a task go to as few workers as keeps all of them busy."""
+        self._waiting.extend(episodes)
+        while self._waiting or any(worker.episode for worker in self._workers):
+            self._give_orders()
+            yield from self._look()
+
+    def close(self) -> None:
+        """Let workers free what they hold, then end them and all that they have started."""
+        for worker in self._workers:
+            worker.send(Stop())
+        deadline = time.monotonic() + SHUTDOWN_TIMEOUT_S
+        idle = [worker for worker in self._workers if worker.is_ready and worker.episode is None]
+        while time.monotonic() < deadline and not all(worker.death() for worker in idle):
+            time.sleep(TICK_S / 10)
+        for worker in self._workers:
+            worker.kill()
+        self._workers.clear()
+
+    def _give_orders(self) -> None:
+        """Give waiting episodes to idle workers, and start more workers for the rest."""
+        for worker in self._workers:
+            if worker.is_ready and worker.episode is None and self._waiting:
+                worker.episode = self._next(worker.task)
+                worker.task = worker.episode.task
+                worker.send(Play(episode=worker.episode))
+        starting = sum(not worker.is_ready for worker in self._workers)
+        wanted = min(len(self._waiting) - starting, self._most - len(self._workers))
+        self._workers.extend(Worker(self._begin) for _ in range(wanted))
+
+    def _next(self, task: TaskInfo | None) -> Episode:
+        """Take the next episode: of the task that a worker has, else of the one with most left."""
+        tasks = [episode.task for episode in self._waiting]
+        if task not in tasks:
+            task = max(tasks, key=tasks.count)
+        episode = self._waiting[tasks.index(task)]
+        self._waiting.remove(episode)
+        return episode
+
+    def _look(self) -> Iterator[EpisodeResult]:
+        """Wait for news, a moment at most, and act on them."""
+        news = select.select([worker.channel for worker in self._workers], [], [], TICK_S)[0]
+        for worker in list(self._workers):
+            death, fault = worker.death(), None
+            try:
+                if worker.channel in news:
+                    for report in worker.channel.receive():
+                        yield from self._take(worker, report)
+            except ClosedError:
+                fault = worker.last_words()
+            except msgspec.MsgspecError as error:
+                fault = f"its result cannot be read ({error})."
+            if worker.channel not in news:
+                fault = fault or death
+            if fault is not None:
+                self._replace(worker, fault)
+            else:
+                yield from self._check_time(worker)
+
+    def _take(self, worker: Worker, report: Report) -> Iterator[EpisodeResult]:
+        """Act on a report."""
+        match report:
+            case Ready(setup=setup):
+                if self._setup not in (None, setup):
+                    raise EvaluationError("The policy has changed while the run was going on.")
+                self._setup = setup
+                self._failed_starts = 0
+                worker.is_ready = True
+            case Finished(result=result):
+                worker.episode = None
+                yield result
+            case Faulty(fault=fault):
+                self._replay(worker, fault)
+            case Rejected(error=name, message=message):
+                kind = getattr(errors, name, EvaluationError)
+                raise kind.__new__(kind, message)
+
+    def _replay(self, worker: Worker, fault: str) -> None:
+        """Have the episode of a worker played again."""
+        if worker.episode is not None:
+            self._attempts.note(worker.episode, fault)
+            self._waiting.appendleft(worker.episode)
+            worker.episode = None
+
+    def _replace(self, worker: Worker, fault: str) -> None:
+        """Let go of a worker that is of no more use, and have its episode played again."""
+        self._workers.remove(worker)
+        worker.kill()
+        if not worker.is_ready:
+            self._failed_starts += 1
+            if self._failed_starts == MAX_FAILED_STARTS:
+                raise MachineryError(
+                    f"{MAX_FAILED_STARTS} workers in a row failed while they were starting, the "
+                    f"last one like this: {fault}"
+                )
+        self._replay(worker, fault)
+
+    def _check_time(self, worker: Worker) -> Iterator[EpisodeResult]:
+        """Fail the episode of a policy that takes too long; its worker cannot be used again."""
+        if worker.episode is None or self._setup is None:
+            return
+        limits, clock = self._limits, worker.clock
+        late: PolicyTimeoutError | None = None
+        if clock.answer_s() > limits.act_s:
+            late = limits.late_answer()
+        elif clock.answer_s() and clock.episode_s() > limits.episode_s:
+            late = limits.late_episode()
+        elif clock.episode_s() > limits.episode_s + GRACE_S:
+            self._replace(worker, "the simulation did not come back within the time limit.")
+        if late is not None:
+            record = EpisodeRecorder(worker.episode).record(self._setup, late)
+            self._workers.remove(worker)
+            worker.kill()
+            yield EpisodeResult(record=record)

@@ -1,0 +1,128 @@
+"""The rollout loop: one policy, one environment, one episode, and whoever watches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.policy.compatibility import check_fits
+from duobench.policy.protocol import Policy, as_chunk
+
+Observation = Mapping[str, Any]
+Info = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Step:
+    """One control step, as watchers see it."""
+
+    number: int
+    """How many control steps the episode has had with this one, from 1."""
+    action: NDArray[np.float32]
+    """The action that was executed."""
+    observation: Observation
+    """What the environment showed afterwards; it has images only if somebody asked for them."""
+    reward: float
+    """The reward of the step."""
+    terminated: bool
+    """Whether the environment ended the episode with this step."""
+    truncated: bool
+    """Whether the horizon ended the episode with this step."""
+    info: Info
+    """The environment's info."""
+
+
+class Watcher(Protocol):
+    """Something that watches episodes: a recorder, a video, a progress bar.
+
+    With an attribute `needs_frames` that is true, images are rendered at every control step, not
+    only at those that the policy sees.
+    """
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:
+        """The environment was reset, and the policy too."""
+        ...
+
+    def on_step(self, step: Step) -> None:
+        """A control step was executed."""
+        ...
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """The episode is over; called exactly once, also if it never got to its start.
+
+        Args:
+            error: What broke it, or None if it ended by itself.
+        """
+        ...
+
+
+def rollout(env: gym.Env, policy: Policy, *, seed: int, watchers: Iterable[Watcher] = ()) -> None:
+    """Run one episode.
+
+    The actions of a chunk are executed in order, until the episode is over. Images are rendered
+    only when somebody asks for them: the policy, which sees one observation a chunk, or a watcher
+    that needs frames. At other steps the observation has no `pixels`.
+
+    Args:
+        env: An environment of the benchmark that takes single actions, in any wrappers.
+        policy: The policy.
+        seed: Seed of the reset and of the policy.
+        watchers: Who is told, in this order.
+
+    Raises:
+        PolicyError: If the policy does not fit the environment, or returns something that is no
+            chunk of actions.
+    """
+    check_fits(policy.metadata, env)
+    watching = tuple(watchers)
+    needs_frames = any(getattr(watcher, "needs_frames", False) for watcher in watching)
+    render = _rendering_switch(env)
+    (action_size,) = env.action_space.shape or (0,)
+    with ExitStack() as ending:
+        ending.callback(render, True)
+        for watcher in reversed(watching):
+            ending.push(partial(_end, watcher))
+        observation, info = env.reset(seed=seed)
+        policy.reset(info["instruction"], seed)
+        for watcher in watching:
+            watcher.on_episode_start(env, observation, info)
+        number, over = 0, False
+        while not over:
+            chunk = as_chunk(policy.act(observation), action_size)
+            for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
+                render(needs_frames or left == 0)
+                observation, reward, terminated, truncated, info = env.step(action)
+                number += 1
+                step = Step(
+                    number=number,
+                    action=action,
+                    observation=observation,
+                    reward=float(reward),
+                    terminated=terminated,
+                    truncated=truncated,
+                    info=info,
+                )
+                for watcher in watching:
+                    watcher.on_step(step)
+                over = terminated or truncated
+                if over:
+                    break
+
+
+def _rendering_switch(env: gym.Env) -> Callable[[bool], None]:
+    """What switches the images in observations on and off, wherever the cameras are."""
+    try:
+        return env.get_wrapper_attr("set_rendering")
+    except AttributeError:
+        return lambda _is_on: None
+
+
+def _end(watcher: Watcher, _kind: object, error: BaseException | None, _trace: object) -> None:
+    watcher.on_episode_end(error)

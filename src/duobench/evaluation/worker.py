@@ -1,0 +1,287 @@
+"""A worker: a process of its own that plays episodes, and how its parent talks to it.
+
+A worker leads a process group, in a session of its own. Its parent ends it as a group, and it ends
+its group itself when its parent is gone, so that what a policy has started ends with it (unless
+that has left the group, as a daemon does).
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import queue
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import msgspec
+
+from duobench.errors import DuoBenchError, EvaluationError, MachineryError, traceback_text
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner
+from duobench.evaluation.limits import EpisodeClock, TimeLimits
+from duobench.evaluation.suite import Episode, Setup, TaskInfo
+
+T = TypeVar("T")
+
+_LENGTH = struct.Struct("!Q")
+_PIECE = 1 << 20
+LOOK_S = 1.0
+"""How often a worker looks whether its parent still lives, in seconds."""
+_START = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[3]); "
+    "from duobench.evaluation.worker import work; work(int(sys.argv[1]), int(sys.argv[2]))"
+)
+
+
+class Begin(msgspec.Struct, tag=True, frozen=True):
+    """To a worker: make the policy."""
+
+    policy: str
+    tasks: tuple[TaskInfo, ...]
+    limits: TimeLimits
+
+
+class Play(msgspec.Struct, tag=True, frozen=True):
+    """To a worker: play an episode."""
+
+    episode: Episode
+
+
+class Stop(msgspec.Struct, tag=True, frozen=True):
+    """To a worker: free everything and leave."""
+
+
+class Ready(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the policy is made."""
+
+    setup: Setup
+
+
+class Finished(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: an episode is over."""
+
+    result: EpisodeResult
+
+
+class Faulty(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the episode could not be played; play it again."""
+
+    fault: str
+
+
+class Rejected(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: what is asked for cannot be done, by nobody."""
+
+    error: str
+    """Name of the class of the error."""
+    message: str
+
+
+Order = Begin | Play | Stop
+Report = Ready | Finished | Faulty | Rejected
+
+
+class ClosedError(Exception):
+    """The other end of the channel is closed."""
+
+
+class Channel(Generic[T]):
+    """One end of a connection: sends any message, receives those of one kind."""
+
+    def __init__(self, connection: socket.socket, kind: type[T]) -> None:
+        """Take a connected socket.
+
+        Args:
+            connection: The socket, which belongs to the channel from now on.
+            kind: Type of the messages that are received, or a union of such types.
+        """
+        self._socket = connection
+        self._decoder = msgspec.msgpack.Decoder(kind)
+        self._received = bytearray()
+
+    def fileno(self) -> int:
+        """The file descriptor, to wait for it."""
+        return self._socket.fileno()
+
+    def send(self, message: Order | Report) -> None:
+        """Send a message.
+
+        Raises:
+            OSError: The other end is closed.
+        """
+        data = msgspec.msgpack.encode(message)
+        self._socket.sendall(_LENGTH.pack(len(data)) + data)
+
+    def receive(self) -> Iterator[T]:
+        """Read what has arrived, and give the messages that are complete.
+
+        It waits only if nothing has arrived: an end of the channel that dies in the middle of a
+        message leaves it incomplete, also while a child of it keeps the channel open.
+
+        Raises:
+            ClosedError: The other end is closed.
+            msgspec.MsgspecError: A message is none of the expected kind.
+        """
+        try:
+            piece = self._socket.recv(_PIECE)
+        except ConnectionError:
+            piece = b""
+        if not piece:
+            raise ClosedError
+        self._received += piece
+        while len(self._received) >= _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(self._received)
+            end = _LENGTH.size + length
+            if len(self._received) < end:
+                return
+            data = bytes(self._received[_LENGTH.size : end])
+            del self._received[:end]
+            yield self._decoder.decode(data)
+
+    def close(self) -> None:
+        """Close this end."""
+        self._socket.close()
+
+
+class Worker:
+    """A worker as its parent sees it."""
+
+    def __init__(self, begin: Begin) -> None:
+        """Start the process and have it make the policy.
+
+        Args:
+            begin: What it will play.
+        """
+        ours, theirs = socket.socketpair()
+        self.channel: Channel[Report] = Channel(ours, Report)  # pyright: ignore[reportArgumentType]
+        """The connection to it."""
+        self.clock = EpisodeClock()
+        """What its policy is doing."""
+        self.is_ready = False
+        """Whether it has made the policy."""
+        self.episode: Episode | None = None
+        """What it is playing."""
+        self.task: TaskInfo | None = None
+        """The task whose environment it has."""
+        files = (theirs.fileno(), self.clock.file)
+        # In safe mode (-P), the current folder does not come before the standard library.
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-c", _START, *map(str, files), json.dumps(_module_folders())],
+            pass_fds=files,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        theirs.close()
+        self.send(begin)
+
+    def send(self, order: Order) -> None:
+        """Give an order; whether the worker still lives is found out elsewhere."""
+        with suppress(OSError):
+            self.channel.send(order)
+
+    def death(self) -> str | None:
+        """How the process ended, in words; None while it lives.
+
+        Its exit code is left to be read again: until then its number, and with it that of its
+        group, is nobody else's.
+        """
+        options = os.WEXITED | os.WNOHANG | os.WNOWAIT
+        end = os.waitid(os.P_PID, self._process.pid, options)
+        if end is None:
+            return None
+        if end.si_code == os.CLD_EXITED:
+            return f"its process ended with exit code {end.si_status}."
+        with suppress(ValueError):
+            return f"its process was ended by {signal.Signals(end.si_status).name}."
+        return f"its process was ended by signal {end.si_status}."
+
+    def last_words(self) -> str:
+        """Why it has closed the connection; its death may take a moment to be seen."""
+        deadline = time.monotonic() + LOOK_S
+        while (death := self.death()) is None and time.monotonic() < deadline:
+            time.sleep(LOOK_S / 100)
+        return death or "its process closed the connection."
+
+    def kill(self) -> None:
+        """End the process and all of its group."""
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self.channel.close()
+        self.clock.close()
+
+
+def _module_folders() -> list[str]:
+    """Where modules are found here, absolute, and the current folder last.
+
+    A module there must be found, but must not stand in for one of the standard library.
+    """
+    folders = [str(Path(entry).absolute()) for entry in sys.path]
+    here = str(Path.cwd())
+    return [folder for folder in folders if folder != here] + [here] * (here in folders)
+
+
+def work(connection: int, clock: int) -> None:
+    """What a worker process does until it is told to stop or its parent is gone.
+
+    Args:
+        connection: File descriptor of its socket.
+        clock: File descriptor of its clock.
+    """
+    signal.signal(signal.SIGINT, lambda _number, _frame: None)  # the parent's to handle
+    channel: Channel[Order] = Channel(socket.socket(fileno=connection), Order)  # pyright: ignore[reportArgumentType]
+    orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(channel, orders, os.getppid()), daemon=True).start()
+    try:
+        _obey(channel, orders, EpisodeClock(clock))
+    except DuoBenchError as error:
+        channel.send(Rejected(error=type(error).__name__, message=str(error)))
+    except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
+        text = f"A worker failed.\n{traceback_text(error)}"
+        channel.send(Rejected(error=EvaluationError.__name__, message=text))
+    # Exit handlers are the policy's; taking the interpreter down is skipped: graphics drivers
+    # have crashed there. The parent ends whatever is left.
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
+
+
+def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: EpisodeClock) -> None:
+    """Make the policy, then play one episode after the other."""
+    begin = orders.get()
+    if not isinstance(begin, Begin):
+        return
+    runner = EpisodeRunner(begin.policy, begin.tasks, begin.limits, clock, is_interruptible=False)
+    channel.send(Ready(setup=runner.setup))
+    while isinstance(order := orders.get(), Play):
+        try:
+            report = Finished(result=runner.play(order.episode))
+        except MachineryError as fault:
+            report = Faulty(fault=str(fault))
+        channel.send(report)
+    runner.close()
+
+
+def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order], parent: int) -> None:
+    """Pass orders on; when the parent has died, however it died, end the group at once."""
+    try:
+        while os.getppid() == parent:
+            if select.select([channel], [], [], LOOK_S)[0]:
+                for order in channel.receive():
+                    orders.put(order)
+                    if isinstance(order, Stop):
+                        return
+    except (ClosedError, OSError):
+        pass
+    os.killpg(0, signal.SIGKILL)

@@ -1,0 +1,136 @@
+"""Files of a run: whole or absent after a kill, and checked when they are read."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import msgspec
+
+from duobench.errors import EvaluationError, OutputError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
+
+TEMPORARY_SUFFIX = ".tmp"
+"""Ending of a file that is being written; whatever still carries it after a crash is rubbish."""
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Say in a sentence why a file or folder cannot be written.
+
+    Raises:
+        OutputError: In place of an error of the operating system.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(f"Cannot write {path}: {reason}. Nothing finished is lost.") from error
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder to write into, with its parents; one that is there is taken.
+
+    Raises:
+        OutputError: It cannot be made, or nothing may be written into it.
+    """
+    reason = None
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        reason = "it is a file"
+    except OSError as error:
+        reason = error.strerror
+    else:
+        if not os.access(path, os.W_OK | os.X_OK):
+            reason = "nothing may be written into it"
+    if reason:
+        raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
+
+
+def write(path: Path, content: str | bytes) -> None:
+    """Write a file (text as UTF-8 with line feeds) in one atomic step.
+
+    Args:
+        path: Where the file will be; missing parent folders are made.
+        content: What will be in it, flushed to the disk before the file has its name.
+
+    Raises:
+        OutputError: It cannot be written; what was there before is still there.
+    """
+    # A lone surrogate cannot be written; texts that may hold one are made printable before.
+    data = content.encode(errors="replace") if isinstance(content, str) else content
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with temporary.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def remove_temporary(folder: Path) -> None:
+    """Remove what interrupted writers left anywhere under a folder."""
+    for path in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
+        with writing(path):
+            path.unlink(missing_ok=True)
+
+
+def encode(value: DataclassInstance, schema: int) -> str:
+    """A data class as JSON text, one field a line; the same value always gives the same text."""
+    document = {"schema": schema, **msgspec.to_builtins(value)}
+    lines = [
+        f'  "{key}": {json.dumps(part, ensure_ascii=False, allow_nan=False)}'
+        for key, part in document.items()
+    ]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def decode(text: bytes, kind: type[T], schema: int) -> T:
+    """A data class from the text that `encode` gave.
+
+    Raises:
+        EvaluationError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
+            type, or the values contradict each other; the message names the field.
+    """
+    try:
+        document: Any = msgspec.json.decode(text)
+    except (ValueError, RecursionError) as error:
+        raise EvaluationError(f"No JSON: {error}.") from error
+    if not isinstance(document, dict):
+        raise EvaluationError(f"A JSON object is expected, not a {type(document).__name__}.")
+    found = document.pop("schema", None)
+    if found != schema or isinstance(found, bool):
+        raise EvaluationError(f"Schema {found!r}; this version reads {schema}.")
+    if unknown := sorted(document.keys() - {field.name for field in fields(kind)}):
+        raise EvaluationError(f"Unknown fields: {', '.join(unknown)}.")
+    try:
+        return msgspec.convert(document, kind)
+    except msgspec.ValidationError as error:
+        raise EvaluationError(f"{error}.".replace("`$.", "`")) from error
+
+
+def read(path: Path, kind: type[T], schema: int) -> T:
+    """A data class from a file that `encode` filled.
+
+    Raises:
+        EvaluationError: See `decode`; the message names file and field.
+    """
+    try:
+        return decode(path.read_bytes(), kind, schema)
+    except (EvaluationError, OSError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise EvaluationError(f"Cannot read {path}: {reason}") from error

@@ -1,0 +1,252 @@
+import json
+import random
+from collections.abc import Sequence
+from pathlib import Path
+
+import av
+import pytest
+
+from duobench.errors import DuoBenchError, EvaluationError, OtherRunError, PolicyError
+from duobench.evaluation.evaluate import evaluate
+from duobench.evaluation.folder import RunFolder
+from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.records import EpisodeRecord
+from duobench.evaluation.suite import Run, find_tasks
+from tests.evaluation import small
+from tests.evaluation.conftest import Play, assert_same_episodes, compared, small_suite
+
+
+def test_results_do_not_depend_on_the_workers(play: Play, reference: dict[str, bytes]) -> None:
+    folder, _ = play("random", workers=3)
+    assert compared(folder) == reference
+
+
+def test_missing_episodes_are_played_and_finished_ones_kept(
+    play: Play, reference: dict[str, bytes]
+) -> None:
+    folder, _ = play("random")
+    kept = {path: path.stat().st_mtime_ns for path in folder.path.glob("records/*/*")}
+    for path in (folder.record("wave", 2), folder.record("nod", 0), folder.page, folder.summary):
+        path.unlink()
+        kept.pop(path, None)
+    play("random")
+    assert compared(folder) == reference
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+
+
+def test_run_may_grow_and_then_is_like_one_that_was_that_long(
+    play: Play, reference: dict[str, bytes]
+) -> None:
+    folder, _ = play("random", episodes=2)
+    kept = {path: path.stat().st_mtime_ns for path in folder.path.glob("records/*/*")}
+    play("random", episodes=4)
+    assert compared(folder) == reference
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    with pytest.raises(OtherRunError, match="episodes 3 instead of 4 or more"):
+        play("random", episodes=3)
+
+
+def test_other_run_is_refused_in_the_same_folder(play: Play) -> None:
+    folder, _ = play("random", episodes=1)
+    before = compared(folder)
+    with pytest.raises(OtherRunError, match="policy hold instead of random"):
+        play("hold", episodes=1)
+    with pytest.raises(OtherRunError, match=r"time limit act_s 5\.0 instead of 120\.0"):
+        play("random", episodes=1, limits=TimeLimits(act_s=5.0))
+    assert compared(folder) == before
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_policy_that_was_edited_does_not_go_on_with_a_run(
+    play: Play, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    module = f"edited_{workers}"
+    path = tmp_path / f"{module}.py"
+    path.write_text("from duobench.policy import HoldPolicy\nclass Mine(HoldPolicy): ...\n")
+    play(f"{module}:Mine", episodes=1, workers=workers)
+    path.write_text("from duobench.policy import HoldPolicy\nclass Mine(HoldPolicy): pass\n")
+    with pytest.raises(OtherRunError, match=r"policy's version source \w+ instead of source"):
+        play(f"{module}:Mine", episodes=2, workers=workers)
+
+
+def test_episode_range_moves_the_seeds(play: Play, reference: dict[str, bytes]) -> None:
+    folder, _ = play("random", episodes=2, first_episode=2)
+    for name, content in compared(folder).items():
+        if name.startswith("records"):
+            assert content == reference[name]
+
+
+def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play: Play) -> None:
+    tasks, count = find_tasks([small.WAVE_NAME]), len(small.FAULTS) + 1
+    runs = [
+        play("Faulty", f"run{workers}", workers=workers, tasks=tasks, episodes=count)
+        for workers in (0, 2)
+    ]
+    assert compared(runs[0][0]) == compared(runs[1][0])
+    (one,) = runs[0][1].tasks
+    errors = {record.episode: record.error for record in one.records}
+    assert errors.pop(count - 1) is None
+    for record in one.records[:-1]:
+        assert (record.steps, record.success, record.fingerprint) == (3, False, None)
+        assert record.error
+        assert len(record.error) < 25_000
+        assert "\x1b" not in record.error
+    words = ["SystemExit: 3", "ZeroDivisionError: my policy is broken"]
+    words += ["asyncio.exceptions.CancelledError", r"weights-\udcff.bin \x1b[31m", "line"]
+    for word, record in zip(words, one.records, strict=False):
+        assert word in record.reason
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize(
+    ("policy", "error", "message"),
+    [
+        ("IsSlow", DuoBenchError, "control rate is 30 Hz, got 10"),
+        ("no_such_policy_module:make", PolicyError, "no module named 'no_such_policy_module'"),
+        (
+            "cannot_be_made",
+            PolicyError,
+            r"(?s)cannot_be_made' cannot be made.*Traceback.*ZeroDivisionError: no weights",
+        ),
+        ("expert", PolicyError, "'wave' has no scripted expert"),
+    ],
+)
+def test_policy_that_cannot_play_ends_the_run_with_the_same_error(
+    play: Play, policy: str, error: type[Exception], message: str, workers: int
+) -> None:
+    with pytest.raises(error, match=message):
+        play(policy, workers=workers)
+
+
+def test_broken_episodes_are_played_again_if_that_is_asked_for(
+    play: Play, reference: dict[str, bytes]
+) -> None:
+    folder, results = play("BreaksOnce")
+    broken = results.overall.errors
+    assert 0 < broken < 8
+    kept = {
+        folder.record(record.task, record.episode): record.seed
+        for one in results.tasks
+        for record in one.records
+        if record.error is None
+    }
+    times = [path.stat().st_mtime_ns for path in kept]
+    assert play("BreaksOnce")[1].overall.errors == broken
+    _, results = play("BreaksOnce", retry_broken=True)
+    assert results.overall.errors == 0
+    assert [path.stat().st_mtime_ns for path in kept] == times
+    assert_same_episodes(folder, reference, 8)
+
+
+def test_answer_that_comes_late_fails_the_episode_once_it_comes(play: Play) -> None:
+    _, results = play("Dawdles", episodes=1, limits=TimeLimits(act_s=0.05))
+    for one in results.tasks:
+        assert one.records[0].error == (
+            "PolicyTimeoutError: The policy did not answer within 0.05 s, its limit for one reset "
+            "or act.\n"
+        )
+        assert one.records[0].steps == 0
+
+
+def test_episode_that_takes_long_fails(play: Play) -> None:
+    _, results = play("Dawdles", episodes=1, limits=TimeLimits(episode_s=0.25))
+    for one in results.tasks:
+        assert one.records[0].reason.endswith("was not over after 0.25 s, its time limit.")
+        assert one.records[0].steps < 3
+
+
+@pytest.mark.parametrize("limits", [{"act_s": 0}, {"act_s": float("nan")}, {"episode_s": -1.0}])
+def test_impossible_time_limit_is_refused(limits: dict[str, float]) -> None:
+    with pytest.raises(EvaluationError, match="limits are positive"):
+        TimeLimits(**limits)
+
+
+def test_policy_that_moves_elsewhere_does_not_take_the_records_along(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    monkeypatch.setenv(small.MARKS, str(marks))
+    monkeypatch.chdir(tmp_path)
+    folder = RunFolder(Path("relative"))
+    results = evaluate(f"{small.__name__}:Moves", small_suite(episodes=1), folder, workers=0)
+    assert Path.cwd() == marks
+    assert results.overall.episodes == 2
+    assert len(list((tmp_path / "relative" / "records").glob("*/*.json"))) == 2
+
+
+def test_policy_with_global_generators_is_repeatable(play: Play) -> None:
+    folders = []
+    for name in ("a", "b"):
+        random.seed(name)
+        folders.append(play("UsesGlobalGenerators", name, episodes=1)[0])
+    assert compared(folders[0]) == compared(folders[1])
+
+
+def test_negative_number_of_workers_is_refused(play: Play, tmp_path: Path) -> None:
+    with pytest.raises(EvaluationError, match=r"workers is 1 or more.*got -3"):
+        play("random", workers=-3)
+    assert not (tmp_path / "run").exists()
+
+
+def test_policy_sees_what_it_asked_for(play: Play) -> None:
+    _, results = play("Sees", episodes=1)
+    assert results.overall.errors == 0
+    for one in results.tasks:
+        (record,) = one.records
+        assert record.versions["renderer"]
+        assert (record.config.cameras, record.config.image_size) == (("head",), (24, 32))
+
+
+def test_first_episodes_have_videos_the_same_in_any_process(play: Play) -> None:
+    folder, results = play("random", videos=1, episodes=2)
+    videos = sorted(folder.path.glob("videos/*/*"))
+    assert videos == [folder.video("nod", 0), folder.video("wave", 0)]
+    page = folder.page.read_text()
+    for one in results.tasks:
+        with av.open(folder.video(one.task.id, 0)) as container:
+            images = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        assert len(images) == 1 + (one.records[0].steps + 1) // 2
+        assert all(image.std() > 10 for image in images)
+        assert f'src="videos/{one.task.id}/00000.webm"' in page
+    other, _ = play("random", "other", videos=1, episodes=2, workers=1)
+    for path in videos:
+        assert (other.path / path.relative_to(folder.path)).read_bytes() == path.read_bytes()
+
+
+class Counts:
+    """Counts what an observer is told."""
+
+    def __init__(self) -> None:
+        self.finished: list[int] = []
+        self.told: list[tuple[str, int]] = []
+
+    def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
+        assert run.policy == "hold"
+        self.finished.append(len(finished))
+
+    def on_record(self, record: EpisodeRecord) -> None:
+        self.told.append((record.task, record.episode))
+
+
+def test_observers_hear_of_every_record_once(play: Play) -> None:
+    counts = Counts()
+    folder, _ = play("hold", episodes=2, observers=[counts])
+    assert counts.told == [("wave", 0), ("wave", 1), ("nod", 0), ("nod", 1)]
+    folder.record("nod", 0).unlink()
+    play("hold", episodes=2, observers=[counts])
+    assert counts.finished == [0, 3]
+    assert counts.told[4:] == [("nod", 0)]
+    lines = folder.timing.read_text().splitlines()
+    assert [json.loads(line)["task"] for line in lines] == ["wave", "wave", "nod", "nod", "nod"]
+
+
+def test_records_that_vanish_during_the_run_are_an_error(play: Play, tmp_path: Path) -> None:
+    class Removes(Counts):
+        def on_record(self, record: EpisodeRecord) -> None:
+            if record.episode == 1:
+                RunFolder(tmp_path / "run").record(record.task, 0).unlink()
+
+    with pytest.raises(EvaluationError, match=r"2 of 4 records are missing .*plays what is miss"):
+        play("hold", episodes=2, observers=[Removes()])

@@ -1,0 +1,90 @@
+"""Workers are real processes here, and really hang, die and leave helpers behind."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from duobench.errors import MachineryError
+from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.suite import find_tasks
+from tests.evaluation import small
+from tests.evaluation.conftest import Play, assert_same_episodes
+from tests.evaluation.processes import is_running, wait_until
+
+
+def marked(tmp_path: Path, kind: str) -> list[int]:
+    """Numbers of the processes that left a mark."""
+    return [int(path.name.split("-")[1]) for path in (tmp_path / "marks").glob(f"{kind}-*")]
+
+
+def assert_gone(pids: list[int]) -> None:
+    wait_until(lambda: not any(map(is_running, pids)), "the end of the helpers")
+
+
+def test_dying_workers_are_replaced_and_their_episodes_played_again(
+    play: Play, reference: dict[str, bytes], tmp_path: Path
+) -> None:
+    folder, results = play("DiesOnce", workers=2, episodes=1)
+    assert results.overall.errors == 0
+    assert_same_episodes(folder, reference, 2)
+    helpers = marked(tmp_path, "helper")
+    assert len(helpers) == 2
+    assert_gone(helpers)
+
+
+def test_episode_that_always_kills_its_process_ends_the_run_and_keeps_the_rest(
+    play: Play, tmp_path: Path
+) -> None:
+    message = r"nod, episode 0 cannot be played; in each of 3 attempts .*ended by SIGKILL\."
+    with pytest.raises(MachineryError, match=message):
+        play("DiesAtTheEnd", workers=1, episodes=1)
+    assert [path.name for path in (tmp_path / "run" / "records").glob("*/*")] == ["00000.json"]
+    assert not (tmp_path / "run" / "index.html").exists()
+
+
+def test_result_that_cannot_be_read_is_played_again(
+    play: Play, reference: dict[str, bytes]
+) -> None:
+    folder, results = play("SpoilsOnce", workers=1, episodes=1)
+    assert results.overall.errors == 0
+    assert_same_episodes(folder, reference, 2)
+
+
+def test_workers_that_cannot_start_end_the_run(play: Play) -> None:
+    with pytest.raises(MachineryError, match=r"3 workers in a row.*ended by SIGKILL"):
+        play("dies_when_made", workers=1)
+
+
+def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> None:
+    _, results = play(
+        "Hangs",
+        workers=1,
+        episodes=2,
+        tasks=find_tasks([small.WAVE_NAME]),
+        limits=TimeLimits(act_s=3.0),
+    )
+    first, second = results.tasks[0].records
+    assert first.error == (
+        "PolicyTimeoutError: The policy did not answer within 3 s, its limit for one reset or act."
+        "\n"
+    )
+    assert first.versions == second.versions
+    assert second.error is None
+
+
+def test_what_looks_like_an_interrupt_of_a_policy_is_its_error(play: Play) -> None:
+    _, results = play("Interrupts", workers=1, episodes=1)
+    assert [one.records[0].reason for one in results.tasks] == ["KeyboardInterrupt"] * 2
+
+
+def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
+    play: Play, tmp_path: Path
+) -> None:
+    play("HasHelpers", workers=1, episodes=1, tasks=find_tasks([small.WAVE_NAME]))
+    (policy,) = marked(tmp_path, "policy")
+    helpers = marked(tmp_path, "helper")
+    assert policy != os.getpid()
+    assert len(helpers) == 3
+    assert_gone([policy, *helpers])
+    assert (tmp_path / "marks" / "closed").exists()

@@ -1,0 +1,163 @@
+import asyncio
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import duobench
+from duobench.errors import PolicyError
+from duobench.evaluation.rollout import Step, Watcher, rollout
+from duobench.policy import HoldPolicy, make
+from duobench.randomness import episode_seed
+from tests.evaluation import small
+
+
+class Listener:
+    """Writes down what it is told."""
+
+    def __init__(self) -> None:
+        self.heard: list[str] = []
+        self.steps: list[Step] = []
+
+    def on_episode_start(self, env: gym.Env, observation: Any, info: Any) -> None:
+        self.heard.append("start")
+        assert env.unwrapped
+        assert "agent_pos" in observation
+        assert info["stage"] == 0
+
+    def on_step(self, step: Step) -> None:
+        self.heard.append("step")
+        self.steps.append(step)
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        self.heard.append("end" if error is None else f"end: {type(error).__name__}")
+
+
+class Counts(HoldPolicy):
+    """Holds, in chunks whose actions can be told apart by the right gripper's opening."""
+
+    def __init__(self, length: int) -> None:
+        super().__init__()
+        self.length = length
+        self.sent = 0
+
+    def act(self, observation: Any) -> Any:
+        chunk = np.repeat(super().act(observation), self.length, axis=0)
+        for row in chunk:
+            self.sent += 1
+            row[-1] = self.sent / 1000
+        return chunk
+
+
+@pytest.fixture(scope="module")
+def env() -> Any:
+    env = duobench.make(small.WAVE, cameras=False)
+    yield env
+    env.close()
+
+
+@pytest.mark.parametrize("length", [1, 5, 24, 100])
+def test_actions_of_a_chunk_are_executed_in_order_until_the_end(env: gym.Env, length: int) -> None:
+    listener, policy = Listener(), Counts(length)
+    rollout(env, policy, seed=3, watchers=[listener])
+    assert listener.heard == ["start", *["step"] * small.HORIZON, "end"]
+    numbers = list(range(1, small.HORIZON + 1))
+    assert [step.number for step in listener.steps] == numbers
+    assert [round(1000 * step.action[-1]) for step in listener.steps] == numbers
+    assert [step.truncated for step in listener.steps] == [False] * 23 + [True]
+    assert policy.sent == -(-small.HORIZON // length) * length
+
+
+def test_same_seed_gives_the_same_episode_whatever_ran_before(env: gym.Env) -> None:
+    listeners = []
+    for seed in (7, 8, 7):
+        listeners.append(Listener())
+        rollout(env, make("random"), seed=seed, watchers=[listeners[-1]])
+    first, other, again = (
+        np.array([step.observation["agent_pos"] for step in one.steps]) for one in listeners
+    )
+    np.testing.assert_array_equal(first, again)
+    assert len(other) != len(first) or not np.array_equal(first, other)
+
+
+class Passes(gym.Wrapper):
+    """A foreign wrapper that changes nothing."""
+
+
+def rendered(env: gym.Env, watcher: Watcher) -> list[int]:
+    """Control steps whose observation has images."""
+    listener = Listener()
+    rollout(env, small.Sees(), seed=3, watchers=[listener, watcher])
+    return [step.number for step in listener.steps if "pixels" in step.observation]
+
+
+def test_images_are_rendered_when_somebody_asks_for_them_through_any_wrappers() -> None:
+    class NeedsFrames(Listener):
+        needs_frames = True
+
+    env = duobench.make(small.WAVE, cameras=("head",), image_size=(24, 32))
+    for wrapped in (env, Passes(Passes(env))):
+        assert rendered(wrapped, Listener()) == [5, 10, 15, 20]
+    assert rendered(env, NeedsFrames()) == list(range(1, small.HORIZON + 1))
+    # Who steps the environment afterwards sees images again.
+    rendered(env, Listener())
+    assert "pixels" in env.reset(seed=0)[0]
+    env.close()
+
+
+def test_step_has_the_reward_of_the_stage(env: gym.Env) -> None:
+    listener = Listener()
+    for index in range(4):
+        rollout(env, make("random"), seed=episode_seed("wave", index), watchers=[listener])
+    rewards = [step.reward for step in listener.steps]
+    assert rewards == [step.info["stage"] / step.info["max_stage"] for step in listener.steps]
+    assert max(rewards) > 0
+
+
+def test_every_watcher_is_told_the_end_whatever_broke(env: gym.Env) -> None:
+    class Breaks(Listener):
+        def on_step(self, step: Step) -> None:
+            super().on_step(step)
+            if step.number == 2:
+                raise ZeroDivisionError
+
+        def on_episode_end(self, error: BaseException | None) -> None:
+            super().on_episode_end(error)
+            raise OSError
+
+    before, breaks, after = Listener(), Breaks(), Listener()
+    with pytest.raises(OSError):  # noqa: PT011 - it has no text
+        rollout(env, HoldPolicy(), seed=0, watchers=[before, breaks, after])
+    assert before.heard == ["start", "step", "step", "end: ZeroDivisionError"]
+    assert breaks.heard == ["start", "step", "step", "end: ZeroDivisionError"]
+    assert after.heard == ["start", "step", "end: OSError"]
+
+
+def test_watcher_is_told_the_end_of_an_episode_that_never_began(env: gym.Env) -> None:
+    class Refuses(HoldPolicy):
+        def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - told to nobody
+            raise asyncio.CancelledError
+
+    listener = Listener()
+    with pytest.raises(asyncio.CancelledError):
+        rollout(env, Refuses(), seed=0, watchers=[listener])
+    assert listener.heard == ["end: CancelledError"]
+
+
+def test_policy_that_does_not_fit_is_refused_before_the_first_step(env: gym.Env) -> None:
+    listener = Listener()
+    with pytest.raises(PolicyError, match="acts 10 times a second"):
+        rollout(env, small.IsSlow(), seed=0, watchers=[listener])
+    assert listener.heard == []
+
+
+def test_chunk_of_nan_is_refused(env: gym.Env) -> None:
+    class Nan(HoldPolicy):
+        def act(self, observation: Any) -> Any:
+            return super().act(observation) * np.nan
+
+    listener = Listener()
+    with pytest.raises(PolicyError, match="nan in action 0"):
+        rollout(env, Nan(), seed=0, watchers=[listener])
+    assert listener.heard == ["start", "end: PolicyError"]

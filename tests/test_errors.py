@@ -1,0 +1,36 @@
+import re
+from pathlib import Path
+
+from duobench.errors import LONGEST_TEXT, printable, traceback_text
+from tests.evaluation import small
+
+
+def test_traceback_names_no_folder_of_the_machine() -> None:
+    try:
+        small.cannot_be_made()
+    except ZeroDivisionError as error:
+        text = traceback_text(error)
+    assert text.endswith("ZeroDivisionError: no weights\n")
+    assert 'evaluation/small.py", line ' in text
+    assert str(Path(__file__).parents[1]) not in text
+    assert not re.search(r'File "/', text)
+
+
+def test_endless_line_of_a_traceback_is_cut() -> None:
+    text = traceback_text(ValueError("x" * 100_000))
+    assert len(text) < 1000
+    assert text.endswith("x …\n")
+
+
+def test_endless_traceback_keeps_its_beginning_and_its_end() -> None:
+    text = traceback_text(ValueError("begins\n" + "line\n" * 100_000 + "ends"))
+    assert len(text) < LONGEST_TEXT + 10
+    assert text.startswith("ValueError: begins\n")
+    assert text.endswith("\nends\n")
+
+
+def test_text_of_an_error_can_be_written_and_printed() -> None:
+    assert printable("wörld\n\tok") == "wörld\n\tok"
+    text = traceback_text(FileNotFoundError("w-\udcff.bin\x1b[31m\r\x9b"))
+    assert text == "FileNotFoundError: w-\\udcff.bin\\x1b[31m\\x0d\\x9b\n"
+    text.encode()
