@@ -1,6 +1,8 @@
+import ast
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -370,3 +372,14 @@ def test_importing_the_command_line_loads_nothing_heavy() -> None:
     assert "duobench.cli" in loaded
     heavy = {"tyro", "rich", "matplotlib", "jinja2", "av", "PIL", "duobench.evaluation"}
     assert loaded & heavy == set()
+
+
+def test_only_the_command_line_names_its_flags_in_errors() -> None:
+    flags = []
+    for path in (ROOT / "src" / "duobench").rglob("*.py"):
+        if path.parent.name in {"cli", "assets"}:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Raise):
+                flags += re.findall(r"--[a-z]+|duobench [a-z]+ ", ast.unparse(node))
+    assert flags == []

@@ -4,13 +4,13 @@ import re
 from rich.console import Console
 
 from duobench.cli.table import results_table
-from duobench.evaluation.metrics import results
+from duobench.evaluation.metrics import summarize
 from tests.evaluation.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
 
 
 def printed(run_records: list, expected: int, width: int = 130) -> list[str]:
     out = io.StringIO()
-    Console(file=out, width=width).print(results_table(results(TASKS, run_records), expected))
+    Console(file=out, width=width).print(results_table(summarize(TASKS, run_records), expected))
     return [re.sub(r"\s{2,}", "|", line.strip()) for line in out.getvalue().splitlines()]
 
 

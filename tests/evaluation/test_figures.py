@@ -1,13 +1,14 @@
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import pytest
 
 from duobench.evaluation.figures import FIGURES, INK, draw, for_page
-from duobench.evaluation.metrics import results
-from tests.evaluation.samples import TASKS, sample_records, sample_run
+from duobench.evaluation.metrics import summarize
+from tests.evaluation.samples import LIFT, TASKS, sample_record, sample_records, sample_run
 
 RUN = sample_run(episodes=8)
-FOUND = results(RUN.suite.tasks, sample_records(RUN))
+FOUND = summarize(RUN.suite.tasks, sample_records(RUN))
 
 
 def words(svg: str) -> list[str]:
@@ -51,4 +52,11 @@ def test_element_for_a_page_brings_no_style_sheet_and_takes_the_pages_ink(name: 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_run_without_records_can_be_drawn(name: str) -> None:
-    assert draw(name, results(TASKS, [])).rstrip().endswith("</svg>")
+    assert draw(name, summarize(TASKS, [])).rstrip().endswith("</svg>")
+
+
+@pytest.mark.parametrize("title", [r"$\frac$", "from $5 to $10", "50 % & <more>"])
+@pytest.mark.parametrize("name", FIGURES)
+def test_title_is_shown_as_it_is(name: str, title: str) -> None:
+    task = replace(LIFT, title=title)
+    assert title in words(draw(name, summarize([task], [sample_record(task, 0, (1,))])))

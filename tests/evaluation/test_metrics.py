@@ -5,7 +5,7 @@ import pytest
 from duobench.evaluation.metrics import (
     TIME_POINTS,
     progress_curve,
-    results,
+    summarize,
     task_result,
     wilson_interval,
 )
@@ -46,7 +46,7 @@ def test_curve_is_the_mean_stage_at_each_share_of_the_horizon() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_curve_never_falls_and_ends_at_the_mean_final_progress(seed: int) -> None:
     run = sample_run(episodes=7)
-    for one in results(run.suite.tasks, sample_records(run, seed)).tasks:
+    for one in summarize(run.suite.tasks, sample_records(run, seed)).tasks:
         assert list(one.progress) == sorted(one.progress)
         assert one.progress[-1] == pytest.approx(one.score.mean_final_progress)
         assert sum(one.last_stage_counts) == one.score.episodes
@@ -55,15 +55,15 @@ def test_curve_never_falls_and_ends_at_the_mean_final_progress(seed: int) -> Non
 def test_results_do_not_depend_on_the_order_of_the_records() -> None:
     run = sample_run(episodes=9)
     records = sample_records(run)
-    expected = results(run.suite.tasks, records)
+    expected = summarize(run.suite.tasks, records)
     for seed in range(3):
         random.Random(seed).shuffle(records)
-        assert results(run.suite.tasks, records) == expected
+        assert summarize(run.suite.tasks, records) == expected
 
 
 def test_categories_and_the_overall_row_pool_episodes() -> None:
     run = sample_run(episodes=6)
-    found = results(run.suite.tasks, sample_records(run))
+    found = summarize(run.suite.tasks, sample_records(run))
     by_id = {one.task.id: one.score for one in found.tasks}
     assert [category.label for category in found.categories] == [
         "bimanual manipulation",
@@ -78,7 +78,7 @@ def test_categories_and_the_overall_row_pool_episodes() -> None:
 
 
 def test_run_without_records_has_no_rates() -> None:
-    found = results(TASKS, [])
+    found = summarize(TASKS, [])
     assert found.overall.success_rate is None
     assert found.overall.mean_final_progress is None
     assert found.overall.interval == (0.0, 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import random
 import time
 from collections.abc import Sequence
@@ -30,6 +31,8 @@ from duobench.evaluation.video import VideoRecorder
 from duobench.policy import Policy, PolicyMetadata
 from duobench.scene.cameras import OVERVIEW
 from duobench.sim.rendering import Renderer, describe
+
+_log = logging.getLogger(__name__)
 
 VIDEO_SIZE = (480, 640)
 """Height and width of a video in pixels."""
@@ -146,7 +149,10 @@ class EpisodeRunner:
     def close(self) -> None:
         """Free environment and policy, which are not used again."""
         self._close_environment()
-        self._source.close()
+        try:
+            self._source.close()
+        except Exception:  # noqa: BLE001 - the results are there
+            _log.warning("The policy could not be closed.", exc_info=True)
 
     def _prepare(self, task: TaskInfo) -> tuple[gym.Env, Policy]:
         """Environment and policy of a task; those of another task are closed first."""

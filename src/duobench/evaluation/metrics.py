@@ -164,7 +164,7 @@ def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
     )
 
 
-def results(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Results:
+def summarize(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Results:
     """Results of a run.
 
     Args:

@@ -22,7 +22,7 @@ from duobench.evaluation.metrics import (
     interval_percent,
     percent,
     progress_text,
-    results,
+    summarize,
 )
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Run, TaskInfo
@@ -40,7 +40,7 @@ def read_results(folder: RunFolder) -> tuple[Run, Results]:
         EvaluationError: If the folder holds no run, or a record cannot be read.
     """
     run = folder.read_run()
-    return run, results(run.suite.tasks, folder.read_records(run))
+    return run, summarize(run.suite.tasks, folder.read_records(run))
 
 
 def write_report(folder: RunFolder) -> Results:
@@ -56,16 +56,16 @@ def write_report(folder: RunFolder) -> Results:
         EvaluationError: If the folder holds no run, or a record cannot be read.
         OutputError: If nothing can be written into the folder.
     """
-    run, found = read_results(folder)
-    drawn = {name: figures.draw(name, found) for name in figures.FIGURES}
-    for name, svg in drawn.items():
+    run, results = read_results(folder)
+    svgs = {name: figures.draw(name, results) for name in figures.FIGURES}
+    for name, svg in svgs.items():
         write(folder.figure(name), svg)
-    write(folder.summary, summary_json(run, found))
-    write(folder.page, _page(folder, run, found, drawn))
-    return found
+    write(folder.summary, summary_json(run, results))
+    write(folder.page, _page(folder, run, results, svgs))
+    return results
 
 
-def summary_json(run: Run, found: Results) -> str:
+def summary_json(run: Run, results: Results) -> str:
     """The results as JSON text: per task, per category and overall."""
     document = {
         "schema": SUMMARY_SCHEMA,
@@ -81,10 +81,10 @@ def summary_json(run: Run, found: Results) -> str:
                 "max_stage": one.task.max_stage,
                 "last_stage_counts": list(one.last_stage_counts),
             }
-            for one in found.tasks
+            for one in results.tasks
         },
-        "categories": {category.label: _score(category) for category in found.categories},
-        "overall": _score(found.overall),
+        "categories": {category.label: _score(category) for category in results.categories},
+        "overall": _score(results.overall),
     }
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
 
@@ -101,7 +101,7 @@ def _score(score: Score) -> dict[str, Any]:
     }
 
 
-def _page(folder: RunFolder, run: Run, found: Results, drawn: dict[str, str]) -> str:
+def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -> str:
     """The page as HTML text."""
     environment = Environment(
         loader=PackageLoader("duobench.evaluation"),
@@ -121,10 +121,10 @@ def _page(folder: RunFolder, run: Run, found: Results, drawn: dict[str, str]) ->
     return environment.get_template("report.html.j2").render(
         run=run,
         suite=run.suite,
-        results=found,
+        results=results,
         expected=run.suite.size,
-        versions=_set_ups(found),
-        figures={name: Markup(figures.for_page(svg)) for name, svg in drawn.items()},
+        versions=_set_ups(results),
+        figures={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
         control_rate_hz=CONTROL_HZ,
         colours=stage_colours,
         ink_on=ink_on,
@@ -140,10 +140,10 @@ def _page(folder: RunFolder, run: Run, found: Results, drawn: dict[str, str]) ->
     )
 
 
-def _set_ups(found: Results) -> list[dict[str, str | None]]:
+def _set_ups(results: Results) -> list[dict[str, str | None]]:
     """The different sets of versions that the records were made with, in order of appearance."""
     different: list[dict[str, str | None]] = []
-    for one in found.tasks:
+    for one in results.tasks:
         for record in one.records:
             if record.versions not in different:
                 different.append(record.versions)

@@ -26,7 +26,13 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from duobench.errors import DuoBenchError, EvaluationError, MachineryError, traceback_text
+from duobench.errors import (
+    DuoBenchError,
+    EvaluationError,
+    MachineryError,
+    printable,
+    traceback_text,
+)
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner
 from duobench.evaluation.limits import EpisodeClock, TimeLimits
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
@@ -161,6 +167,9 @@ class Worker:
 
         Args:
             begin: What it will play.
+
+        Raises:
+            MachineryError: The process cannot be started.
         """
         ours, theirs = socket.socketpair()
         self.channel: Channel[Report] = Channel(ours, Report)  # pyright: ignore[reportArgumentType]
@@ -175,12 +184,16 @@ class Worker:
         """The task whose environment it has."""
         files = (theirs.fileno(), self.clock.file)
         # In safe mode (-P), the current folder does not come before the standard library.
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _START, *map(str, files), json.dumps(_module_folders())],
-            pass_fds=files,
-            stdin=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        command = [sys.executable, "-P", "-c", _START, *map(str, files)]
+        try:
+            self._process = subprocess.Popen(
+                [*command, json.dumps(_module_folders())],
+                pass_fds=files,
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise MachineryError(f"A worker cannot be started: {error}.") from error
         theirs.close()
         self.send(begin)
 
@@ -226,8 +239,11 @@ def _module_folders() -> list[str]:
 
     A module there must be found, but must not stand in for one of the standard library.
     """
-    folders = [str(Path(entry).absolute()) for entry in sys.path]
-    here = str(Path.cwd())
+    try:
+        here = str(Path.cwd())
+    except FileNotFoundError:  # it was deleted; relative entries lead nowhere
+        return [entry for entry in sys.path if Path(entry).is_absolute()]
+    folders = [str(Path(here, entry)) for entry in sys.path]
     return [folder for folder in folders if folder != here] + [here] * (here in folders)
 
 
@@ -245,7 +261,7 @@ def work(connection: int, clock: int) -> None:
     try:
         _obey(channel, orders, EpisodeClock(clock))
     except DuoBenchError as error:
-        channel.send(Rejected(error=type(error).__name__, message=str(error)))
+        channel.send(Rejected(error=type(error).__name__, message=printable(str(error))))
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
         text = f"A worker failed.\n{traceback_text(error)}"
         channel.send(Rejected(error=EvaluationError.__name__, message=text))
@@ -268,7 +284,7 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
         try:
             report = Finished(result=runner.play(order.episode))
         except MachineryError as fault:
-            report = Faulty(fault=str(fault))
+            report = Faulty(fault=printable(str(fault)))
         channel.send(report)
     runner.close()
 
