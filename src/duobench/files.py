@@ -108,7 +108,7 @@ def decode(text: bytes, kind: type[T], schema: int) -> T:
     """
     try:
         document: Any = msgspec.json.decode(text)
-    except (ValueError, RecursionError) as error:
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise EvaluationError(f"No JSON: {error}.") from error
     if not isinstance(document, dict):
         raise EvaluationError(f"A JSON object is expected, not a {type(document).__name__}.")

@@ -336,7 +336,7 @@ def test_interrupt_that_an_import_would_swallow_ends_the_run(tmp_path: Path) -> 
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize("moment", ["starting", "playing", "pressed twice"])
+@pytest.mark.parametrize("moment", ["starting", "playing", "pressed twice", "terminated"])
 def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
     command = [sys.executable, "-m", "duobench", "eval", "--policy", "hold", "--episodes", "500"]
     command += ["--tasks", small.WAVE_NAME, "--videos", "0", "--workers", "2"]
@@ -352,14 +352,15 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
             wait_until(lambda: workers(process.pid), "a worker")
         else:
             wait_until(lambda: list(tmp_path.glob("run/records/*/*.json")), "a record")
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: every process gets it
+        number = signal.SIGTERM if moment == "terminated" else signal.SIGINT
+        os.killpg(process.pid, number)  # as a terminal does: every process of the group gets it
         if moment == "pressed twice":
             time.sleep(0.02)
             os.killpg(process.pid, signal.SIGINT)
         told, complaint = process.communicate()
-    assert process.returncode == 130
+    assert process.returncode == 128 + number
     # Who presses twice may cut off this line, and nothing else.
-    assert "the same command goes on" in told or moment == "pressed twice"
+    assert "the same command goes on" in told or moment in {"pressed twice", "terminated"}
     assert complaint.strip() == "Stopped."
 
 

@@ -12,11 +12,13 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from duobench.errors import RenderingError
 from duobench.policy import HoldPolicy, PolicyMetadata, RandomPolicy
 from duobench.randomness import around, episode_seed
 from duobench.solids.blocks import CUBE_EDGE, RED, cube
@@ -41,6 +43,12 @@ def left_tool_moved(distance: float) -> Predicate:
     return Predicate(f"left tool moved {distance}", test)
 
 
+def sticks_once(moment: Moment) -> bool:  # noqa: ARG001 - the simulation itself does not come back
+    if mark("stuck"):
+        time.sleep(1000)
+    return False
+
+
 def _task(name: str, distances: tuple[float, ...]) -> Task:
     return Task(
         id=name,
@@ -59,6 +67,11 @@ def _task(name: str, distances: tuple[float, ...]) -> Task:
 
 WAVE = _task("wave", (0.4, 0.6, 0.65))
 NOD = _task("nod", (0.55, 0.7))
+STUCK = replace(
+    WAVE,
+    id="stuck",
+    stages=(Stage(name="came back", instruction="Wait.", holds=Predicate("stuck", sticks_once)),),
+)
 WAVE_NAME, NOD_NAME = f"{__name__}:WAVE", f"{__name__}:NOD"
 
 
@@ -191,6 +204,13 @@ class Hangs(HoldPolicy):
         if self._acts == 4:
             hangs()
         return super().act(observation)
+
+
+class HasNoGraphics(HoldPolicy):
+    """Meets graphics that do not work."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
+        raise RenderingError("The driver hangs.")
 
 
 class Interrupts(HoldPolicy):

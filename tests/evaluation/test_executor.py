@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import MachineryError
+from duobench.errors import MachineryError, RenderingError
+from duobench.evaluation import executor
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.suite import find_tasks
 from tests.evaluation import small
@@ -88,3 +89,31 @@ def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
     assert len(helpers) == 3
     assert_gone([policy, *helpers])
     assert (tmp_path / "marks" / "closed").exists()
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(
+    play: Play, workers: int
+) -> None:
+    message = r"wave, episode 0 cannot be played; in each of 3 attempts .* The driver hangs\."
+    with pytest.raises(MachineryError, match=message):
+        play("HasNoGraphics", workers=workers, episodes=1)
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_policy_that_needs_images_where_nothing_renders_ends_the_run(
+    play: Play, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    with pytest.raises(RenderingError, match="switched off by MUJOCO_GL=off"):
+        play("Sees", workers=workers, episodes=1)
+
+
+def test_simulation_that_does_not_come_back_is_played_again(
+    play: Play, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executor, "GRACE_S", 1.0)
+    tasks = find_tasks([f"{small.__name__}:STUCK"])
+    limits = TimeLimits(episode_s=3.0)
+    _, results = play("hold", workers=1, episodes=1, tasks=tasks, limits=limits)
+    assert (results.overall.episodes, results.overall.errors) == (1, 0)

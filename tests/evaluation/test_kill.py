@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from duobench.evaluation.folder import RunFolder
+from tests.evaluation import small
 from tests.evaluation.processes import children, is_running, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -21,17 +22,19 @@ from duobench.cli.table import results_table
 from duobench.evaluation.evaluate import evaluate
 from tests.evaluation.conftest import small_suite
 
-folder, workers = RunFolder(Path(sys.argv[1])), int(sys.argv[2])
-results = evaluate("random", small_suite(episodes=EPISODES), folder, videos=1, workers=workers)
+folder, workers, policy = RunFolder(Path(sys.argv[1])), int(sys.argv[2]), sys.argv[3]
+results = evaluate(policy, small_suite(episodes=EPISODES), folder, videos=1, workers=workers)
 Console(width=130).print(results_table(results, EPISODES))
 """
 EPISODES = 6
 
 
-def start(script: Path, folder: Path, workers: int) -> subprocess.Popen[str]:
+def start(
+    script: Path, folder: Path, workers: int, policy: str = "random"
+) -> subprocess.Popen[str]:
     source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     return subprocess.Popen(
-        [sys.executable, str(script), str(folder), str(workers)],
+        [sys.executable, str(script), str(folder), str(workers), policy],
         env={**os.environ, "PYTHONPATH": source},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -92,3 +95,15 @@ def test_interrupted_run_stops_and_keeps_what_is_finished(script: Path, tmp_path
     wait_until(lambda: not any(map(is_running, workers)), "the end of the workers")
     run_folder = RunFolder(folder)
     assert run_folder.read_records(run_folder.read_run())
+
+
+def test_helpers_of_a_policy_end_with_a_killed_run(
+    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(small.MARKS, str(tmp_path))
+    with start(script, tmp_path / "run", 1, f"{small.__name__}:HasHelpers") as process:
+        wait_until(lambda: len(list(tmp_path.glob("helper-*"))) == 3, "the helpers")
+        process.send_signal(signal.SIGKILL)
+        process.communicate()  # until nobody holds its output open
+    helpers = [int(path.name.split("-")[1]) for path in tmp_path.glob("helper-*")]
+    wait_until(lambda: not any(map(is_running, helpers)), "the end of the helpers")

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import select
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from multiprocessing.connection import wait
 from typing import Protocol
-
-import msgspec
 
 from duobench import errors
 from duobench.errors import EvaluationError, MachineryError, PolicyTimeoutError
@@ -26,6 +24,7 @@ from duobench.evaluation.worker import (
     Rejected,
     Report,
     Stop,
+    UnreadableError,
     Worker,
 )
 
@@ -97,8 +96,9 @@ class Attempts:
 class LocalExecutor:
     """Plays in this process: for debugging, notebooks and tests.
 
-    It cannot outlive a policy that crashes its process, and it cannot stop one that hangs: an
-    answer that comes too late fails the episode once it comes. `ProcessExecutor` can do both.
+    It cannot outlive a policy that crashes its process, it cannot stop one that hangs (an answer
+    that comes too late fails the episode once it comes), and it leaves alone what a policy has
+    started. `ProcessExecutor` does all of that, with one worker too.
     """
 
     def __init__(self, policy: str, tasks: Sequence[TaskInfo], limits: TimeLimits) -> None:
@@ -160,7 +160,7 @@ class ProcessExecutor:
         self._limits = limits
         self._most = workers
         self._workers: list[Worker] = []
-        self._waiting: deque[Episode] = deque()
+        self._waiting: dict[str, deque[Episode]] = {}
         self._attempts = Attempts()
         self._failed_starts = 0
         self._setup: Setup | None = None
@@ -176,8 +176,9 @@ class ProcessExecutor:
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
         """Play episodes; those of a task go to as few workers as keeps all of them busy."""
-        self._waiting.extend(episodes)
-        while self._waiting or any(worker.episode for worker in self._workers):
+        for episode in episodes:
+            self._waiting.setdefault(episode.task.id, deque()).append(episode)
+        while self._left() or any(worker.episode for worker in self._workers):
             self._give_orders()
             yield from self._look()
 
@@ -196,37 +197,38 @@ class ProcessExecutor:
     def _give_orders(self) -> None:
         """Give waiting episodes to idle workers, and start more workers for the rest."""
         for worker in self._workers:
-            if worker.is_ready and worker.episode is None and self._waiting:
+            if worker.is_ready and worker.episode is None and self._left():
                 worker.episode = self._next(worker.task)
                 worker.task = worker.episode.task
                 worker.send(Play(episode=worker.episode))
         starting = sum(not worker.is_ready for worker in self._workers)
-        wanted = min(len(self._waiting) - starting, self._most - len(self._workers))
+        wanted = min(self._left() - starting, self._most - len(self._workers))
         self._workers.extend(Worker(self._begin) for _ in range(wanted))
 
     def _next(self, task: TaskInfo | None) -> Episode:
         """Take the next episode: of the task that a worker has, else of the one with most left."""
-        tasks = [episode.task for episode in self._waiting]
-        if task not in tasks:
-            task = max(tasks, key=tasks.count)
-        episode = self._waiting[tasks.index(task)]
-        self._waiting.remove(episode)
-        return episode
+        longest = max(self._waiting.values(), key=len)
+        queue = self._waiting.get(task.id) if task else None
+        return (queue or longest).popleft()
+
+    def _left(self) -> int:
+        """How many episodes wait to be played."""
+        return sum(map(len, self._waiting.values()))
 
     def _look(self) -> Iterator[EpisodeResult]:
         """Wait for news, a moment at most, and act on them."""
-        news = select.select([worker.channel for worker in self._workers], [], [], TICK_S)[0]
+        news = wait([worker.channel.socket for worker in self._workers], TICK_S)
         for worker in list(self._workers):
             death, fault = worker.death(), None
             try:
-                if worker.channel in news:
+                if worker.channel.socket in news:
                     for report in worker.channel.receive():
                         yield from self._take(worker, report)
             except ClosedError:
                 fault = worker.last_words()
-            except msgspec.MsgspecError as error:
+            except UnreadableError as error:
                 fault = f"its result cannot be read ({error})."
-            if worker.channel not in news:
+            if worker.channel.socket not in news:
                 fault = fault or death
             if fault is not None:
                 self._replace(worker, fault)
@@ -255,7 +257,7 @@ class ProcessExecutor:
         """Have the episode of a worker played again."""
         if worker.episode is not None:
             self._attempts.note(worker.episode, fault)
-            self._waiting.appendleft(worker.episode)
+            self._waiting[worker.episode.task.id].appendleft(worker.episode)
             worker.episode = None
 
     def _replace(self, worker: Worker, fault: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import mmap
-import os
 import struct
 import time
 from collections.abc import Callable, Mapping
@@ -18,11 +17,12 @@ from duobench.policy import Policy, PolicyMetadata, as_chunk
 T = TypeVar("T")
 
 _TIMES = struct.Struct("dd")
+_NO_FILE = -1
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TimeLimits:
-    """How long a policy may take."""
+    """How long a policy may take; making it, with all its weights, has no limit."""
 
     act_s: float = 120.0
     """Seconds for one `reset` or one `act`: minutes, because a first answer may compile a model."""
@@ -57,16 +57,16 @@ class EpisodeClock:
     this one from doing anything at all.
     """
 
-    def __init__(self, file: int | None = None) -> None:
-        """Make a clock, or open one.
+    SIZE = _TIMES.size
+    """Bytes that it takes."""
+
+    def __init__(self, file: int = _NO_FILE) -> None:
+        """Make a clock.
 
         Args:
-            file: `file` of a clock that another process made and passed on.
+            file: Descriptor of a memory file of `SIZE` bytes that another process has too.
         """
-        self.file = os.memfd_create("duobench-clock") if file is None else file
-        """File descriptor, for another process."""
-        os.ftruncate(self.file, _TIMES.size)
-        self._memory = mmap.mmap(self.file, _TIMES.size)
+        self._memory = mmap.mmap(file, self.SIZE)
 
     def _times(self) -> tuple[float, float]:
         return _TIMES.unpack_from(self._memory)
@@ -96,11 +96,6 @@ class EpisodeClock:
         """Seconds since the policy was asked, 0 while it is not busy."""
         since = self._times()[1]
         return time.monotonic() - since if since else 0.0
-
-    def close(self) -> None:
-        """Free the memory."""
-        self._memory.close()
-        os.close(self.file)
 
 
 class TimedPolicy:

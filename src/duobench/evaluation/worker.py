@@ -11,7 +11,6 @@ import atexit
 import json
 import os
 import queue
-import select
 import signal
 import socket
 import struct
@@ -21,6 +20,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -41,8 +41,11 @@ T = TypeVar("T")
 
 _LENGTH = struct.Struct("!Q")
 _PIECE = 1 << 20
+_LONGEST = 1 << 30
 LOOK_S = 1.0
 """How often a worker looks whether its parent still lives, in seconds."""
+DEATH_S = 10.0
+"""How long a killed process is waited for, in seconds."""
 _START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[3]); "
     "from duobench.evaluation.worker import work; work(int(sys.argv[1]), int(sys.argv[2]))"
@@ -101,6 +104,10 @@ class ClosedError(Exception):
     """The other end of the channel is closed."""
 
 
+class UnreadableError(Exception):
+    """What arrived is no message of the expected kind."""
+
+
 class Channel(Generic[T]):
     """One end of a connection: sends any message, receives those of one kind."""
 
@@ -111,13 +118,10 @@ class Channel(Generic[T]):
             connection: The socket, which belongs to the channel from now on.
             kind: Type of the messages that are received, or a union of such types.
         """
-        self._socket = connection
+        self.socket = connection
+        """The socket, to wait for."""
         self._decoder = msgspec.msgpack.Decoder(kind)
         self._received = bytearray()
-
-    def fileno(self) -> int:
-        """The file descriptor, to wait for it."""
-        return self._socket.fileno()
 
     def send(self, message: Order | Report) -> None:
         """Send a message.
@@ -126,7 +130,7 @@ class Channel(Generic[T]):
             OSError: The other end is closed.
         """
         data = msgspec.msgpack.encode(message)
-        self._socket.sendall(_LENGTH.pack(len(data)) + data)
+        self.socket.sendall(_LENGTH.pack(len(data)) + data)
 
     def receive(self) -> Iterator[T]:
         """Read what has arrived, and give the messages that are complete.
@@ -136,10 +140,10 @@ class Channel(Generic[T]):
 
         Raises:
             ClosedError: The other end is closed.
-            msgspec.MsgspecError: A message is none of the expected kind.
+            UnreadableError: A message is none of the expected kind.
         """
         try:
-            piece = self._socket.recv(_PIECE)
+            piece = self.socket.recv(_PIECE)
         except ConnectionError:
             piece = b""
         if not piece:
@@ -147,16 +151,22 @@ class Channel(Generic[T]):
         self._received += piece
         while len(self._received) >= _LENGTH.size:
             (length,) = _LENGTH.unpack_from(self._received)
+            if length > _LONGEST:
+                raise UnreadableError(f"{length} bytes long")
             end = _LENGTH.size + length
             if len(self._received) < end:
                 return
             data = bytes(self._received[_LENGTH.size : end])
             del self._received[:end]
-            yield self._decoder.decode(data)
+            try:
+                message = self._decoder.decode(data)
+            except (msgspec.MsgspecError, DuoBenchError) as error:
+                raise UnreadableError(str(error)) from error
+            yield message
 
     def close(self) -> None:
         """Close this end."""
-        self._socket.close()
+        self.socket.close()
 
 
 class Worker:
@@ -174,7 +184,9 @@ class Worker:
         ours, theirs = socket.socketpair()
         self.channel: Channel[Report] = Channel(ours, Report)  # pyright: ignore[reportArgumentType]
         """The connection to it."""
-        self.clock = EpisodeClock()
+        memory = os.memfd_create("duobench-clock")
+        os.ftruncate(memory, EpisodeClock.SIZE)
+        self.clock = EpisodeClock(memory)
         """What its policy is doing."""
         self.is_ready = False
         """Whether it has made the policy."""
@@ -182,9 +194,10 @@ class Worker:
         """What it is playing."""
         self.task: TaskInfo | None = None
         """The task whose environment it has."""
-        files = (theirs.fileno(), self.clock.file)
+        files = (theirs.fileno(), memory)
         # In safe mode (-P), the current folder does not come before the standard library.
-        command = [sys.executable, "-P", "-c", _START, *map(str, files)]
+        flags = subprocess._args_from_interpreter_flags()  # pyright: ignore[reportAttributeAccessIssue]
+        command = [sys.executable, *flags, "-P", "-c", _START, *map(str, files)]
         try:
             self._process = subprocess.Popen(
                 [*command, json.dumps(_module_folders())],
@@ -194,7 +207,9 @@ class Worker:
             )
         except OSError as error:
             raise MachineryError(f"A worker cannot be started: {error}.") from error
-        theirs.close()
+        finally:
+            theirs.close()
+            os.close(memory)
         self.send(begin)
 
     def send(self, order: Order) -> None:
@@ -227,11 +242,12 @@ class Worker:
 
     def kill(self) -> None:
         """End the process and all of its group."""
-        with suppress(ProcessLookupError):
+        with suppress(OSError):
             os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+        # A process that a driver keeps from dying is not waited for.
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(DEATH_S)
         self.channel.close()
-        self.clock.close()
 
 
 def _module_folders() -> list[str]:
@@ -293,7 +309,7 @@ def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order], parent: i
     """Pass orders on; when the parent has died, however it died, end the group at once."""
     try:
         while os.getppid() == parent:
-            if select.select([channel], [], [], LOOK_S)[0]:
+            if wait([channel.socket], LOOK_S):
                 for order in channel.receive():
                     orders.put(order)
                     if isinstance(order, Stop):
