@@ -368,6 +368,21 @@ def test_making_and_stepping_emits_no_warning() -> None:
         env.step(env.action_space.sample())
 
 
+@pytest.mark.parametrize(
+    "action",
+    [
+        np.zeros(16, dtype=complex),
+        ["0"] * 16,
+        np.zeros(16, dtype="timedelta64[s]"),
+        np.ma.masked_equal(np.zeros(16), 0.0),
+    ],
+    ids=lambda action: str(np.asanyarray(action).dtype),
+)
+def test_what_numpy_would_convert_silently_is_refused(running: DuoEnv, action: Any) -> None:
+    with pytest.raises(ActionError, match="array of numbers"):
+        running.step(action)
+
+
 def test_no_chain_of_links_leaves_the_space_of_tool_poses() -> None:
     """Stretched out in any direction, whatever the joints' ranges are."""
     model = DuoEnv(catalog.get(TASK)).simulation.model

@@ -85,6 +85,7 @@ def test_differences_are_told_field_by_field() -> None:
     found = run.differences(sample_run(policy="other", tasks=(LIFT,)))
     assert "policy mine instead of other" in found
     assert "tasks lift sort turn instead of lift" in found
+    assert len(found) == 2
 
 
 def test_run_may_have_more_episodes_than_before_but_not_fewer() -> None:

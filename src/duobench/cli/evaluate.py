@@ -77,7 +77,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         screen.print(
             f"{counted(results.overall.errors, 'episode')} broke off, which counts as failed; "
             "the report has the tracebacks. To play what broke off again, give the same command "
-            "with --retry-broken.",
+            "with --retry-broken; a policy that was changed needs another --out.",
             soft_wrap=True,
         )
         sys.exit(1)

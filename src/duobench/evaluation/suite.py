@@ -221,9 +221,9 @@ class Run:
         """What another run has differently, field by field; its number of episodes may be lower."""
         ours, theirs = self._facts(), other._facts()
         found = [
-            f"{name} {ours.get(name)} instead of {theirs.get(name)}"
-            for name in ours | theirs
-            if ours.get(name) != theirs.get(name)
+            f"{name} {ours[name]} instead of {theirs[name]}"
+            for name in ours
+            if ours[name] != theirs.get(name, ours[name])
         ]
         if self.suite.episodes < other.suite.episodes:
             found.append(

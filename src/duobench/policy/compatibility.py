@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import gymnasium as gym
-
 from duobench.errors import PolicyError
 from duobench.policy.protocol import PolicyMetadata
 
 if TYPE_CHECKING:
+    import gymnasium as gym
+
     from duobench.envs.config import EnvConfig
 
 
