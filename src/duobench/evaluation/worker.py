@@ -277,10 +277,10 @@ def work(connection: int, clock: int) -> None:
     try:
         _obey(channel, orders, EpisodeClock(clock))
     except DuoBenchError as error:
-        channel.send(Rejected(error=type(error).__name__, message=printable(str(error))))
+        _report(channel, Rejected(error=type(error).__name__, message=printable(str(error))))
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
         text = f"A worker failed.\n{traceback_text(error)}"
-        channel.send(Rejected(error=EvaluationError.__name__, message=text))
+        _report(channel, Rejected(error=EvaluationError.__name__, message=text))
     # Exit handlers are the policy's; taking the interpreter down is skipped: graphics drivers
     # have crashed there. The parent ends whatever is left.
     atexit._run_exitfuncs()
@@ -295,14 +295,27 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
     if not isinstance(begin, Begin):
         return
     runner = EpisodeRunner(begin.policy, begin.tasks, begin.limits, clock, is_interruptible=False)
-    channel.send(Ready(setup=runner.setup))
+    _report(channel, Ready(setup=runner.setup))
     while isinstance(order := orders.get(), Play):
         try:
             report = Finished(result=runner.play(order.episode))
         except MachineryError as fault:
             report = Faulty(fault=printable(str(fault)))
-        channel.send(report)
+        _report(channel, report)
     runner.close()
+
+
+def _report(channel: Channel[Order], report: Report) -> None:
+    """Tell the parent; without one there is no reason to be here."""
+    try:
+        channel.send(report)
+    except OSError:
+        _end_group()
+
+
+def _end_group() -> None:
+    """End this process and all that it has started."""
+    os.killpg(0, signal.SIGKILL)
 
 
 def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order], parent: int) -> None:
@@ -312,8 +325,6 @@ def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order], parent: i
             if wait([channel.socket], LOOK_S):
                 for order in channel.receive():
                     orders.put(order)
-                    if isinstance(order, Stop):
-                        return
     except (ClosedError, OSError):
         pass
-    os.killpg(0, signal.SIGKILL)
+    _end_group()
