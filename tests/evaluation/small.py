@@ -255,6 +255,12 @@ class Sees(HoldPolicy):
         return np.repeat(super().act(observation), 5, axis=0)
 
 
+class SeesNowhere(HoldPolicy):
+    """Expects a camera that does not exist."""
+
+    metadata = PolicyMetadata(name="sees_nowhere", cameras=("haed",))
+
+
 class IsSlow(HoldPolicy):
     """Expects another control rate."""
 

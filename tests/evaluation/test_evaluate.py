@@ -6,7 +6,13 @@ from pathlib import Path
 import av
 import pytest
 
-from duobench.errors import DuoBenchError, EvaluationError, OtherRunError, PolicyError
+from duobench.errors import (
+    DuoBenchError,
+    EvaluationError,
+    OtherRunError,
+    PolicyError,
+    UnknownNameError,
+)
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
@@ -103,6 +109,7 @@ def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play:
     ("policy", "error", "message"),
     [
         ("IsSlow", DuoBenchError, "control rate is 30 Hz, got 10"),
+        ("SeesNowhere", UnknownNameError, "camera 'haed'. Did you mean 'head'"),
         ("no_such_policy_module:make", PolicyError, "no module named 'no_such_policy_module'"),
         (
             "cannot_be_made",
