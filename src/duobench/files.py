@@ -99,7 +99,7 @@ def encode(value: DataclassInstance, schema: int) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def decode(text: bytes, kind: type[T], schema: int) -> T:
+def decode(text: bytes | str, kind: type[T], schema: int) -> T:
     """A data class from the text that `encode` gave.
 
     Raises:

@@ -185,7 +185,7 @@ def test_doctor_without_graphics_says_so_and_fails() -> None:
         (["eval", "--policy", "no.such.module:make", "--out", "OUT"], "no module named"),
         (["eval", "--policy", "hold", "--out", "OUT", "--workers", "-3"], "got -3"),
         (["eval", "--policy", "hold", "--out", "/proc/run"], "/proc/run cannot be the folder"),
-        (["eval", "--policy", "hold", "--out", "/proc/run"], "give --out another folder"),
+        (["eval", "--policy", "hold", "--out", "/proc/run"], "give --out another folder; the same"),
         (["eval", "--policy", "hold", "--out", "OUT", "--act-timeout", "0"], "limits are positive"),
         (["eval", "--policy", "x\udcff:X", "--out", "OUT"], r"'x\udcff:X'"),
         (["eval", "--policy", ":x", "--out", "OUT"], "is no `module:attribute`"),

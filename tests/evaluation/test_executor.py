@@ -114,6 +114,6 @@ def test_simulation_that_does_not_come_back_is_played_again(
 ) -> None:
     monkeypatch.setattr(executor, "GRACE_S", 1.0)
     tasks = find_tasks([f"{small.__name__}:STUCK"])
-    limits = TimeLimits(episode_s=3.0)
+    limits = TimeLimits(episode_s=5.0)
     _, results = play("hold", workers=1, episodes=1, tasks=tasks, limits=limits)
     assert (results.overall.episodes, results.overall.errors) == (1, 0)

@@ -42,8 +42,10 @@ def _advice(error: DuoBenchError, folder: RunFolder) -> str:
                 "Give --out another folder, or delete this one; its own command is: "
                 f"{folder.read_run().command}"
             )
-        case OtherRunError() | OutputError():
-            return "Make room or give --out another folder; the same command goes on."
+        case OtherRunError():
+            return "Give --out another folder."
+        case OutputError():
+            return "Make room, or give --out another folder; the same command goes on."
         case RenderingError():
             return "A policy without cameras needs no images: try --videos 0."
     return (

@@ -112,7 +112,7 @@ class EpisodeRecord:
         return encode(self, RECORD_SCHEMA)
 
     @staticmethod
-    def from_json(text: bytes) -> EpisodeRecord:
+    def from_json(text: bytes | str) -> EpisodeRecord:
         """From the text that `to_json` gave.
 
         Raises:

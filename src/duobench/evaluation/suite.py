@@ -208,7 +208,7 @@ class Run:
         return encode(self, RUN_SCHEMA)
 
     @staticmethod
-    def from_json(text: bytes) -> Run:
+    def from_json(text: bytes | str) -> Run:
         """From the text that `to_json` gave.
 
         Raises:
