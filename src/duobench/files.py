@@ -112,9 +112,9 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
         raise EvaluationError(f"No JSON: {error}.") from error
     if not isinstance(document, dict):
         raise EvaluationError(f"A JSON object is expected, not a {type(document).__name__}.")
-    found = document.pop("schema", None)
-    if found != schema or isinstance(found, bool):
-        raise EvaluationError(f"Schema {found!r}; this version reads {schema}.")
+    actual = document.pop("schema", None)
+    if actual != schema or isinstance(actual, bool):
+        raise EvaluationError(f"Schema {actual!r}; this version reads {schema}.")
     if unknown := sorted(document.keys() - {field.name for field in fields(kind)}):
         raise EvaluationError(f"Unknown fields: {', '.join(unknown)}.")
     try:

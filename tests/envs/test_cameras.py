@@ -74,6 +74,18 @@ def test_cameras_change_nothing_but_the_pixels() -> None:
     seen.close()
 
 
+def test_pictures_that_nobody_looks_at_are_left_out_through_any_wrappers() -> None:
+    env = gym.Wrapper(gym.Wrapper(duobench.make(TASK, cameras="head", image_size=SIZE)))
+    switch = env.get_wrapper_attr("set_rendering")
+    switch(False)
+    blind, _ = env.reset(seed=0)
+    assert set(blind) == {"agent_pos", "tool_pose"}
+    switch(True)
+    seen, *_ = env.step(wave(0))
+    assert seen in env.observation_space
+    env.close()
+
+
 def test_a_chunk_inside_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
     env = Cameras(ActionChunks(DuoEnv(catalog.get(TASK)), 5), ["head"], SIZE)
     env.reset(seed=0)
