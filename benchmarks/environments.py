@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import duobench
 from benchmarks.measure import Measurement, Work, seconds
 from benchmarks.steps import Steps
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.evaluation.loop import rollout
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.scene.compose import SUBSTEPS
@@ -114,7 +114,7 @@ def bare_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
     Raises:
         RuntimeError: It does not end in the same state, so there is nothing to compare.
     """
-    simulation = base_of(env).simulation
+    simulation = sim_of(env).simulation
     model, data = simulation.model, mujoco.MjData(simulation.model)
     target = data.ctrl
     begin(env)

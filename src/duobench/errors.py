@@ -46,7 +46,11 @@ class ActionError(DuoBenchError, ValueError):
     """An action has the wrong shape or holds NaN or infinity; the environment stays usable."""
 
 
-class SimulationError(DuoBenchError):
+class BackendError(DuoBenchError):
+    """The arms cannot go on; the episode is over."""
+
+
+class SimulationError(BackendError):
     """The physics became invalid: diverged, or a buffer of the engine overflowed."""
 
 

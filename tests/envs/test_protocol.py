@@ -12,7 +12,7 @@ import duobench
 from duobench.envs.protocol import ACTION_MODES, Options, make_env
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.tasks import catalog
-from tests.envs.tools import TASK, base_of
+from tests.envs.tools import TASK, sim_of
 
 
 def stack(env: gym.Env) -> list[str]:
@@ -25,7 +25,7 @@ def stack(env: gym.Env) -> list[str]:
 
 def test_the_evaluation_protocol() -> None:
     env = gym.make(f"duobench/{TASK}-v1")
-    assert stack(env) == ["Cameras", "TimeLimit", "TaskStages", "RandomizedReset", "DuoEnv"]
+    assert stack(env) == ["Cameras", "TimeLimit", "TaskStages", "RandomizedReset", "SimEnv"]
     assert env.action_space.shape == (16,)
     assert set(env.observation_space) == {"agent_pos", "tool_pose", "pixels"}  # type: ignore[call-overload]
     assert Options() == Options.of({})
@@ -45,7 +45,7 @@ def test_everything_at_once_keeps_its_place() -> None:
         "TimeLimit",
         "TaskStages",
         "RandomizedReset",
-        "DuoEnv",
+        "SimEnv",
     ]
     assert env.action_space.shape == (30, 14)
 
@@ -118,7 +118,7 @@ def test_what_cannot_be_is_refused(
 
 def test_the_options_of_one_environment_do_not_reach_another() -> None:
     make_env(TASK, cameras=False, horizon=3)
-    assert base_of(make_env(TASK, cameras=False)).definition is catalog.get(TASK)
+    assert sim_of(make_env(TASK, cameras=False)).definition is catalog.get(TASK)
 
 
 def test_attributes_are_found_on_the_outermost_environment() -> None:

@@ -11,7 +11,7 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 
 from duobench.tasks import catalog
-from tests.envs.tools import TASK, base_of, equal, make_small, waves
+from tests.envs.tools import TASK, equal, make_small, sim_of, waves
 
 COUNT, STEPS, SEED = 2, 8, 11
 
@@ -24,7 +24,7 @@ def single_episodes() -> tuple[list[list[Any]], tuple[str, ...]]:
         told = [env.reset(seed=SEED + number)]
         told += [env.step(action) for action in waves(STEPS)]
         episodes.append(told)
-        fingerprints.append(base_of(env).simulation.fingerprint())
+        fingerprints.append(sim_of(env).simulation.fingerprint())
     env.close()
     return episodes, tuple(fingerprints)
 

@@ -6,7 +6,7 @@ import pytest
 from duobench.experts.handover import let_go, pick_bar
 from duobench.experts.motion import Arms, Script
 from duobench.experts.transfer_cube import BAR, MEETING_POINT
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.solids.blocks import CUBE_EDGE
 from duobench.spatial import SE3
 from duobench.stages.handover import handover

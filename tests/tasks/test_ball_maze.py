@@ -3,12 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from duobench.scene.maze_walls import set_walls, standing_walls
 
 from duobench.experts.ball_maze import script
 from duobench.experts.motion import Arms, Script, carry, down, grip, move, release, wait
-from duobench.scene.maze_walls import set_walls, standing_walls
 from duobench.scene.naming import pad_names
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.solids.maze_board import (
     BALL_RADIUS,
     BASE,

@@ -6,7 +6,7 @@ import pytest
 from duobench.experts.handover import Bar, clasp, let_go, pick_bar
 from duobench.experts.motion import Arms, Script, down, pick, wait
 from duobench.experts.transfer_cube import BAR, MEETING_POINT, script
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.sim.simulation import STILL_SPEED
 from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.solids.bowl import FLOOR, RADIUS, RIM_HEIGHT

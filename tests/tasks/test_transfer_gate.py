@@ -14,7 +14,7 @@ from duobench.experts.transfer_gate import (
     ring,
     script,
 )
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.solids.gate import (
     MAT_EDGE,

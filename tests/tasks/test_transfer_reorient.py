@@ -8,7 +8,7 @@ import trimesh
 from duobench.experts.handover import Bar, clasp, let_go, pick_bar
 from duobench.experts.motion import Arms, Script, wait
 from duobench.experts.transfer_reorient import BAR, MEETING_POINT, RECEIVER_GRIP, insert, script
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.solids.blocks import WHITE
 from duobench.solids.hexagon_peg import (
     ACROSS_FLATS,

@@ -69,12 +69,12 @@ def _is_odd(file: FileStatus) -> bool:
 def _graphics() -> dict[str, str]:
     """What draws, and how long a picture takes."""
     load_engine()
-    from duobench.envs.duo_env import DuoEnv
+    from duobench.envs.sim_env import SimEnv
     from duobench.scene.cameras import HEAD, POLICY_CAMERAS
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog
 
-    base = DuoEnv(catalog.get(catalog.names()[0]))
+    base = SimEnv(catalog.get(catalog.names()[0]))
     base.reset()
     data = base.simulation.data
     height, width = IMAGE_SIZE

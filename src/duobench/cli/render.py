@@ -30,7 +30,7 @@ def render(
     load_engine()
     from PIL import Image
 
-    from duobench.envs.duo_env import DuoEnv
+    from duobench.envs.sim_env import SimEnv
     from duobench.envs.wrappers import RandomizedReset
     from duobench.errors import OptionError
     from duobench.evaluation.files import make_folder
@@ -41,7 +41,7 @@ def render(
     if seed < 0:
         raise OptionError(f"A seed is a whole number from 0 on, got {seed}.")
     height, width = size
-    base = DuoEnv(catalog.get(task))
+    base = SimEnv(catalog.get(task))
     make_folder(out)
     RandomizedReset(base).reset(seed=seed)
     simulation = base.simulation

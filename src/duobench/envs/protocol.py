@@ -13,7 +13,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import RENDER_SIZE, DuoEnv
+from duobench.envs.sim_env import RENDER_SIZE, SimEnv
 from duobench.envs.wrappers.action_chunks import ActionChunks
 from duobench.envs.wrappers.binary_gripper import BinaryGripper
 from duobench.envs.wrappers.cameras import IMAGE_SIZE, Cameras
@@ -162,7 +162,7 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
     definition = catalog.get(task) if isinstance(task, str) else task
     if chosen.horizon is not None:
         definition = replace(definition, horizon=chosen.horizon)
-    env: gym.Env = DuoEnv(
+    env: gym.Env = SimEnv(
         definition, render_mode=chosen.render_mode, render_size=chosen.render_size
     )
     env = TimeLimit(TaskStages(RandomizedReset(env)), definition.horizon)

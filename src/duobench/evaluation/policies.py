@@ -13,7 +13,7 @@ import gymnasium as gym
 from numpy.typing import ArrayLike
 
 from duobench import policy
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.errors import UnknownNameError
 from duobench.experts.registry import make_expert
 from duobench.policy import BASELINES, Policy, PolicyMetadata
@@ -46,7 +46,7 @@ class ExpertPolicy:
         Raises:
             PolicyError: If the task has no expert.
         """
-        duo = base_of(env)
+        duo = sim_of(env)
         reference = "" if duo.spec is None else duo.spec.kwargs.get("task", "")
         self._expert = make_expert(duo.task, duo.simulation, reference)
 

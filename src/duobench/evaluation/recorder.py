@@ -9,7 +9,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.evaluation.loop import Info, Observation, Step
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Trial
@@ -36,7 +36,7 @@ class Recorder:
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Note what the reset drew."""
-        self._simulation = base_of(env).simulation
+        self._simulation = sim_of(env).simulation
         self._instruction = info["instruction"]
         self._layout = dict(info["layout"])
         self._note_stage(0, info["stage"])

@@ -10,8 +10,8 @@ from typing import Any, cast
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import base_of
 from duobench.envs.registration import make
+from duobench.envs.sim_env import sim_of
 from duobench.errors import RenderingError
 from duobench.evaluation import policies
 from duobench.evaluation.film import Film, FilmError, filming
@@ -125,7 +125,7 @@ class Seat:
 
     def _filming(self, path: Path) -> AbstractContextManager[Film]:
         """A film of the simulation that is being played, from the camera for people."""
-        simulation = base_of(cast("gym.Env", self._env)).simulation
+        simulation = sim_of(cast("gym.Env", self._env)).simulation
         if self._renderer is None:
             height, width = VIDEO_SIZE
             self._renderer = Renderer(simulation.model, height=height, width=width)

@@ -16,9 +16,8 @@ from duobench.experts.motion import (
     grip,
     nearest_turn,
 )
-from duobench.scene.maze_walls import standing_walls
 from duobench.solids.maze_board import GRIP_OFFSET, cell_at, cell_centre
-from duobench.solids.mazes import Cell, Direction, Maze
+from duobench.solids.mazes import MAZES, Cell, Direction, Maze
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 
@@ -49,7 +48,7 @@ def script(arms: Arms) -> Script:
         yield from _grasp(arms)
     yield from carry(arms, "board", arms.sim.pose("board").moved(z=_LIFT), speed=0.2)
     hand = _Tilt(arms)
-    maze = standing_walls(arms.sim.model, "board")
+    maze = MAZES[int(arms.sim.variants["board"])]
     while plan := maze.plan(cell := cell_at(*_ball(arms))):
         yield from _run(hand, maze, cell, plan[0])
 

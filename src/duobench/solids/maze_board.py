@@ -75,7 +75,7 @@ def ball() -> Solid:
 
 
 def board() -> Solid:
-    """The board for a simulation: shapes `wall_numbers()` are the walls, of which a maze has some.
+    """The board for a simulation: it has all walls, of which `wall_variants()` leaves some out.
 
     Its mass is that of any of the printed boards, which all weigh the same.
     """
@@ -89,6 +89,15 @@ def board() -> Solid:
 def wall_numbers() -> dict[Segment, int]:
     """Number of each wall among the shapes of `board()`."""
     return {segment: number for number, segment in enumerate(SEGMENTS, len(_frame()))}
+
+
+def wall_variants() -> dict[str, frozenset[int]]:
+    """Which walls among the shapes of `board()` each maze leaves out, by the maze's number."""
+    numbers = wall_numbers()
+    return {
+        str(index): frozenset(numbers[segment] for segment in SEGMENTS if segment not in maze.walls)
+        for index, maze in enumerate(MAZES)
+    }
 
 
 def printable_board(maze: Maze) -> Solid:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from duobench.solids.solid import Solid
@@ -47,6 +48,10 @@ class Prop:
     """Further parts, each carried by the root."""
     fixed: bool = False
     """Whether it stands still wherever the layout puts it, as if screwed to the table."""
+    choice: str | None = None
+    """Name of the layout's variant that decides which of its shapes are there, if any does."""
+    variants: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    """For each value of that variant, the numbers of the root's shapes that are left out."""
 
     def part_name(self, part: str) -> str:
         """Full name of a part's body and hinge."""

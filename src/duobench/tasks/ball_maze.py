@@ -15,13 +15,19 @@ from __future__ import annotations
 
 from math import inf
 
-import mujoco
-
 from duobench.randomness import ANY_YAW, Choice, around
-from duobench.scene.maze_walls import set_walls
 from duobench.scene.naming import TABLE
-from duobench.sim.placement import Layout
-from duobench.solids.maze_board import BALL_RADIUS, BASE, HALF, TOP, ball, board, cell_centre
+from duobench.sim.layout import Layout
+from duobench.solids.maze_board import (
+    BALL_RADIUS,
+    BASE,
+    HALF,
+    TOP,
+    ball,
+    board,
+    cell_centre,
+    wall_variants,
+)
 from duobench.solids.mazes import GOAL, MAZES, START, Cell
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
@@ -63,10 +69,6 @@ def _start_ball(layout: Layout) -> Layout:
     return Layout(poses={**layout.poses, "ball": pose}, variants=layout.variants)
 
 
-def _choose_board(model: mujoco.MjModel, layout: Layout) -> None:
-    set_walls(model, "board", MAZES[int(layout.variants["board"])])
-
-
 _ON_BOARD = inside("ball", BoxRegion(body="board", low=(-HALF, -HALF, 0), high=(HALF, HALF, TOP)))
 _AT_START, _AT_GOAL = _ball_within(START, LEFT_START), _ball_within(GOAL, AT_GOAL)
 _PINCHED = all_of(*(grasped(side, "board") for side in SIDES))
@@ -86,11 +88,13 @@ TASK = Task(
     category=Category.BIMANUAL_MANIPULATION,
     instruction="Lift the maze with both hands and tilt it until the ball is in the red corner.",
     horizon=350,
-    props=(Prop(name="board", solid=board()), Prop(name="ball", solid=ball())),
+    props=(
+        Prop(name="board", solid=board(), choice="board", variants=wall_variants()),
+        Prop(name="ball", solid=ball()),
+    ),
     placements={"board": Placement(x=around(0.5, 0.1), y=around(0.0, 0.1), z=BASE, yaw=ANY_YAW)},
     variants={"board": Choice(tuple(str(number) for number in range(len(MAZES))))},
     arrange=_start_ball,
-    configure=_choose_board,
     stages=(
         Stage(
             name="a gripper touches the board",

@@ -14,7 +14,7 @@ Success:
 from __future__ import annotations
 
 from duobench.randomness import ANY_YAW, around
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.solids.blocks import BLACK, CUBE_EDGE, WHITE, cube
 from duobench.solids.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.solids.prop import Prop

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 
 from duobench.randomness import Choice, around
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.solids import cup as cups
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3

@@ -9,10 +9,10 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.envs.duo_env import Info, Observation, Transition
+from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import UnknownNameError
-from duobench.scene.cameras import POLICY_CAMERAS
-from duobench.sim.rendering import Renderer
+from duobench.scene.cameras import POLICY_CAMERAS, check_image_size
 
 PIXELS = "pixels"
 """Key of the pictures in an observation."""
@@ -50,8 +50,8 @@ class Cameras(DuoWrapper):
             if name not in POLICY_CAMERAS:
                 raise UnknownNameError("camera", name, POLICY_CAMERAS)
         self._cameras = tuple(cameras)
-        height, width = image_size
-        self._renderer = Renderer(self.base.simulation.model, height=height, width=width)
+        height, width = self._shape = image_size
+        check_image_size(height, width)
         inner = env.observation_space
         if not isinstance(inner, gym.spaces.Dict):
             raise TypeError(f"Pictures are added to a Dict of observations, got {inner}.")
@@ -75,11 +75,10 @@ class Cameras(DuoWrapper):
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._seen(observation), float(reward), terminated, truncated, info
 
-    def _seen(self, observation: Observation) -> Observation:
-        data = self.base.simulation.data
-        return {**observation, PIXELS: self._renderer.render_all(data, self._cameras)}
+    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+        """Continue from a saved state, and look."""
+        observation, info = super().restore_state(state)
+        return self._seen(observation), info
 
-    def close(self) -> None:
-        """Free the renderer, then close the wrapped environment."""
-        self._renderer.close()
-        self.env.close()
+    def _seen(self, observation: Observation) -> Observation:
+        return {**observation, PIXELS: self.base.backend.images(self._cameras, self._shape)}
