@@ -43,7 +43,6 @@ def bowl(rgba: Colour, rim: Colour | None = None) -> Solid:
         ]
     )
     exact = manifold3d.Manifold.revolve(profile, CIRCLE_SEGMENTS)
-    above, below = exact.split_by_plane((0.0, 0.0, 1.0), RIM_HEIGHT - RIM)
     return Solid(
         shapes=(
             cylinder(RADIUS, FLOOR, at=SE3.at(0, 0, FLOOR / 2)),
@@ -51,8 +50,11 @@ def bowl(rgba: Colour, rim: Colour | None = None) -> Solid:
         ),
         rgba=rgba,
         mesh=mesh_of(exact),
-        pictures=(
-            Picture(mesh=mesh_of(below), rgba=rgba),
-            Picture(mesh=mesh_of(above), rgba=rim or rgba),
-        ),
+        pictures=() if rim is None else _pictures(exact, rgba, rim),
     )
+
+
+def _pictures(exact: manifold3d.Manifold, rgba: Colour, rim: Colour) -> tuple[Picture, ...]:
+    """The bowl below its rim, and the rim."""
+    above, below = exact.split_by_plane((0.0, 0.0, 1.0), RIM_HEIGHT - RIM)
+    return Picture(mesh=mesh_of(below), rgba=rgba), Picture(mesh=mesh_of(above), rgba=rim)
