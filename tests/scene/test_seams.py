@@ -29,6 +29,9 @@ BRIGHTER = 25
 """By how much of 255 a pixel in the shadow must be brighter than it should be to be seen."""
 FEW = 10e-4
 """Share of an object's pixels that may be too bright, at the jagged ends of its own shadows."""
+STRAY_PIXELS = 2
+"""Pixels of an image on an edge that two triangles share, where both may be drawn. Faces that
+coincide show in dozens."""
 ROUNDING = 4
 """By how much of 255 a sum of colours may be wrong."""
 
@@ -66,7 +69,7 @@ def test_no_light_leaks_through_the_seam_of_a_wall_and_a_floor(solid: Solid) -> 
 
 
 @pytest.mark.parametrize("name", catalog.names())
-def test_a_shadow_makes_no_pixel_of_an_object_brighter(name: str) -> None:
+def test_a_shadow_makes_no_object_brighter(name: str) -> None:
     """Where two faces coincide, the light that casts shadows is added once for each."""
     env = duobench.make(name, cameras=False)
     env.reset(seed=1)
@@ -82,8 +85,8 @@ def test_a_shadow_makes_no_pixel_of_an_object_brighter(name: str) -> None:
         without = renderer.render_all(data, cameras)
     env.close()
     for camera in cameras:
-        brighter = with_shadows[camera].astype(int) - without[camera]
-        assert brighter[seen[camera]].max(initial=0) <= ROUNDING, camera
+        brighter = (with_shadows[camera].astype(int) - without[camera]).max(axis=2)
+        assert np.count_nonzero(brighter[seen[camera]] > ROUNDING) <= STRAY_PIXELS, camera
 
 
 def test_a_rib_lies_inside_the_wall_above_the_floor() -> None:
