@@ -37,6 +37,16 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Variant:
+    """What one variant of a prop leaves out of its root part."""
+
+    without_shapes: frozenset[int] = frozenset()
+    """Numbers of the solid's shapes that cannot be felt."""
+    without_pictures: frozenset[int] = frozenset()
+    """Numbers of the solid's pictures that cannot be seen."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Prop:
     """A named object of a task."""
 
@@ -50,8 +60,8 @@ class Prop:
     """Whether it stands still wherever the layout puts it, as if screwed to the table."""
     choice: str | None = None
     """Name of the layout's variant that decides which of its shapes are there, if any does."""
-    variants: Mapping[str, frozenset[int]] = field(default_factory=dict)
-    """For each value of that variant, the numbers of the root's shapes that are left out."""
+    variants: Mapping[str, Variant] = field(default_factory=dict)
+    """What is left out for each value of that variant."""
 
     def part_name(self, part: str) -> str:
         """Full name of a part's body and hinge."""
