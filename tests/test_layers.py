@@ -18,6 +18,7 @@ FLOORS = (
     ("errors",),
     ("spatial",),
     ("types", "randomness"),
+    ("backend",),
     ("assets",),
     ("solids",),
     ("scene",),
@@ -31,7 +32,7 @@ FLOORS = (
     ("__main__",),
 )
 RANK = {room: rank for rank, rooms in enumerate(FLOORS) for room in rooms}
-BASE = ("errors", "spatial", "types", "randomness")
+BASE = ("errors", "spatial", "types", "randomness", "backend")
 
 # Modules that a room may not name, apart from what the floors already say.
 EVERYWHERE = ("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy")
@@ -50,7 +51,7 @@ FORBIDDEN = {
         "random",
         "mujoco.Renderer",
     ),
-    "tasks": GYMNASIUM,
+    "tasks": ("mujoco", *GYMNASIUM),
     "envs": ("http", "pathlib", "requests", "shutil", "socket", "tempfile", "urllib", "websockets"),
     "experts": ("mujoco", *GYMNASIUM),
 }

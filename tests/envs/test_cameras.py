@@ -78,15 +78,12 @@ def test_a_chunk_inside_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
     env = Cameras(ActionChunks(SimEnv(catalog.get(TASK)), 5), ["head"], SIZE)
     env.reset(seed=0)
     drawn = []
-    draw = env._renderer.render_all
-    monkeypatch.setattr(
-        env._renderer, "render_all", lambda *given: (drawn.append(given), draw(*given))[1]
-    )
+    backend = env.base.backend
+    draw = backend.images
+    monkeypatch.setattr(backend, "images", lambda *given: (drawn.append(given), draw(*given))[1])
     observation, *_ = env.step(waves(5))
     assert len(drawn) == 1
-    assert np.array_equal(
-        observation["pixels"]["head"], draw(env.base.simulation.data, ["head"])["head"]
-    )
+    assert np.array_equal(observation["pixels"]["head"], draw(("head",), SIZE)["head"])
     env.close()
 
 

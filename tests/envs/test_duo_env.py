@@ -254,7 +254,10 @@ def test_an_impossible_layout_is_refused(env: SimEnv, spoil: Any, words: str) ->
 @pytest.fixture
 def worlds() -> Task:
     """A task with two variants that differ in the compiled model: with and without a tower."""
-    tower = Solid(shapes=(box(0.1, 0.1, 0.02), box(0.02, 0.02, 0.2)), rgba=(1.0, 1.0, 1.0, 1.0))
+    tower = Solid(
+        shapes=(box(0.1, 0.1, 0.02), box(0.02, 0.02, 0.2, at=SE3.at(z=0.1))),
+        rgba=(1.0, 1.0, 1.0, 1.0),
+    )
     prop = Prop(
         name="tower",
         solid=tower,

@@ -219,5 +219,5 @@ def test_any_order_gives_the_same_episode(env: gym.Env, order: tuple[int, ...]) 
 
 
 def test_wrappers_wrap_our_environment_only() -> None:
-    with pytest.raises(TypeError, match="SimEnv"):
+    with pytest.raises(TypeError, match="DuoEnv"):
         TaskStages(gym.make("CartPole-v1"))

@@ -138,6 +138,10 @@ class SimEnv(DuoEnv):
         """
         return EpisodeState(layout=self.layout, physics=self.simulation.save())
 
+    def state_hash(self) -> str:
+        """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
+        return self.save_state().hash
+
     def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
         """Continue from a saved state of the same task; bit-exact.
 

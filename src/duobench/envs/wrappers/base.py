@@ -50,6 +50,10 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         """The whole state of the running episode; see `SimEnv.save_state`."""
         return self.env.get_wrapper_attr("save_state")()
 
+    def state_hash(self) -> str:
+        """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
+        return self.save_state().hash
+
     def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
         """Continue from a saved state; see `SimEnv.restore_state`."""
         return self.env.get_wrapper_attr("restore_state")(state)
