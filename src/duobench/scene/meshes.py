@@ -30,6 +30,8 @@ POINTS_PER_METRE = 100_000
 RobotMesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 """Vertices (n, 3) in metres, and triangles (m, 3), counter-clockwise from outside."""
 
+_ADVICE = "Install duobench again."
+
 
 def add_robot_mesh(spec: mujoco.MjSpec, name: str) -> str:
     """Add a mesh to a model under construction, unless it is there, and return its name.
@@ -87,6 +89,3 @@ def decode(data: bytes) -> Mapping[str, RobotMesh]:
     for array in (*vertices, *faces):
         array.setflags(write=False)
     return dict(zip(names, zip(vertices, faces, strict=True), strict=True))
-
-
-_ADVICE = "Install duobench again."
