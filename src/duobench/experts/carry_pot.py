@@ -13,6 +13,7 @@ from duobench.experts.motion import (
     grip,
     move,
     release,
+    wait,
 )
 from duobench.solids.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.spatial import SE3
@@ -27,6 +28,8 @@ _FINGER_DEPTH = 0.004
 _LIFT = 0.06
 _CLEARANCE = 0.04
 """Height in metres of the pot above the table, and above the plate, while it is carried."""
+_BELOW = 0.01
+"""How far below the plate's top the pot would be led, in metres, if it did not touch the plate."""
 
 
 def script(arms: Arms) -> Script:
@@ -34,10 +37,17 @@ def script(arms: Arms) -> Script:
     while not all(arms.grasps(side, _handle(side)) for side in SIDES):
         yield from _grasp(arms)
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=_LIFT), speed=0.15)
-    stove = arms.sim.pose("stove")
-    goal = stove @ SE3.at(z=PLATE[2] + HEIGHT / 2)
+    # Its own yaw, whatever the plate's: both arms keep to their sides.
+    x, y, z = arms.sim.position("stove")
+    goal = SE3.at(x, y, z + PLATE[2] + HEIGHT / 2, yaw=arms.sim.pose("pot").yaw)
     yield from carry(arms, "pot", goal.moved(z=_CLEARANCE), speed=CAREFUL)
-    yield from carry(arms, "pot", goal, speed=0.12)
+    for _ in carry(arms, "pot", goal.moved(z=-_BELOW), speed=0.06):
+        if arms.sim.contacts.between("pot", "stove"):
+            break
+        yield
+    # The servos lag behind: from here on they shall not press the pot down.
+    arms.targets.update(both(arms.tool))
+    yield from wait(3)
     yield from release(arms, *SIDES, opening=_OPENING)
     yield from move(arms, both(lambda side: arms.targets[side].moved(z=_APPROACH)), arrive=False)
 
