@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from duobench.experts.carry_pot import carry_over, land, let_go, lift
-from duobench.experts.motion import Arms, Script, carry
+from duobench.experts.motion import Arms, Script, carry, wait
 from duobench.sim.placement import Layout
-from duobench.solids.pot import HEIGHT, PLATE
+from duobench.solids.pot import HEIGHT, PLATE, RADIUS
 from duobench.spatial import SE3
 from duobench.stages.coordination import BOUNCE, carriage
 from duobench.stages.predicates import Predicate
@@ -31,9 +31,9 @@ def bench() -> Stageplay:
 
 @pytest.fixture(scope="module")
 def moments(bench: Stageplay) -> Moments:
-    """States by letter: on the (t)able, (c)arried by both, in the air in the (l)eft hand alone or in
-    (n)o hand, on the stove in (b)oth hands or (f)ree, (h)opping above the stove, and just (u)p from
-    it again in both hands.
+    """States by letter: on the (t)able, (c)arried by both, in the air in the (l)eft hand alone or
+    in (n)o hand, in both hands against the stove's (s)ide, on the stove in (b)oth hands or (f)ree,
+    (h)opping above the stove, and just (u)p from it again in both hands.
     """
     saved: Moments = {}
 
@@ -53,6 +53,16 @@ def moments(bench: Stageplay) -> Moments:
         keep("t")
         yield from lift(arms)
         keep("c")
+        yield from carry_over(arms, 0.5, 0.3 - PLATE[1] / 2 - RADIUS - 0.03)
+        beside = arms.sim.pose("pot").moved(z=-0.057)
+        yield from carry(arms, "pot", beside, speed=0.1)
+        yield from wait(10)
+        for _ in carry(arms, "pot", beside.moved(y=0.06), speed=0.05):
+            if arms.sim.contacts.between("pot", "stove"):
+                break
+            yield
+        keep("s")
+        yield from carry(arms, "pot", beside.moved(z=0.08), speed=0.1)
         yield from carry_over(arms, 0.5, 0.3)
         yield from land(arms)
         keep("b")
@@ -87,8 +97,8 @@ def ask(bench: Stageplay, moments: Moments, letters: str, question: Predicate) -
 
 
 def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments) -> None:
-    hands = {"c": SIDES, "b": SIDES, "u": SIDES, "l": (LEFT,)}
-    supports = {"t": {"table"}, "b": {"stove"}, "f": {"stove"}}
+    hands = {"c": SIDES, "s": SIDES, "b": SIDES, "u": SIDES, "l": (LEFT,)}
+    supports = {"t": {"table"}, "s": {"stove"}, "b": {"stove"}, "f": {"stove"}}
     for letter, state in moments.items():
         bench.sim.restore(state)
         contacts = bench.sim.contacts
@@ -97,6 +107,8 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
         assert contacts.partners("pot") == supports.get(letter, set()), letter
     bench.sim.restore(moments["u"])
     assert PLATE[2] + BOUNCE < bench.sim.lowest("pot") < LIFT
+    bench.sim.restore(moments["s"])
+    assert 0.005 < bench.sim.lowest("pot") < PLATE[2] - 0.005
 
 
 @pytest.mark.parametrize(
@@ -124,16 +136,16 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
         ("tcbuf", False),  # lifted again, and dropped
         ("tcbubf", True),
         ("tcbulllbf", False),
+        ("tcsf", False),  # it touched the stove, and did not stand on it
+        ("tcsbf", True),
         ("tcbtf", False),
         ("tcbtbf", False),
     ],
 )
-def test_what_was_put_down(
-    bench: Stageplay, moments: Moments, letters: str, counts: bool
-) -> None:
+def test_what_was_put_down(bench: Stageplay, moments: Moments, letters: str, counts: bool) -> None:
     assert ask(bench, moments, letters, CARRIAGE.put_down) == counts
 
 
-@pytest.mark.parametrize("letter", "tclnbufh")
+@pytest.mark.parametrize("letter", "tclnsbufh")
 def test_what_is_carried(bench: Stageplay, moments: Moments, letter: str) -> None:
     assert ask(bench, moments, letter, CARRIAGE.carried) == (letter == "c")

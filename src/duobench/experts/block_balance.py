@@ -36,8 +36,8 @@ _OUTWARD = {Side.LEFT: math.pi / 2, Side.RIGHT: -math.pi / 2}
 
 def script(arms: Arms) -> Script:
     """Lay the beam, take both blocks, put them down together, let go together."""
-    yield from _lay_beam(arms)
-    yield from together(*(_take_block(arms, side) for side in SIDES))
+    yield from lay_beam(arms)
+    yield from together(*(take_block(arms, side) for side in SIDES))
     yield from lower(arms)
     yield from release(arms, *SIDES)
     yield from wait(4)
@@ -59,7 +59,8 @@ def lower(arms: Arms) -> Script:
     yield from wait_until(lambda: all(_landed(arms, side) for side in SIDES), 15)
 
 
-def _lay_beam(arms: Arms) -> Script:
+def lay_beam(arms: Arms) -> Script:
+    """Put the beam across the cube."""
     side = _BEAM_SIDE
     beam = arms.sim.pose("beam")
     x, y, z = beam.translation
@@ -69,7 +70,8 @@ def _lay_beam(arms: Arms) -> Script:
     yield from place(arms, side, goal, above=0.06, retreat=0.15, speed=0.3)
 
 
-def _take_block(arms: Arms, side: Side) -> Script:
+def take_block(arms: Arms, side: Side) -> Script:
+    """Pick up the block on an arm's side."""
     pose = arms.sim.pose(_block(side))
     x, y, z = pose.translation
     grasp = down(x, y, z + _BLOCK_GRASP, yaw=_OUTWARD[side])

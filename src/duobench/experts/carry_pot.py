@@ -6,7 +6,6 @@ from duobench.experts.motion import (
     CAREFUL,
     Arms,
     Script,
-    both,
     carry,
     come_down,
     down,
@@ -30,8 +29,8 @@ _CLEARANCE = 0.04
 """Height in metres of the pot above the table, and above the plate, while it is carried."""
 _LANDING_SPEED = 0.06
 _BELOW = 0.01
-"""How fast (m/s) the pot is lowered onto the plate, and how far below the plate's top, in metres, it
-would be led if it did not touch it."""
+"""How fast (m/s) the pot is lowered onto the plate, and how far below the plate's top, in metres,
+it would be led if it did not touch it."""
 
 
 def script(arms: Arms) -> Script:
@@ -50,25 +49,29 @@ def lift(arms: Arms) -> Script:
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=_LIFT), speed=0.15)
 
 
-def carry_over(arms: Arms, x: float, y: float, *, height: float = _CLEARANCE) -> Script:
+def carry_over(arms: Arms, x: float, y: float, *sides: Side, height: float = _CLEARANCE) -> Script:
     """Carry the pot to a place above the plate; its yaw stays, whatever the plate's."""
-    yaw = arms.sim.pose("pot").yaw
-    yield from carry(
-        arms, "pot", SE3.at(x, y, PLATE[2] + HEIGHT / 2 + height, yaw=yaw), speed=CAREFUL
-    )
+    goal = _level(arms, x, y, height)
+    yield from carry(arms, "pot", goal, *sides, speed=CAREFUL)
 
 
-def land(arms: Arms) -> Script:
-    """Lower the pot until it touches the plate."""
+def land(arms: Arms, *sides: Side) -> Script:
+    """Lower the pot until it touches the plate; both arms hold it where none is given."""
     x, y, _ = arms.sim.position("pot")
-    low = SE3.at(x, y, PLATE[2] + HEIGHT / 2 - _BELOW, yaw=arms.sim.pose("pot").yaw)
-    for _ in carry(arms, "pot", low, speed=_LANDING_SPEED):
+    low = _level(arms, x, y, -_BELOW)
+    for _ in carry(arms, "pot", low, *sides, speed=_LANDING_SPEED):
         if arms.sim.contacts.between("pot", "stove"):
             break
         yield
     # The servos lag behind: from here on they shall not press the pot down.
-    arms.targets.update(both(arms.tool))
+    arms.targets.update({side: arms.tool(side) for side in sides or SIDES})
     yield from wait(3)
+
+
+def _level(arms: Arms, x: float, y: float, height: float) -> SE3:
+    """Where the pot stands level above the plate, turned as it is now."""
+    yaw = arms.sim.pose("pot").yaw
+    return SE3.at(x, y, PLATE[2] + HEIGHT / 2 + height, yaw=yaw)
 
 
 def let_go(arms: Arms, *sides: Side) -> Script:

@@ -1,7 +1,9 @@
 """A cooking pot with a rigid loop handle on either side, and the stove plate it is put on.
 
 An ordinary pot, closed and as heavy as if it were full. Each handle is a bar on two arms, near the
-rim and clear of the wall, so that a gripper can take it from above with one finger in the loop.
+rim and clear of the wall, so that a gripper can take it from above with one finger in the loop. A
+gripper that holds an end of a handle at a slant, palm against the wall, can carry even this pot
+level (a search found it): that two arms carry it is up to the task's stages.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ LID_TAPER = 0.62
 """Height of the lid in metres, and its upper radius as a part of the lower one. The lid stays on: a
 gripper could carry an open pot by its wall."""
 MASS = 2.5
-"""Mass of the whole pot in kg [task definitions]: that of a steel pot with a litre of soup in it,
-and as much as two arms of 3 kg payload carry with ease, and one at its handle hardly."""
+"""Mass of the whole pot in kg [task definitions]: that of a steel pot with more than a litre of
+soup in it. Two arms, of 3 kg payload each, carry it with ease."""
 ALUMINIUM_DENSITY = 2700.0
 """Density of the handles in kg/m³."""
 
