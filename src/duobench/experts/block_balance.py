@@ -44,19 +44,26 @@ def script(arms: Arms) -> Script:
     yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
 
 
-def lower(arms: Arms) -> Script:
-    """Carry both held blocks over the ends of the beam and lower them together."""
+def lower(arms: Arms, *sides: Side, reach: float = _REACH) -> Script:
+    """Carry held blocks over the beam and lower them together; both where no side is given.
+
+    Args:
+        arms: The arms.
+        sides: The arms that put their blocks down.
+        reach: Distance of a block from the middle of the beam, in metres.
+    """
+    sides = sides or SIDES
     beam = arms.sim.pose("beam")
     goals: dict[Side, SE3] = {}
-    for side in SIDES:
-        end = beam.apply([0.0, side.sign * _REACH, 0.0])
+    for side in sides:
+        end = beam.apply([0.0, side.sign * reach, 0.0])
         height = beam.translation[2] + BEAM[2] / 2 + BLOCK[2] / 2 - _PRESS
         goal = SE3.at(end[0], end[1], height, yaw=beam.yaw)
         goals[side] = tool_for(arms, side, _block(side), goal)
     yield from move(arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3)
     yield from wait(8)
     yield from move(arms, goals, speed=0.06)
-    yield from wait_until(lambda: all(_landed(arms, side) for side in SIDES), 15)
+    yield from wait_until(lambda: all(_landed(arms, side) for side in sides), 15)
 
 
 def lay_beam(arms: Arms) -> Script:
