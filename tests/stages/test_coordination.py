@@ -33,7 +33,8 @@ def bench() -> Stageplay:
 def moments(bench: Stageplay) -> Moments:
     """States by letter: on the (t)able, (c)arried by both, in the air in the (l)eft hand alone or
     in (n)o hand, in both hands against the stove's (s)ide, on the stove in (b)oth hands or (f)ree,
-    (h)opping above the stove, and just (u)p from it again in both hands.
+    a (j)olt there that takes one pad of each hand off its handle, (h)opping above the stove, and
+    just (u)p from it again in both hands.
     """
     saved: Moments = {}
 
@@ -67,6 +68,10 @@ def moments(bench: Stageplay) -> Moments:
         yield from land(arms)
         keep("b")
         landed = arms.sim.pose("pot")
+        bench.sim.place("pot", landed.moved(y=0.0008))
+        bench.sim.refresh()
+        keep("j")
+        bench.sim.restore(saved["b"])
         yield from carry(arms, "pot", landed.moved(z=BOUNCE + 0.008), speed=0.1)
         keep("u")
         yield from carry(arms, "pot", landed, speed=0.1)
@@ -98,7 +103,7 @@ def ask(bench: Stageplay, moments: Moments, letters: str, question: Predicate) -
 
 def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments) -> None:
     hands = {"c": SIDES, "s": SIDES, "b": SIDES, "u": SIDES, "l": (LEFT,)}
-    supports = {"t": {"table"}, "s": {"stove"}, "b": {"stove"}, "f": {"stove"}}
+    supports = {"t": {"table"}, **dict.fromkeys("sbjf", {"stove"})}
     for letter, state in moments.items():
         bench.sim.restore(state)
         contacts = bench.sim.contacts
@@ -107,6 +112,8 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
         assert contacts.partners("pot") == supports.get(letter, set()), letter
     bench.sim.restore(moments["u"])
     assert PLATE[2] + BOUNCE < bench.sim.lowest("pot") < LIFT
+    bench.sim.restore(moments["j"])
+    assert all(map(bench.sim.contacts.gripper, SIDES, HANDLES))
     bench.sim.restore(moments["s"])
     assert 0.005 < bench.sim.lowest("pot") < PLATE[2] - 0.005
 
@@ -136,8 +143,13 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
         ("tcbuf", False),  # lifted again, and dropped
         ("tcbubf", True),
         ("tcbulllbf", False),
+        ("tcjbf", True),
+        ("tcjjbf", True),
+        ("tcjjjbf", False),
+        ("tcjf", False),
         ("tcsf", False),  # it touched the stove, and did not stand on it
         ("tcsbf", True),
+        ("tcsfffbf", False),  # and was let go there
         ("tcbtf", False),
         ("tcbtbf", False),
     ],
@@ -146,6 +158,6 @@ def test_what_was_put_down(bench: Stageplay, moments: Moments, letters: str, cou
     assert ask(bench, moments, letters, CARRIAGE.put_down) == counts
 
 
-@pytest.mark.parametrize("letter", "tclnsbufh")
+@pytest.mark.parametrize("letter", "tclnsbjufh")
 def test_what_is_carried(bench: Stageplay, moments: Moments, letter: str) -> None:
     assert ask(bench, moments, letter, CARRIAGE.carried) == (letter == "c")

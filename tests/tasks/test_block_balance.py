@@ -325,7 +325,7 @@ def test_blocks_taken_before_the_beam_lies_do_not_count(bench: Stageplay) -> Non
 
 
 def test_the_parts_weigh_what_they_print() -> None:
-    for size in (BEAM, BLOCK, (CUBE_EDGE,) * 3):
+    for size in (BEAM, BLOCK, (CUBE_EDGE, CUBE_EDGE, CUBE_EDGE)):
         solid = block(*size, (1.0, 1.0, 1.0, 1.0))
         assert mass_properties(solid).mass == pytest.approx(PLA_DENSITY * math.prod(size))
         assert np.ptp(printable(solid).vertices, axis=0) == pytest.approx(size)

@@ -80,7 +80,8 @@ def carriage(
     let_go = interrupted(in_both | ~in_air)
     dropped = on_support & ~at_both & since(in_air, reset=on_support)
     on_the_way = since(
-        carried & ~since(let_go, reset=on_table), reset=any_of(on_table, let_go, dropped)
+        carried & ~since(let_go, reset=on_table),
+        reset=any_of(on_table, interrupted(in_both), dropped),
     )
     landed = all_of(on_support, raised(prop, top - LANDING_DEPTH), in_both, on_the_way)
     lifted_again = in_air & raised(prop, top + BOUNCE)
