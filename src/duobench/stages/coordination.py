@@ -20,7 +20,6 @@ from duobench.stages.predicates import (
     off_table,
     raised,
     since,
-    touches,
     touching,
 )
 from duobench.types import SIDES
@@ -70,15 +69,14 @@ def carriage(
     """
     bodies = (prop, *handles)
     in_both = grasped_apart(handles[0], handles[1])
-    # The jolt of landing may take a pad off its handle for a moment, but no gripper.
-    at_both = any_of(*(touches(s, handles[0]) & touches(s.other, handles[1]) for s in SIDES))
     in_air = all_of(*(off_table(body, support) for body in bodies))
     on_table = any_of(*(touching(body, TABLE) for body in bodies))
     on_support = touching(prop, support)
     carried = all_of(in_both, in_air, raised(prop, height))
     # In the air by one hand, or by none: what was done so far is void until it stands on the table.
     let_go = interrupted(in_both | ~in_air)
-    dropped = on_support & ~at_both & since(in_air, reset=on_support)
+    # The jolt of landing may shake pads off a handle for a moment: what counts is the one before.
+    dropped = on_support & ~in_both & since(in_air & ~in_both, reset=in_both | on_support)
     on_the_way = since(
         carried & ~since(let_go, reset=on_table),
         reset=any_of(on_table, interrupted(in_both), dropped),
