@@ -127,7 +127,7 @@ PAGES = {
         numbers={
             "solids.pot.RADIUS": 0.11,
             "solids.pot.HEIGHT": 0.11,
-            "solids.pot.MASS": 1.2,
+            "solids.pot.MASS": 2.5,
             "solids.pot.PLATE": (0.35, 0.28, 0.02),
             "tasks.carry_pot.LIFT": 0.030,
             "tasks.carry_pot.OFF_CENTRE": (0.10, 0.08),
@@ -148,9 +148,13 @@ PAGES = {
             "tasks.block_balance.BLOCK": (0.030, 0.030, 0.090),
             "tasks.block_balance.STILL_SECONDS": 0.5,
         },
-        angles_deg={"tasks.block_balance.LEVEL": 12},
+        angles_deg={"tasks.block_balance.LEVEL": 12, "tasks.block_balance.STANDING": 20},
         layout={},  # The page leaves the places open; see below.
-        constraints=("beam is raised by 10 mm", "beam is upright within 12 degrees"),
+        constraints=(
+            "beam is raised by 10 mm",
+            "beam is upright within 12 degrees",
+            "left_block is upright within 20 degrees",
+        ),
     ),
     "join_blocks": Page(
         stages=3,
