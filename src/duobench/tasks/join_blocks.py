@@ -86,15 +86,16 @@ TASK = Task(
         Stage(
             name="the blocks are joined",
             instruction=(
-                "Plug the peg of the light block into a socket of the dark block, with each arm "
-                "holding its block."
+                "Plug the peg of the light block into a socket of the dark block while each arm "
+                "holds its block."
             ),
             holds=_JOINING.joined,
         ),
         Stage(
             name="the joined blocks are on the wall",
             instruction=(
-                "Push the free socket of the dark block onto the peg on the wall and let go of both."
+                "Push the free socket of the dark block onto the peg on the wall and let go of "
+                "both blocks."
             ),
             holds=held_for(_LEFT_ALONE & _MOUNTED, REST_SECONDS) & _JOINING.kept,
         ),
