@@ -265,7 +265,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         gets=0,
     ),
     Adversary(
-        name="one arm puts the dark block onto the wall, later the other one plugs in the light one",
+        name="one arm puts the dark block onto the wall, the other plugs in the light one",
         script=partial(one_after_the_other, dark=Side.RIGHT, light=Side.LEFT),
         hands=Hands.TURNS,
         deed=finished,
