@@ -103,7 +103,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
     Adversary(
         name="each cube lies in the other's bowl",
         script=swap,
-        hands=Hands.ONE,
+        hands=Hands.BOTH,
         deed=swapped,
         gets=1,
     ),
