@@ -202,6 +202,16 @@ def test_a_grasp_may_flicker_and_not_be_lost_while_the_peg_goes_in(
     assert bench.stage == 2
 
 
+def test_blocks_are_grasped_before_the_peg_goes_in(bench: Stageplay) -> None:
+    dark = plugging_in(bench)
+    bench.progress.reset(bench.sim, {})
+    bench.put(light_block=AIR)
+    assert not both_grasped(bench)
+    bench.put(light_block=joined(dark, 0.011))
+    assert both_grasped(bench)
+    assert let_rest(bench) == 1
+
+
 def test_both_are_grasped_one_by_each_arm() -> None:
     assert TASK.stages[0].holds.name == grasped_apart("light_block", "dark_block").name
 

@@ -44,7 +44,7 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
         outwards = socket.axis(sim)
         offset = peg.position(sim) - socket.position(sim)
         height = float(offset @ outwards)
-        if not -MAX_DEPTH <= height <= -depth or float(peg.axis(sim) @ outwards) > 0.0:
+        if not -MAX_DEPTH <= height <= -depth:
             return False
         lateral = offset - height * outwards
         return float(lateral @ lateral) <= SOCKET_REACH**2
@@ -76,6 +76,6 @@ def joining(peg: Port, sockets: Sequence[Port], depth: float, *, unless: Predica
     touched = any_of(*(engaged(peg, socket) for socket in sockets))
     deep = any_of(*(inserted(peg, socket, depth) for socket in sockets))
     apart = ~any_of(*(engaged(peg, socket, KEPT_DEPTH) for socket in sockets))
-    spoilt = touched & (unless | held_for(~by_both, LOST_SECONDS))
+    spoilt = unless | held_for(~by_both, LOST_SECONDS)
     joined = deep & by_both & ~unless & since(by_both & ~touched, reset=spoilt)
     return Joining(joined=joined, kept=since(joined, reset=apart))
