@@ -51,7 +51,7 @@ def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str])
 
 
 def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
-    task, _, script = _blocks()
+    task, _, script, _ = _blocks()
     (tmp_path / "stack_cube.py").write_text(task + script, encoding="utf-8")
     lines = [line for block in _blocks("sh") for line in block.splitlines()]
     assert [shlex.split(line)[1] for line in lines] == ["render", "eval", "eval"]
@@ -67,6 +67,14 @@ def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
         assert told.returncode == 0, told.stdout + told.stderr
     overall = json.loads((tmp_path / "runs" / "expert" / "summary.json").read_text())["overall"]
     assert (overall["successes"], overall["episodes"]) == (2, 2)
+
+
+def test_its_adversary_gets_nothing(module: str, capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, Any] = {}
+    exec("".join(_blocks()[i] for i in (0, 2, 3)), names)
+    assert capsys.readouterr().out == "push reaches stage 0\n"
+    assert catalog.get(module).max_stage == names["TASK"].max_stage
+    names["env"].close()
 
 
 def test_its_expert_solves_it(module: str) -> None:

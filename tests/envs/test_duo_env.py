@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,11 +16,12 @@ import pytest
 from duobench.envs.duo_env import DuoEnv, ResetNeededError
 from duobench.errors import ActionError, DuoBenchError, LayoutError, SimulationError
 from duobench.randomness import Choice
-from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES
+from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.sim.placement import Layout
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
+from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDE_SIZE, SIDES
 from tests.envs.tools import TASK, equal, wave, waves
 
 OPENINGS = [7, 15]
@@ -50,9 +52,13 @@ def test_the_action_space_is_the_arms_own(env: DuoEnv) -> None:
 
 
 @pytest.mark.parametrize("corner", ["low", "high"])
-def test_no_corner_of_the_action_space_is_clipped(running: DuoEnv, corner: str) -> None:
-    _, _, _, _, info = running.step(getattr(running.action_space, corner))
+def test_every_corner_of_the_action_space_can_be_commanded(running: DuoEnv, corner: str) -> None:
+    action = getattr(running.action_space, corner)
+    farthest = np.abs(action[:ARM_JOINTS] - HOME_JOINTS[0]).max()
+    for _ in range(math.ceil(farthest / min(VELOCITY_LIMITS) * CONTROL_HZ) + 1):
+        *_, info = running.step(action)
     assert not info["clipped"].any()
+    assert running.simulation.duo.command().flat == pytest.approx(action, abs=1e-6)
 
 
 def test_an_observation_is_what_the_robot_reports(env: DuoEnv) -> None:
@@ -84,13 +90,40 @@ def test_without_a_layout_every_reset_is_the_same(env: DuoEnv) -> None:
 def test_targets_out_of_range_are_clipped_and_reported(running: DuoEnv) -> None:
     action = wave(0).astype(np.float64)
     action[[1, 7]] = [9.0, -0.5]
-    _, _, _, _, info = running.step(action)
-    assert np.flatnonzero(info["clipped"]).tolist() == [1, 7]
+    for _ in range(60):
+        _, _, _, _, info = running.step(action)
+        assert np.flatnonzero(info["clipped"]).tolist() == [1, 7]
     sent = running.simulation.duo.command()
     assert sent.joints[0, 1] == JOINT_RANGES[1, 1]
     assert sent.openings[0] == 0.0
-    _, _, _, _, info = running.step(wave(1))
+    action[[1, 7]] = [JOINT_RANGES[1, 1], 0.0]
+    _, _, _, _, info = running.step(action)
     assert not info["clipped"].any()
+
+
+@pytest.mark.parametrize("joint", range(ARM_JOINTS))
+def test_targets_move_no_faster_than_the_joints(running: DuoEnv, joint: int) -> None:
+    limit = VELOCITY_LIMITS[joint] / CONTROL_HZ
+    start = running.simulation.duo.command().flat
+    for side in SIDES:
+        slot, away = side.index * SIDE_SIZE + joint, -np.sign(start[joint + side.index * SIDE_SIZE])
+        for share, clipped in ((1.0, []), (1.5, [slot])):
+            before = running.simulation.duo.command().flat
+            action = before.copy()
+            action[slot] += away * share * limit
+            *_, info = running.step(action)
+            assert np.flatnonzero(info["clipped"]).tolist() == clipped
+            moved = running.simulation.duo.command().flat - before
+            assert moved[slot] == pytest.approx(away * limit)
+
+
+def test_openings_are_never_clipped_for_speed(running: DuoEnv) -> None:
+    action = running.simulation.duo.command().flat
+    for opening in (0.0, 1.0):
+        action[OPENINGS] = opening
+        *_, info = running.step(action)
+        assert not info["clipped"].any()
+        assert running.simulation.duo.command().openings == pytest.approx([opening] * 2)
 
 
 BAD_ACTIONS: dict[str, Any] = {

@@ -44,6 +44,32 @@ def test_expert_episodes_are_the_golden_ones(golden: dict[str, Any], name: str) 
         assert episode["stages"][-1][1] == catalog.get(name).max_stage
 
 
+STAGES = [[58, 1], [60, 2], [90, 4]]
+
+
+@pytest.mark.parametrize(
+    ("other", "same"),
+    [
+        ([[58, 1], [60, 2], [90, 4]], True),
+        ([[61, 1], [63, 2], [87, 4]], True),
+        ([[60, 2], [90, 4]], True),  # both in one step
+        ([[58, 1], [60, 2], [88, 3], [90, 4]], True),
+        ([[62, 1], [62, 2], [90, 4]], False),
+        ([[58, 1], [60, 2], [86, 4]], False),
+        ([[58, 1], [60, 2], [86, 3], [90, 4]], False),
+        ([[58, 1], [60, 2], [90, 3]], False),
+        ([[58, 1], [60, 2], [90, 4], [91, 5]], False),
+        ([], False),
+    ],
+)
+def test_a_stage_may_be_reached_a_few_steps_sooner_or_later(
+    other: list[list[int]], same: bool
+) -> None:
+    for one, two in ((STAGES, other), (other, STAGES)):
+        found = list(episodes.episode_differences("e", {"stages": one}, {"stages": two}))
+        assert (found == []) is same
+
+
 # --- renewal -------------------------------------------------------------------------------------
 
 

@@ -43,7 +43,7 @@ def test_it_shows_every_object_and_both_arms_at_the_reset(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "work"), [("spring_door", "microwave/door"), ("join_blocks", "wall:2:picture")]
+    ("name", "work"), [("spring_door", "microwave/door"), ("join_blocks", "wall:picture")]
 )
 def test_it_shows_the_side_of_the_work_where_that_faces_the_robot(name: str, work: str) -> None:
     sim, counts = pixels(name)

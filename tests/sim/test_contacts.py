@@ -108,12 +108,78 @@ def test_deepest_names_what_overlaps() -> None:
     assert contacts.deepest(0.02) == []
 
 
-@pytest.mark.parametrize("question", ["between", "partners", "gripper", "pads"])
+def test_an_arm_is_all_of_it() -> None:
+    model, data, contacts = toy()
+    for height, touches in ((3.0, True), (3.5, True), (4.5, False)):
+        data.qpos[:3] = [-1.15, 0.0, height]
+        look(model, data, contacts)
+        assert contacts.arm(Side.LEFT, "ball") is touches
+        assert not contacts.arm(Side.RIGHT, "ball")
+
+
+QUESTIONS = {
+    "between": ["ball"],
+    "partners": [],
+    "gripper": [Side.LEFT],
+    "arm": [Side.LEFT],
+    "pads": [Side.LEFT],
+}
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
 def test_an_unknown_owner_is_an_error(question: str) -> None:
     _, _, contacts = toy()
-    first = {"between": ["ball"], "partners": [], "gripper": [Side.LEFT], "pads": [Side.LEFT]}
     with pytest.raises(UnknownNameError, match=r"'bal'.*'ball'"):
-        getattr(contacts, question)(*first[question], "bal")
+        getattr(contacts, question)(*QUESTIONS[question], "bal")
+
+
+# Two pads 60 mm apart, and a ball that both may touch: from between them, or from below.
+PADS = """
+<mujoco>
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="ball"><freejoint/><geom size="{radius}"/></body>
+    <body name="other" pos="0 0 9"><geom size="0.1"/></body>
+    {arms}
+  </worldbody>
+</mujoco>
+"""
+PAD_ARM = """
+<body name="{side}/link" pos="{x} 0 3"><geom size="0.001" contype="0" conaffinity="0"/>
+  <body name="{side}/gripper/base"><geom size="0.001" contype="0" conaffinity="0"/>
+    <body name="{side}/gripper/left_pad" pos="0 0.032 0"><geom type="box" size="0.01 0.002 0.01"/>
+    </body>
+    <body name="{side}/gripper/right_pad" pos="0 -0.032 0"><geom type="box" size="0.01 0.002 0.01"/>
+    </body>
+  </body>
+</body>
+"""
+
+
+@pytest.mark.parametrize(
+    ("radius", "below", "grasped"),
+    [
+        (0.0301, 0.0, True),  # from side to side, 0.1 mm into each pad
+        (0.0301, 0.009, True),
+        (0.032, 0.019, True),
+        (0.055, 0.0559, True),  # from above, 57 degrees off
+        (0.065, 0.0675, False),  # 63 degrees off
+        (0.20, 0.2069, False),  # nearly flat
+    ],
+)
+def test_pads_grasp_only_what_they_press_on_from_both_sides(
+    radius: float, below: float, grasped: bool
+) -> None:
+    arms = "".join(PAD_ARM.format(side=side, x=side.index - 1) for side in SIDES)
+    model = mujoco.MjModel.from_xml_string(PADS.format(radius=radius, arms=arms))
+    data = mujoco.MjData(model)
+    contacts = Contacts(model, data)
+    data.qpos[:3] = [-1.0, 0.0, 3.0 - below]
+    look(model, data, contacts)
+    touched = [contacts.between("ball", f"left/{side}_pad") for side in SIDES]
+    assert touched == [True, True], "the ball is not where both pads touch it"
+    assert contacts.pads(Side.LEFT, "ball") is grasped
+    assert not contacts.pads(Side.RIGHT, "ball")
 
 
 # --- the real robot ------------------------------------------------------------------------------

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES
-from duobench.scene.naming import tcp_name
+from duobench.scene.naming import pad_names, tcp_name
+from duobench.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.types import SIDES, DuoCommand, Side
+from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
+from tests.sim.props import scene
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +112,66 @@ def test_the_grippers_open_as_far_as_told(sim: Simulation, opening: float) -> No
         state = sim.step(command(opening=opening))
     assert state.openings == pytest.approx([opening] * 2, abs=0.03)
     assert np.all((state.openings >= 0) & (state.openings <= 1))
+
+
+def gap(sim: Simulation, side: Side) -> float:
+    """Distance in metres between the pads of a gripper."""
+    left, right = (sim.position(name) for name in pad_names(side))
+    opening = sim.site_pose(tcp_name(side)).rotation[:, 1]
+    return abs(float((left - right) @ opening))
+
+
+@pytest.mark.parametrize("opening", [0.0, 0.5, 1.0])
+def test_fingers_move_at_the_speed_of_a_real_gripper(sim: Simulation, opening: float) -> None:
+    """The data sheet's 150 mm/s at most, and not much less."""
+    for _ in range(30):
+        sim.step(command(opening=1.0 - opening))
+    gaps = [gap(sim, Side.LEFT)]
+    for _ in range(30):
+        sim.step(command(opening=opening))
+        gaps.append(gap(sim, Side.LEFT))
+    speeds = np.abs(np.diff(gaps)) * CONTROL_HZ
+    assert speeds.max() <= MAX_FINGER_SPEED
+    if opening != 0.5:
+        assert abs(gaps[-1] - gaps[0]) == pytest.approx(0.085, abs=0.003)
+        assert speeds[2:12].mean() > 0.7 * MAX_FINGER_SPEED
+
+
+@pytest.mark.parametrize("opening", [0.0, 0.1, 0.2])
+def test_fingers_press_with_a_set_force(opening: float) -> None:
+    """Whatever opening is commanded, as long as it is narrower than what they hold."""
+    sim = scene()
+    tool = sim.site_pose(tcp_name(Side.LEFT))
+    for name, x in (("slab", 0.4), ("bowl", 0.6), ("chest", 0.8)):
+        sim.place(name, SE3.at(x, -0.5, 0.011))
+    for _ in range(25):
+        sim.place("cube", tool)
+        sim.refresh()
+        sim.step(DuoCommand(joints=HOME.joints, openings=np.array([opening, 1.0])))
+    for pad in pad_names(Side.LEFT):
+        assert normal_force(sim, pad, "cube") == pytest.approx(GRIP_FORCE, rel=0.05)
+
+
+def normal_force(sim: Simulation, body: str, other: str) -> float:
+    """Sum of the normal forces in newtons between two bodies."""
+    total, force = 0.0, np.zeros(6)
+    bodies = {sim.body_id(body), sim.body_id(other)}
+    for number, geoms in enumerate(sim.data.contact.geom):
+        if set(sim.model.geom_bodyid[geoms]) == bodies:
+            mujoco.mj_contactForce(sim.model, sim.data, number, force)
+            total += force[0]
+    return total
+
+
+def test_arms_that_are_driven_into_each_other_do_not_sink_in(sim: Simulation) -> None:
+    deepest = 0.0
+    for _ in range(90):
+        flat = sim.duo.command().flat
+        flat[[0, 8]] += [-1.0, 1.0]
+        flat[[1, 9]] += 0.05
+        sim.step(DuoCommand.from_flat(sim.duo.limit(flat)))
+        deepest = max([deepest, *(depth for *_, depth in sim.contacts.deepest(0.0))])
+    assert 0.0005 < deepest < 0.005
 
 
 def test_tool_poses_are_those_of_the_sites_and_of_forward_kinematics(sim: Simulation) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 
+import mink
 import numpy as np
 import pytest
 
-from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
-from duobench.sim.kinematics import Kinematics
+from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES, SHOULDERS, VELOCITY_LIMITS
+from duobench.scene.robot import LINK7_FROM_TCP
+from duobench.sim.kinematics import ELBOW, REACH, STRAIGHT, Kinematics, within_reach
 from duobench.spatial import SE3
-from duobench.types import SIDES, Side
+from duobench.types import ARM_JOINTS, SIDES, Side
 
 DT = 1 / 30
 
@@ -72,6 +74,86 @@ def test_steps_stay_within_ranges_and_velocity_limits(kinematics: Kinematics) ->
             assert np.all(np.abs(moved - joints) <= np.array(VELOCITY_LIMITS) * DT)
             assert np.all((moved >= low - 1e-9) & (moved <= high + 1e-9))
             joints = moved
+
+
+def poses(rng: np.random.Generator, low: list[float], high: list[float]) -> dict[Side, SE3]:
+    """A pose of any orientation for each side, in a box of the table frame; y grows outwards."""
+    goals = {}
+    for side in SIDES:
+        x, y, z = rng.uniform(low, high)
+        turn = SE3.about(rng.normal(size=3), rng.uniform(0, math.pi))
+        goals[side] = SE3(turn.rotation, np.array([x, side.sign * y, z]))
+    return goals
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("box", ["near", "far"])
+def test_towards_still_targets_the_joints_come_to_rest(
+    kinematics: Kinematics, seed: int, box: str
+) -> None:
+    rng = np.random.default_rng(seed)
+    low, high = ([0.2, 0.0, 0.0], [0.8, 0.5, 0.6]) if box == "near" else ([-2] * 3, [3, 2, 2])
+    goals = poses(rng, low, high)
+    joints = rng.uniform(*JOINT_RANGES.T, size=(2, ARM_JOINTS))
+    for _ in range(300):
+        joints = kinematics.step(joints, goals)
+    for _ in range(30):
+        moved = kinematics.step(joints, goals)
+        assert np.abs(moved - joints).max() < 0.01 * DT
+        joints = moved
+
+
+def test_a_stretched_arm_comes_back(kinematics: Kinematics) -> None:
+    joints = np.array(HOME_JOINTS)
+    start = kinematics.forward(joints)[Side.LEFT]
+    for x, steps in ((3.0, 120), (0.0, 60)):
+        for _ in range(steps):
+            joints = kinematics.step(joints, {Side.LEFT: start.moved(x=x)})
+        tool = kinematics.forward(joints)[Side.LEFT].translation
+        assert (tool[0] > 0.9) == (x > 0.0)
+    assert kinematics.forward(joints)[Side.LEFT].distance(start)[0] < 0.001
+
+
+def test_a_target_out_of_reach_is_brought_within() -> None:
+    for side in SIDES:
+        for direction in np.vstack([np.eye(3), -np.eye(3)]):
+            far = SE3(np.eye(3), SHOULDERS[side] + 5.0 * direction)
+            wrist = within_reach(side, far) @ LINK7_FROM_TCP.inverse()
+            assert np.linalg.norm(wrist.translation - SHOULDERS[side]) == pytest.approx(REACH)
+            assert np.array_equal(wrist.rotation, far.rotation)
+        near = down(0.5, 0.2 * side.sign, 0.1)
+        assert within_reach(side, near) is near
+
+
+def test_the_elbow_never_bends_the_other_way(kinematics: Kinematics) -> None:
+    rng = np.random.default_rng(2)
+    joints = np.array(HOME_JOINTS)
+    for _ in range(20):
+        goals = poses(rng, [-2] * 3, [3, 2, 2])
+        for _ in range(20):
+            joints = kinematics.step(joints, goals)
+            assert (joints[:, ELBOW] <= STRAIGHT + 1e-9).all()
+
+
+def test_where_the_solver_finds_nothing_the_arms_stay(
+    kinematics: Kinematics, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def solve_nothing(*_: object, **__: object) -> None:
+        raise mink.NoSolutionFound("daqp")
+
+    monkeypatch.setattr(mink, "solve_ik", solve_nothing)
+    moved = kinematics.step(HOME_JOINTS, {side: down(0.5, 0.0, 0.3) for side in SIDES})
+    assert np.array_equal(moved, HOME_JOINTS)
+
+
+def test_a_tool_tracks_a_moving_target(kinematics: Kinematics) -> None:
+    joints = np.array(HOME_JOINTS)
+    start = kinematics.forward(joints)[Side.LEFT]
+    for step in range(90):
+        s = 1.0 - math.cos(step * DT)
+        goal = start.moved(x=0.10 * s, y=0.05 * s * s, z=-0.15 * s)
+        joints = kinematics.step(joints, {Side.LEFT: goal})
+        assert kinematics.forward(joints)[Side.LEFT].distance(goal)[0] < 1e-4
 
 
 def test_a_side_without_a_target_stays(kinematics: Kinematics) -> None:

@@ -17,6 +17,7 @@ from duobench.solids.maze_board import (
     WALL,
     cell_at,
     cell_centre,
+    picture_numbers,
     wall_numbers,
 )
 from duobench.solids.mazes import GOAL, MAZES, START, Direction, Maze
@@ -265,7 +266,8 @@ def test_the_walls_of_the_layouts_maze_stand_and_no_others(bench: Stageplay) -> 
             geom = model.geom(f"board:{number}")
             stands = segment in MAZES[board].walls
             assert (geom.contype[0] > 0) == (geom.conaffinity[0] > 0) == stands
-            assert geom.rgba[3] == float(stands)
+        for maze, number in picture_numbers().items():
+            assert model.geom(f"board:picture{number}").rgba[3] == float(maze == MAZES[board])
 
 
 def test_a_wall_stops_the_ball_and_a_passage_lets_it_through(bench: Stageplay) -> None:

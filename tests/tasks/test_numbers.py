@@ -22,10 +22,11 @@ from duobench.tasks import catalog
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where an object starts: the middle of a rectangle, and how far it reaches to either side."""
+    """Where an object starts: the middle of its positions and turns, and how far they reach."""
 
     at: tuple[float, float]
     within: tuple[float, float] = (0.0, 0.0)
+    turned_deg: float = 0.0
     yaw_deg: float = 0.0
 
 
@@ -134,7 +135,7 @@ PAGES = {
         angles_deg={"tasks.carry_pot.TILT": 10},
         layout={
             "pot": Place(at=(0.5, -0.1), within=(0.08, 0.08), yaw_deg=10),
-            "stove": Place(at=(0.5, 0.3), within=(0.04, 0.04)),
+            "stove": Place(at=(0.5, 0.3), within=(0.04, 0.04), turned_deg=90),
         },
         constraints=("pot is raised by 30 mm", "pot is upright within 10 degrees"),
     ),
@@ -313,7 +314,8 @@ def test_layouts_are_drawn_from_these_ranges(name: str) -> None:
             (placements[prop].x, placements[prop].y), place.at, place.within, strict=True
         ):
             assert low_high(drawn) == ends(middle, half), prop
-        assert low_high(placements[prop].yaw) == ends(0.0, math.radians(place.yaw_deg)), prop
+        yaw = ends(math.radians(place.turned_deg), math.radians(place.yaw_deg))
+        assert low_high(placements[prop].yaw) == yaw, prop
 
 
 def test_the_layout_of_block_balance_keeps_things_apart() -> None:

@@ -34,8 +34,8 @@ def script(arms: Arms) -> Script:
     while not all(arms.grasps(side, _handle(side)) for side in SIDES):
         yield from _grasp(arms)
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=_LIFT), speed=0.15)
-    stove = arms.sim.pose("stove")
-    goal = stove @ SE3.at(z=PLATE[2] + HEIGHT / 2)
+    x, y, z = arms.sim.position("stove")
+    goal = SE3.at(x, y, z + PLATE[2] + HEIGHT / 2, yaw=arms.sim.pose("pot").yaw)
     yield from carry(arms, "pot", goal.moved(z=_CLEARANCE), speed=CAREFUL)
     yield from carry(arms, "pot", goal, speed=0.12)
     yield from release(arms, *SIDES, opening=_OPENING)

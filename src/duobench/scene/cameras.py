@@ -109,6 +109,7 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
     # The left lens is half a baseline (31.5 mm) to the left of the housing's middle.
     middle = ZED_BASELINE / 2
     housing = _add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.0622, 0.0152, 0.0130), _HOUSING)
+    housing.name = f"{HEAD}/housing"
     collide_as(housing, Group.FIXTURE)
     set_metal(housing)
     for x in (0.0, ZED_BASELINE):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
-from duobench.solids.maze_board import wall_numbers
+from duobench.solids.maze_board import picture_numbers, wall_numbers
 from duobench.solids.mazes import Maze
 
 
@@ -14,14 +14,15 @@ def set_walls(model: mujoco.MjModel, board: str, maze: Maze) -> None:
     Args:
         model: A model with a board that was built from `solids.maze_board.board`.
         board: Name of the board's body.
-        maze: The maze.
+        maze: The maze; the walls are seen if it is one of the ten.
     """
     floor = model.geom(f"{board}:0")
     for segment, number in wall_numbers().items():
         wall, stands = model.geom(f"{board}:{number}"), segment in maze.walls
         wall.contype = floor.contype if stands else 0
         wall.conaffinity = floor.conaffinity if stands else 0
-        wall.rgba[3] = 1.0 if stands else 0.0
+    for known, number in picture_numbers().items():
+        model.geom(f"{board}:picture{number}").rgba[3] = 1.0 if known == maze else 0.0
 
 
 def standing_walls(model: mujoco.MjModel, board: str) -> Maze:

@@ -9,7 +9,7 @@ from duobench.scene import fr3, robotiq
 from duobench.scene.cameras import add_wrist_camera
 from duobench.scene.naming import tcp_name
 from duobench.spatial import SE3
-from duobench.types import SIDES
+from duobench.types import SIDES, Side
 
 LINK7_FROM_FLANGE = SE3(np.eye(3), np.array([0.0, 0.0, fr3.FLANGE_OFFSET]))
 """Pose of the flange in link 7."""
@@ -30,16 +30,13 @@ def add_robot(spec: mujoco.MjSpec) -> None:
         )
 
 
-def kinematic_model() -> mujoco.MjModel:
-    """The two arms alone: 14 joints, flange and tool sites, no geometry, no grippers.
+def kinematic_model(side: Side) -> mujoco.MjModel:
+    """One arm alone: 7 joints, flange and tool sites, no geometry, no gripper.
 
     Inverse kinematics solves on this model, so its cost does not grow with the scene.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    for side in SIDES:
-        flange = fr3.add_kinematics(spec, side)[-1]
-        flange.add_site(
-            name=tcp_name(side), pos=LINK7_FROM_TCP.translation, size=[0.001] * 3, group=4
-        )
+    flange = fr3.add_kinematics(spec, side)[-1]
+    flange.add_site(name=tcp_name(side), pos=LINK7_FROM_TCP.translation, size=[0.001] * 3, group=4)
     return spec.compile()

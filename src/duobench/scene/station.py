@@ -201,8 +201,11 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
     top = HEAD_POSITION[2] + 0.012
     low = 0.35
     post = _add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)
-    holder = SE3.at(-0.034, -0.0305, HEAD_POSITION[2] + 0.004)
-    for part in (column, block, post, _add_box(world, holder, (0.022, 0.05, 0.012), _STEEL)):
+    at = SE3.at(-0.034, -0.0305, HEAD_POSITION[2] + 0.004)
+    holder = _add_box(world, at, (0.022, 0.05, 0.012), _STEEL)
+    parts = {"column": column, "block": block, "post": post, "holder": holder}
+    for name, part in parts.items():
+        part.name = f"mount/{name}"
         collide_as(part, Group.FIXTURE)
         set_metal(part)
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 from duobench.solids.mazes import CELLS, GOAL, MAZES, SEGMENTS, START, Cell, Maze, Segment
 from duobench.solids.shapes import Shape, box, sphere
-from duobench.solids.solid import Solid, mass_properties
+from duobench.solids.solid import Picture, Solid, mass_properties, pictures_of
 from duobench.spatial import SE3
 
 PITCH = 0.040
@@ -77,10 +77,13 @@ def ball() -> Solid:
 def board() -> Solid:
     """The board for a simulation: shapes `wall_numbers()` are the walls, of which a maze has some.
 
+    The walls of each maze have a picture of their own, `picture_numbers()`.
+
     Its mass is that of any of the printed boards, which all weigh the same.
     """
     return Solid(
         shapes=(*_frame(), *map(_wall, SEGMENTS)),
+        pictures=(*pictures_of(_frame(), _FLOOR_COLOUR), *map(_walls_picture, MAZES)),
         rgba=_FLOOR_COLOUR,
         mass=mass_properties(printable_board(MAZES[0])).mass,
     )
@@ -89,6 +92,11 @@ def board() -> Solid:
 def wall_numbers() -> dict[Segment, int]:
     """Number of each wall among the shapes of `board()`."""
     return {segment: number for number, segment in enumerate(SEGMENTS, len(_frame()))}
+
+
+def picture_numbers() -> dict[Maze, int]:
+    """Number of the picture of each maze's walls among the pictures of `board()`."""
+    return {maze: number for number, maze in enumerate(MAZES, len(board().pictures) - len(MAZES))}
 
 
 def printable_board(maze: Maze) -> Solid:
@@ -146,6 +154,12 @@ def _wall(segment: Segment) -> Shape:
     size = (along, across) if segment.along_x else (across, along)
     middle = SE3.at(*centre, (WALL_HEIGHT - ROOT) / 2)
     return box(*size, WALL_HEIGHT + ROOT, at=middle, rgba=_WALL_COLOUR)
+
+
+def _walls_picture(maze: Maze) -> Picture:
+    """The walls of a maze in one picture, without their ends in the rim."""
+    walls = (_wall(segment) for segment in SEGMENTS if segment in maze.walls)
+    return pictures_of((*_rim(), *walls), _WALL_COLOUR)[-1]
 
 
 def _quarter_turns() -> tuple[SE3, ...]:

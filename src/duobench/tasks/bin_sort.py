@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from duobench.randomness import ANY_YAW, around
 from duobench.sim.placement import Layout
-from duobench.solids.blocks import BLACK, CUBE_EDGE, WHITE, cube
+from duobench.solids.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
 from duobench.solids.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
@@ -71,7 +71,7 @@ TASK = Task(
         Prop(name="white_cube", solid=cube(WHITE)),
         Prop(name="black_cube", solid=cube(BLACK)),
         Prop(name="white_bowl", solid=bowl(WHITE)),
-        Prop(name="black_bowl", solid=bowl(BLACK)),
+        Prop(name="black_bowl", solid=bowl(CHARCOAL, rim=PALE)),
     ),
     placements={
         "white_cube": Placement(

@@ -49,6 +49,8 @@ OFF_CENTRE = (0.10, 0.08)
 YAW = math.radians(10)
 """Largest turn of the pot at the start, in radians."""
 
+ACROSS = math.pi / 2
+"""Turn of the plate in radians: its long side lies across the table, so that the head sees all."""
 
 _CLEAR = all_of(*(off_table(body, "stove") for body in ("pot", *HANDLES)))
 _CARRIED = all_of(grasped_apart(*HANDLES), _CLEAR, raised("pot", LIFT))
@@ -73,7 +75,7 @@ TASK = Task(
         "pot": Placement(
             x=around(0.5, 0.08), y=around(-0.1, 0.08), z=HEIGHT / 2, yaw=Uniform(-YAW, YAW)
         ),
-        "stove": Placement(x=around(0.5, 0.04), y=around(0.3, 0.04)),
+        "stove": Placement(x=around(0.5, 0.04), y=around(0.3, 0.04), yaw=around(ACROSS, 0.0)),
     },
     stages=(
         Stage(

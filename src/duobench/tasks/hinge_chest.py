@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from duobench.randomness import ANY_YAW, around
-from duobench.solids.blocks import BLACK, CUBE_EDGE, WHITE, cube
+from duobench.solids.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
 from duobench.solids.chest import CAVITY, RIM_HEIGHT, WALL, chest
 from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
@@ -57,7 +57,7 @@ TASK = Task(
     horizon=441,
     props=(
         Prop(name="cube", solid=cube(BLACK)),
-        chest("chest", body=WHITE, lid=BLACK),
+        chest("chest", body=WHITE, lid=CHARCOAL),
     ),
     placements={
         "cube": Placement(x=around(0.5, 0.175), y=around(0.2, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW),

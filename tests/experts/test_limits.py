@@ -1,0 +1,32 @@
+"""Experts stay within what the real robot obeys: nothing that they send is clipped."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from duobench.experts.expert import Expert
+from duobench.experts.registry import find_script
+from duobench.scene.fr3 import VELOCITY_LIMITS
+from duobench.tasks import catalog
+from duobench.types import CONTROL_HZ, SIDES
+from tests.envs.tools import base_of
+from tests.experts.lone import make
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_an_expert_commands_no_joint_faster_than_it_moves(name: str) -> None:
+    env = make(name)
+    simulation = base_of(env).simulation
+    expert = Expert(simulation, find_script(name))
+    observation, info = env.reset(seed=2)
+    expert.reset(info["instruction"], 2)
+    limits = np.tile(np.array(VELOCITY_LIMITS) / CONTROL_HZ, (len(SIDES), 1))
+    before, over = simulation.duo.command().joints, False
+    while not over:
+        observation, _, terminated, truncated, info = env.step(expert.act(observation)[0])
+        assert not info["clipped"].any()
+        joints = simulation.duo.command().joints
+        assert (np.abs(joints - before) <= limits).all()
+        before, over = joints, terminated or truncated
+    env.close()
