@@ -54,7 +54,7 @@ def measure_steps(name: str, repeats: int = 15) -> Iterator[Measurement]:
 
 
 def measure_creation(name: str, repeats: int = 3) -> Iterator[Measurement]:
-    """Measure making an environment in a fresh process, with the mesh cache warm."""
+    """Measure making an environment in a fresh process."""
     command = [sys.executable, "-c", CREATION, name]
     times = [
         float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)

@@ -14,7 +14,7 @@ class DuoBenchError(Exception):
 
 
 class AssetError(DuoBenchError):
-    """A mesh file is missing everywhere, or its bytes are not the expected ones."""
+    """A data file is missing, damaged, or not of its format."""
 
 
 class UnknownNameError(DuoBenchError, LookupError):

@@ -127,7 +127,7 @@ PAGES = {
         numbers={
             "solids.pot.RADIUS": 0.11,
             "solids.pot.HEIGHT": 0.11,
-            "solids.pot.MASS": 1.2,
+            "solids.pot.MASS": 2.5,
             "solids.pot.PLATE": (0.35, 0.28, 0.02),
             "tasks.carry_pot.LIFT": 0.030,
             "tasks.carry_pot.OFF_CENTRE": (0.10, 0.08),
@@ -148,9 +148,13 @@ PAGES = {
             "tasks.block_balance.BLOCK": (0.030, 0.030, 0.090),
             "tasks.block_balance.STILL_SECONDS": 0.5,
         },
-        angles_deg={"tasks.block_balance.LEVEL": 12},
+        angles_deg={"tasks.block_balance.LEVEL": 12, "tasks.block_balance.STANDING": 20},
         layout={},  # The page leaves the places open; see below.
-        constraints=("beam is raised by 10 mm", "beam is upright within 12 degrees"),
+        constraints=(
+            "beam is raised by 10 mm",
+            "beam is upright within 12 degrees",
+            "left_block is upright within 20 degrees",
+        ),
     ),
     "join_blocks": Page(
         stages=3,
@@ -158,10 +162,13 @@ PAGES = {
         numbers={
             "solids.joint_blocks.BAR": (0.075, 0.030, 0.025),
             "solids.joint_blocks.PEG_WIDTH": 0.014,
-            "solids.joint_blocks.PEG_LENGTH": 0.018,
-            "solids.joint_blocks.CLEARANCE": 0.001,
+            "solids.joint_blocks.PEG_LENGTH": 0.024,
+            "solids.joint_blocks.CLEARANCE": 0.0003,
             "solids.joint_blocks.PEG_HEIGHT": 0.060,
             "tasks.join_blocks.DEPTH": 0.010,
+            "tasks.join_blocks.REST_SECONDS": 0.5,
+            "stages.joining.KEPT_DEPTH": 0.003,
+            "stages.joining.LOST_SECONDS": 0.2,
         },
         layout={
             "light_block": Place(at=(0.5, 0.2), within=(0.05, 0.075), yaw_deg=15),
@@ -171,6 +178,11 @@ PAGES = {
         constraints=(
             "peg of light_block is 10 mm inside dark_block",
             "peg of wall is 10 mm inside dark_block",
+            "left grasps light_block",
+            "light_block is still",
+            "dark_block is still",
+            "light_block is released",
+            "dark_block is released",
         ),
     ),
     "transfer_cube": Page(
@@ -221,13 +233,21 @@ PAGES = {
         stages=5,
         horizon=216,
         numbers=CUBE | BOWL | {"tasks.bin_sort.BOWL_MARGIN": 0.10},
+        angles_deg={"stages.vessels.MAX_TILT": 20},
         layout={
             "white_cube": Place(at=(0.5, 0.2), within=(0.175, 0.125), yaw_deg=ANY),
             "black_cube": Place(at=(0.5, -0.2), within=(0.175, 0.125), yaw_deg=ANY),
             "white_bowl": Place(at=(0.6, 0.4), within=(0.05, 0.05)),
             "black_bowl": Place(at=(0.6, -0.4), within=(0.05, 0.05)),
         },
-        constraints=("white_cube is raised by 10 mm", "black_cube is raised by 10 mm"),
+        constraints=(
+            "white_cube is raised by 10 mm",
+            "black_cube is raised by 10 mm",
+            "white_cube is still",
+            "black_cube is released",
+            "white_bowl is upright within 20 degrees",
+            "black_bowl touches table",
+        ),
     ),
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.assets.geometry import Mesh
+from tools.meshes.geometry import Mesh
 
 
 def grid(rows: int, columns: int, step: float) -> Mesh:

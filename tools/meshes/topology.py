@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.assets.geometry import turned
-from duobench.assets.quadrics import Floats, Indices, border_edges, dot, face_normals, unit
+from tools.meshes.geometry import turned
+from tools.meshes.quadrics import Floats, Indices, border_edges, dot, face_normals, unit
 
 
 def with_part(faces: Indices, part: int | Indices) -> NDArray[np.int64]:

@@ -3,9 +3,9 @@ import struct
 import numpy as np
 import pytest
 
-from duobench.assets.geometry import canonical, from_grid, read, to_grid
 from duobench.errors import AssetError
-from tests.assets.shapes import shuffled, sphere
+from tests.tools.meshes.shapes import shuffled, sphere
+from tools.meshes.geometry import canonical, from_grid, read, to_grid
 
 OBJ = b"""# comment
 o part

@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from duobench.assets.geometry import Mesh
-from duobench.assets.topology import clean, fill_holes, moved, split_creases, with_part
-from tests.assets.shapes import area, box, grid, normals, sphere
+from tests.tools.meshes.shapes import area, box, grid, normals, sphere
+from tools.meshes.geometry import Mesh
+from tools.meshes.topology import clean, fill_holes, moved, split_creases, with_part
 
 CORNER = 7
 

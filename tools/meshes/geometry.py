@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import AssetError
+from duobench.scene.meshes import POINTS_PER_METRE
 
-RESOLUTION = 1e-5
+RESOLUTION = 1 / POINTS_PER_METRE
 """Grid in metres to which every published coordinate is rounded."""
 
 _OBJ_VERTEX = re.compile(rb"^v +(\S+) +(\S+) +(\S+)", re.MULTILINE)
@@ -85,7 +86,7 @@ def to_grid(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
 
 def from_grid(points: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return coordinates in metres; a division, so that the result is correctly rounded."""
-    return points / round(1 / RESOLUTION)
+    return points / POINTS_PER_METRE
 
 
 def canonical(points: NDArray[np.int64], faces: NDArray[np.integer]) -> Mesh:

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.assets.geometry import Mesh, canonical, to_grid
-from duobench.assets.hulls import convex_hull
-from duobench.assets.quadrics import (
+from tools.meshes.geometry import Mesh, canonical, to_grid
+from tools.meshes.hulls import convex_hull
+from tools.meshes.quadrics import (
     Floats,
     Indices,
     cross,
@@ -25,7 +25,7 @@ from duobench.assets.quadrics import (
     scatter,
     surface_quadrics,
 )
-from duobench.assets.topology import clean, fill_holes, moved, split_creases, with_part
+from tools.meshes.topology import clean, fill_holes, moved, split_creases, with_part
 
 WELD = 1e-4
 """Vertices closer than about this many metres are one; also the unit of length in here."""

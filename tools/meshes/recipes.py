@@ -10,9 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-VERSION = 3
-"""Raised with every change to the code that makes meshes, so that caches are made anew."""
-
 HULL_VERTICES = 24
 """Largest number of vertices of a collision hull; few vertices make contact queries fast."""
 
@@ -79,20 +76,10 @@ VISUAL: Mapping[str, str] = MappingProxyType(
 )
 """Source file of every picture mesh by name."""
 
+_COLLIDING = ("base", "driver", "coupler", "spring_link", "follower")
 _HULLS = (
     *(f"fr3/link{number}" for number in range(8)),
-    *(
-        f"robotiq_2f85/{part}"
-        for part in (
-            "base",
-            "base_coupling",
-            "driver",
-            "coupler",
-            "spring_link",
-            "follower",
-            "tongue",
-        )
-    ),
+    *(f"robotiq_2f85/{part}" for part in _COLLIDING),
 )
 
 HULL: Mapping[str, str] = MappingProxyType({name: name + ".stl" for name in _HULLS})

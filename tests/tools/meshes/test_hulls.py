@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from duobench.assets.geometry import to_grid
-from duobench.assets.hulls import convex_hull
 from duobench.errors import AssetError
-from tests.assets.shapes import box, normals, open_edges, sphere, volume
+from tests.tools.meshes.shapes import box, normals, open_edges, sphere, volume
+from tools.meshes.geometry import to_grid
+from tools.meshes.hulls import convex_hull
 
 
 def assert_closed_and_convex(mesh):

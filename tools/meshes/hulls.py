@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.assets.geometry import Mesh, canonical, to_grid
 from duobench.errors import AssetError
+from tools.meshes.geometry import Mesh, canonical, to_grid
 
 _OUTSIDE = 1.0
 """Distance in grid steps from which on a point counts as outside of a hull."""

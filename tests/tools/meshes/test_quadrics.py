@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from duobench.assets.geometry import Mesh
-from duobench.assets.quadrics import border_edges, minimise, scatter, surface_quadrics
-from duobench.assets.topology import with_part
-from tests.assets.shapes import box, grid
+from tests.tools.meshes.shapes import box, grid
+from tools.meshes.geometry import Mesh
+from tools.meshes.quadrics import border_edges, minimise, scatter, surface_quadrics
+from tools.meshes.topology import with_part
 
 
 def quadrics(mesh: Mesh, border_weight: float = 1.0) -> np.ndarray:

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from duobench.assets.decimation import Part, decimate
-from duobench.assets.geometry import Mesh
-from tests.assets.shapes import area, box, grid, normals, open_edges, shuffled, sphere, volume
+from tests.tools.meshes.shapes import area, box, grid, normals, open_edges, shuffled, sphere, volume
+from tools.meshes.decimation import Part, decimate
+from tools.meshes.geometry import Mesh
 
 
 def alone(mesh: Mesh, triangles: int, cell: float = 0.0, fill: float = 0.0) -> Mesh:
