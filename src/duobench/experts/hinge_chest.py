@@ -42,9 +42,9 @@ _SLIDE = 0.035
 """How much further in under the lid the rod ends, in metres."""
 _START = (-OUTER_X / 2 - _OVER_FRONT, 0.044)
 """Rod under the lip: x and z in the chest's frame."""
-_OPEN_ANGLE = 1.4
-"""How far the lid is opened, in radians."""
-_ENOUGH = 1.3
+_OPEN_ANGLE = 1.32
+"""How far the lid is opened, in radians: clear of its stop."""
+_ENOUGH = 1.22
 """Angle in radians from which on the other arm goes in."""
 _ROD_DEPTH = 0.016
 """From the lid's underside to the rod's axis, in metres."""
