@@ -140,7 +140,7 @@ def lid_let_fall_on_the_hand(arms: Arms) -> Script:
 def cube_thrown_on_the_rim(arms: Arms) -> Script:
     """The cube is dropped over the side of the open chest, and falls off it."""
     yield from _hold_and_fetch(arms)
-    edge = arms.sim.pose("chest").apply([0.0, 0.130, 0.0])[1]
+    edge = arms.sim.pose("chest").apply([0.0, 0.133, 0.0])[1]
     yield from move(arms, {INSERTER: over(arms, edge, RIM_HEIGHT + 0.06)}, speed=0.3)
     yield from _open_hand(arms)
 
