@@ -125,12 +125,16 @@ def lid_left_to_the_hand_with_the_cube(arms: Arms) -> Script:
     yield from _open_hand(arms)
 
 
+def come_over_the_chest(arms: Arms) -> Script:
+    """The hand with the cube stops over the open chest."""
+    y = arms.sim.pose("chest").apply([-0.025, 0.045, 0.0])[1]
+    yield from move(arms, {INSERTER: over(arms, y, 0.15)}, tolerance=0.01)
+
+
 def lid_let_fall_on_the_hand(arms: Arms) -> Script:
     """The right arm leaves when the left hand is over the chest; the lid lies on that hand."""
     yield from _hold_and_fetch(arms)
-    chest = arms.sim.pose("chest")
-    y = chest.apply([-0.025, 0.045, 0.0])[1]
-    yield from move(arms, {INSERTER: over(arms, y, 0.15)}, tolerance=0.01)
+    yield from come_over_the_chest(arms)
     yield from _withdraw(arms)
     yield from wait(20)
     yield from lower(arms)

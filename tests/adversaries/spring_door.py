@@ -112,10 +112,16 @@ def _hold_and_fetch(arms: Arms) -> Script:
     yield from wait(20)
 
 
+def come_to_the_door(arms: Arms) -> Script:
+    """The hand with the cube stops in the doorway, on the side of the hinge."""
+    near = in_oven(arms) @ SE3.at(z=-0.09)
+    yield from move(arms, {INSERTER: near.moved(y=0.05)}, tolerance=0.012)
+
+
 def door_let_fall_on_the_arm(arms: Arms) -> Script:
     """The left arm leaves when the right hand is at the door; the door leans on that arm."""
     yield from _hold_and_fetch(arms)
-    yield from move(arms, {INSERTER: in_oven(arms) @ SE3.at(z=-0.06)}, tolerance=0.012)
+    yield from come_to_the_door(arms)
     yield from _let_go_of_the_door(arms)
     yield from wait(20)
     yield from reach_in(arms)
