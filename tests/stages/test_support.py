@@ -23,7 +23,7 @@ from tests.stageplay import Stageplay
 LONG = round(UNSUPPORTED_TIME * CONTROL_HZ)
 GRAZE = round(GRAZE_TIME * CONTROL_HZ)
 SLIP = round(SLIP_TIME * CONTROL_HZ)
-SHUT, HALF_OPEN = 0.0, 0.79
+OPEN, HALF_OPEN = 0.8, 0.79
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +120,6 @@ def collect(bench: Stageplay, case: Case) -> dict[str, np.ndarray]:
     that brings the cube (g) or on the cube (c), the cube at the (o)ther arm.
     """
     sim, saved = bench.sim, dict[str, np.ndarray]()
-    angle = 0.0
 
     def keep(letter: str) -> None:
         saved[letter] = sim.save()
@@ -131,7 +130,6 @@ def collect(bench: Stageplay, case: Case) -> dict[str, np.ndarray]:
         keep(letter)
 
     def honest(arms: Arms) -> Script:
-        nonlocal angle
         keep("t")
         yield from together(case.opens(arms), case.fetches(arms))
         yield from wait(10)
@@ -189,7 +187,7 @@ def test_the_moments_are_what_they_shall_be(scene: Scene) -> None:
         assert contacts.pads(case.bringer, "cube"), letter
     assert at("a").angle(case.lid) > 1.0
     assert not contacts.arm(case.holder, case.lid)
-    assert at("g").angle(case.lid) >= 0.8
+    assert at("g").angle(case.lid) >= OPEN
     assert contacts.arm(case.bringer, case.lid)
     at("c")
     assert contacts.between("cube", case.lid)
@@ -265,14 +263,14 @@ def test_a_cube_that_was_taken_out_again_must_be_brought_again(scene: Scene) -> 
     assert scene.stage_after("h" * LONG, "i", "h", "ff") == 3
 
 
-@pytest.mark.parametrize("speed", np.arange(0.0, 32.0, 2.0))
-def test_no_lid_stays_open_by_itself_for_long(scene: Scene, speed: float) -> None:
-    """Neither let go at its stop nor thrown open from where it counts as open."""
+def test_no_lid_stays_open_by_itself_for_long(scene: Scene) -> None:
+    """Neither let go at its stop nor thrown open, from where it begins to count, at any speed."""
     bench, lid = scene.bench, scene.case.lid
     joint = bench.sim.model.joint(lid)
     bench.start(0)
-    set_lid(bench.sim, lid, joint.range[1] if speed == 0 else 0.8)
-    bench.sim.data.qvel[joint.dofadr[0]] = speed
-    bench.sim.refresh()
-    bench.hold(LONG - 2)
-    assert bench.sim.angle(lid) < 0.8
+    for speed in np.arange(0.0, 32.0, 2.0):
+        set_lid(bench.sim, lid, joint.range[1] if speed == 0 else OPEN)
+        bench.sim.data.qvel[joint.dofadr[0]] = speed
+        bench.sim.refresh()
+        bench.hold(LONG - 2)
+        assert bench.sim.angle(lid) < OPEN, speed

@@ -58,8 +58,7 @@ PAGES = {
         | {
             "solids.chest.CAVITY": (0.130, 0.230, 0.060),
             "solids.chest.WALL": 0.006,
-            "solids.chest.LID_LIMITS": (0.0, 1.55),
-            "solids.chest.LID_STIFFNESS": 0.5,
+            "solids.chest.LID_LIMITS": (0.0, math.radians(80)),
             "tasks.hinge_chest.OPEN_ANGLE": 0.8,
         },
         layout={
