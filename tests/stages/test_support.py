@@ -251,7 +251,8 @@ def test_the_other_arm_may_slip_but_not_leave(scene: Scene) -> None:
 
 
 def test_only_the_arm_that_had_the_cube_brings_it(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "o", "ff") == 2
+    assert scene.stage_after("h" * LONG, "o" * (GRAZE - 1), "ff") == 3
+    assert scene.stage_after("h" * LONG, "o" * GRAZE, "ff") == 2
 
 
 def test_once_the_cube_is_inside_the_lid_may_fall(scene: Scene) -> None:

@@ -28,7 +28,7 @@ LID_LIMITS = (0.0, math.radians(80.0))
 """Range of the lid in radians; the posts stop it there in print [task definitions]."""
 LID_DAMPING = 0.03
 """Damping of the lid in N·m·s/rad: screws in printed holes. There is no spring [task definitions];
-let go at its stop, the lid is shut in two thirds of a second, without a bang."""
+let go at its stop, the lid is shut in half a second, without a bang."""
 
 GAP = 0.001
 """Play between the shut lid and the rim, and between lid and lugs, in metres."""

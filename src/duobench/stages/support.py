@@ -29,8 +29,8 @@ UNSUPPORTED_TIME = 0.6
 """Time in seconds for which a lid or door that is open needs support: thrown open by any speed,
 none of them stays open so long by itself (at most 0.5 s)."""
 GRAZE_TIME = 0.1
-"""Time in seconds for which the bringing arm may graze the lid: too short to hold it up, and what
-is shorter can happen to anybody who reaches into a chest."""
+"""Time in seconds from which on a touch that should not be is more than a graze: the bringing arm
+or the object at the lid, the supporting arm at the object. It is too short to hold a lid up."""
 SLIP_TIME = 0.2
 """Time in seconds for which the supporting arm may lose touch with the lid, as it may when fingers
 slip along it: less than it takes to fall shut."""
@@ -72,8 +72,8 @@ def support(prop: str, fixture: str, lid: str, angle: float, goal: Predicate) ->
         side: any_of(
             ~is_open,
             held_for(grazed[side], GRAZE_TIME),
+            held_for(arm_touches(side.other, prop), GRAZE_TIME),
             held_for(~arm_touches(side.other, lid), SLIP_TIME),
-            arm_touches(side.other, prop),
         )
         for side in SIDES
     }
