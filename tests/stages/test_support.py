@@ -115,9 +115,13 @@ def send_home(bench: Stageplay, start: np.ndarray, side: Side) -> None:
 
 
 def collect(bench: Stageplay, case: Case) -> dict[str, np.ndarray]:
-    """(t) at the start; the lid held open and the cube (h)eld, come (n)ear, (i)nside but pinched,
-    (f)ree inside; and what no arm did: the lid open with nobody (a)t it, h(a)lf open, on the arm
-    that brings the cube (g) or on the cube (c), the cube at the (o)ther arm.
+    """States by letter.
+
+    What two arms did: (t) at the start; the lid held open and the cube (h)eld, come (n)ear,
+    (i)nside but pinched, (f)ree inside. What is made of that: as h, but (a)way from the lid is the
+    arm that holds it, the lid (s)huts, the cube lies (o)n the other arm's hand or on the lid (c);
+    as n, but the lid is down on the arm that brings the cube (g); S and F are i and f with a lid
+    that shuts.
     """
     sim, saved = bench.sim, dict[str, np.ndarray]()
 
