@@ -223,6 +223,7 @@ def test_support_needs_the_arm_with_the_cube_to_leave_the_lid_alone(scene: Scene
 
 def test_support_needs_an_open_lid_and_a_lifted_cube(scene: Scene) -> None:
     assert scene.stage_after("s" * 2 * LONG) == 1
+    assert scene.stage_after("s" * 2 * LONG, "h" * (LONG - 1)) == 1
     assert scene.stage_after("f" * 2 * LONG) == 1
     assert scene.stage_after("f" * 2 * LONG, "n") == 2
 
