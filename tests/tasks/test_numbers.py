@@ -48,6 +48,11 @@ class Page:
 ANY = 180.0
 CUBE = {"solids.blocks.CUBE_EDGE": 0.032}
 LONG_BLOCK = CUBE | {"solids.blocks.LONG_BLOCK": 0.096}
+SUPPORT = {
+    "stages.support.UNSUPPORTED_TIME": 0.6,
+    "stages.support.GRAZE_TIME": 0.1,
+    "stages.support.SLIP_TIME": 0.2,
+}
 BOWL = {"solids.bowl.RADIUS": 0.085, "solids.bowl.RIM_HEIGHT": 0.030}
 
 PAGES = {
@@ -55,11 +60,11 @@ PAGES = {
         stages=3,
         horizon=441,
         numbers=CUBE
+        | SUPPORT
         | {
             "solids.chest.CAVITY": (0.130, 0.230, 0.060),
             "solids.chest.WALL": 0.006,
-            "solids.chest.LID_LIMITS": (0.0, 1.55),
-            "solids.chest.LID_STIFFNESS": 0.5,
+            "solids.chest.LID_LIMITS": (0.0, math.radians(80)),
             "tasks.hinge_chest.OPEN_ANGLE": 0.8,
         },
         layout={
@@ -72,6 +77,7 @@ PAGES = {
         stages=3,
         horizon=807,
         numbers=CUBE
+        | SUPPORT
         | {
             "solids.microwave.WIDTH": 0.55,
             "solids.microwave.DEPTH": 0.32,
