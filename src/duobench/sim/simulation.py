@@ -226,6 +226,21 @@ class Simulation:
         x, y, z, turn_x, turn_y, turn_z = self.data.qvel[start : start + 6].tolist()
         return math.hypot(x, y, z), math.hypot(turn_x, turn_y, turn_z)
 
+    def relative_speed(self, prop: str, frame: str) -> float:
+        """Speed in m/s of a free prop's origin, seen from the frame of another free prop."""
+        start, other = self._dofs[prop], self._dofs[frame]
+        x, y, z = self.data.qvel[start : start + 3].tolist()
+        # The engine gives linear velocities in the world, and angular ones in the prop's own frame.
+        ox, oy, oz, turn_x, turn_y, turn_z = self.data.qvel[other : other + 6].tolist()
+        x, y, z = x - ox, y - oy, z - oz
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[self.body_id(frame)].tolist()
+        px, py, pz = self.offset(prop, frame)
+        return math.hypot(
+            xx * x + yx * y + zx * z - (turn_y * pz - turn_z * py),
+            xy * x + yy * y + zy * z - (turn_z * px - turn_x * pz),
+            xz * x + yz * y + zz * z - (turn_x * py - turn_y * px),
+        )
+
     def angle(self, hinge: str) -> float:
         """Angle of a hinge in radians."""
         number = resolve(self.model, mujoco.mjtObj.mjOBJ_JOINT, hinge)
