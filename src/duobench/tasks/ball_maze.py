@@ -49,7 +49,7 @@ from duobench.types import SIDES
 
 LEFT_START, AT_GOAL = 0.020, 0.015
 """Distance in metres of the ball from the start's centre at least, and from the goal's at most."""
-RAISE = 0.005
+RAISE = 0.010
 """How far the middle of a lifted board is raised at least, in metres."""
 
 
