@@ -72,8 +72,8 @@ TASK = Task(
     id="pour_marbles",
     title="Pour-Marbles",
     category=Category.ASYMMETRIC_SUPPORT,
-    instruction="Grasp each cup with the arm on its side, lift both, pour all marbles from the "
-    "{full} cup into the {empty} cup, and put both cups back on their green squares.",
+    instruction="Lift each cup with the arm on its side, pour all marbles from the {full} cup into "
+    "the {empty} cup while both are in the air, and put both cups upright on their green squares.",
     horizon=442,
     props=(
         *(Prop(name=name, solid=cups.cup(LIGHT)) for name in CUPS.values()),
@@ -101,7 +101,7 @@ TASK = Task(
         Stage(name="both cups are lifted", instruction="Lift both cups.", holds=_HELD_UP),
         Stage(
             name="one marble is poured",
-            instruction="Pour the marbles from the {full} cup into the {empty} cup in the air.",
+            instruction="Pour marbles from the {full} cup into the {empty} cup, both in the air.",
             holds=_into_target(lambda p: p.some),
         ),
         Stage(
