@@ -5,7 +5,7 @@ import pytest
 
 from duobench.experts.carry_pot import carry_over, land, let_go, lift
 from duobench.experts.motion import Arms, Script, carry, wait
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.solids.pot import HEIGHT, PLATE, RADIUS
 from duobench.spatial import SE3
 from duobench.stages.coordination import BOUNCE, carriage

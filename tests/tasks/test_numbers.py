@@ -48,6 +48,11 @@ class Page:
 ANY = 180.0
 CUBE = {"solids.blocks.CUBE_EDGE": 0.032}
 LONG_BLOCK = CUBE | {"solids.blocks.LONG_BLOCK": 0.096}
+SUPPORT = {
+    "stages.support.UNSUPPORTED_TIME": 0.6,
+    "stages.support.GRAZE_TIME": 0.1,
+    "stages.support.SLIP_TIME": 0.2,
+}
 BOWL = {"solids.bowl.RADIUS": 0.085, "solids.bowl.RIM_HEIGHT": 0.030}
 
 PAGES = {
@@ -55,11 +60,11 @@ PAGES = {
         stages=3,
         horizon=441,
         numbers=CUBE
+        | SUPPORT
         | {
             "solids.chest.CAVITY": (0.130, 0.230, 0.060),
             "solids.chest.WALL": 0.006,
-            "solids.chest.LID_LIMITS": (0.0, 1.55),
-            "solids.chest.LID_STIFFNESS": 0.5,
+            "solids.chest.LID_LIMITS": (0.0, math.radians(80)),
             "tasks.hinge_chest.OPEN_ANGLE": 0.8,
         },
         layout={
@@ -72,6 +77,7 @@ PAGES = {
         stages=3,
         horizon=807,
         numbers=CUBE
+        | SUPPORT
         | {
             "solids.microwave.WIDTH": 0.55,
             "solids.microwave.DEPTH": 0.32,
@@ -97,8 +103,9 @@ PAGES = {
             "solids.cup.MARBLE_RADIUS": 0.005,
             "tasks.pour_marbles.RAISE": 0.020,
             "tasks.pour_marbles.HALF_SQUARE": 0.05,
+            "stages.pouring.LYING_SPEED": 0.25,
         },
-        angles_deg={"tasks.pour_marbles.UPRIGHT": 20},
+        angles_deg={"tasks.pour_marbles.UPRIGHT": 20, "stages.pouring.MAX_TILT": 45},
         layout={
             "left_cup": Place(at=(0.5, 0.3), within=(0.05, 0.05)),
             "right_cup": Place(at=(0.5, -0.3), within=(0.05, 0.05)),
@@ -118,6 +125,9 @@ PAGES = {
             "solids.mazes.CELLS": 5,
             "tasks.ball_maze.LEFT_START": 0.020,
             "tasks.ball_maze.AT_GOAL": 0.015,
+            "tasks.ball_maze.RAISE": 0.010,
+            "stages.rolling.MIN_SPEED": 0.02,
+            "stages.rolling.MAX_SLIP": 0.1,
         },
         layout={"board": Place(at=(0.5, 0.0), within=(0.1, 0.1), yaw_deg=ANY)},
     ),

@@ -250,11 +250,26 @@ class Simulation:
 
     def speed(self, prop: str) -> tuple[float, float]:
         """Linear (m/s) and angular (rad/s) speed of a free prop; zero for a fixed one."""
-        start = self._dofs.get(prop)
-        if start is None:
-            return 0.0, 0.0
-        x, y, z, turn_x, turn_y, turn_z = self.data.qvel[start : start + 6].tolist()
+        x, y, z, turn_x, turn_y, turn_z = self._velocity(prop)
         return math.hypot(x, y, z), math.hypot(turn_x, turn_y, turn_z)
+
+    def relative_speed(self, prop: str, frame: str) -> float:
+        """Speed in m/s of a prop's origin, seen from the frame of another prop that may move."""
+        px, py, pz = self.offset(prop, frame)
+        x, y, z = self._velocity(prop)[:3]
+        ox, oy, oz, turn_x, turn_y, turn_z = self._velocity(frame)
+        x, y, z = x - ox, y - oy, z - oz
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[self.body_id(frame)].tolist()
+        return math.hypot(
+            xx * x + yx * y + zx * z - (turn_y * pz - turn_z * py),
+            xy * x + yy * y + zy * z - (turn_z * px - turn_x * pz),
+            xz * x + yz * y + zz * z - (turn_x * py - turn_y * px),
+        )
+
+    def _velocity(self, prop: str) -> list[float]:
+        """Linear velocity in the table frame and angular velocity in the prop's own, 3 each."""
+        start = self._dofs.get(prop)
+        return [0.0] * 6 if start is None else self.data.qvel[start : start + 6].tolist()
 
     def angle(self, hinge: str) -> float:
         """Angle of a hinge in radians."""
