@@ -22,8 +22,8 @@ from duobench.spatial import SE3
 from duobench.types import Side
 
 BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027)
-MEETING_POINT = np.array([0.50, 0.0, 0.34])
-RISE = math.radians(25)
+MEETING_POINT = np.array([0.50, 0.0, 0.38])
+RISE = math.radians(60)
 RECEIVER_GRIP = 0.032
 _READY = tool((0.50, 0.25, 0.45), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
 _OVER_BOARD = (0.9, 0.0, 0.0, -2.5, 1.6, 2.45, 0.5)
