@@ -25,8 +25,10 @@ def drop(arms: Arms, *sides: Side) -> Script:
     yield from move(arms, {side: arms.targets[side].moved(z=0.10) for side in sides})
 
 
-def meet(arms: Arms, bar: Bar, centre: ArrayLike, *, grip_at: float, slant: float) -> Script:
+def meet(
+    arms: Arms, bar: Bar, centre: ArrayLike, *, rise: float, grip_at: float, slant: float = 0.0
+) -> Script:
     """The giver picks up, the receiver grips as well: both hold the bar."""
     yield from pick_bar(arms, bar)
-    yield from move(arms, {bar.giver: present(bar, centre, 0.4)})
+    yield from move(arms, {bar.giver: present(bar, centre, rise)})
     yield from clasp(arms, bar.giver.other, receive_pose(arms, bar, grip_at, slant))

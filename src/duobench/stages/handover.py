@@ -77,35 +77,29 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
     """
     held = {side: lifted(side, prop, *supports) for side in SIDES}
     alone = {side: held[side] & ~touches(side.other, prop) for side in SIDES}
-    last_alone = {side: since(alone[side], reset=alone[side.other]) for side in SIDES}
     shared = all_of(*held.values())
     loose = released(prop)
     put_down = loose | ~off_table(prop, *supports)
     if way is None:
-        given = shared
+        there = alone
         giver = {
-            side: since(
-                alone[side] & ~since(alone[side.other], reset=put_down),
-                reset=put_down,
-            )
+            side: since(alone[side] & ~since(alone[side.other], reset=put_down), reset=put_down)
             for side in SIDES
         }
     else:
-        given = shared & way.through
+        # Whoever was the last to hold it alone brings it through.
+        last = {side: since(alone[side], reset=alone[side.other]) for side in SIDES}
+        there = {side: alone[side] & way.through for side in SIDES}
         giver = {
-            side: since(way.crossing & last_alone[side], reset=put_down | ~way.through)
-            for side in SIDES
+            side: since(way.crossing & last[side], reset=put_down | ~way.through) for side in SIDES
         }
+    given = shared if way is None else shared & way.through
     received = {
         side: all_of(
-            alone[side],
-            giver[side.other],
-            since(given & last_alone[side.other], reset=put_down | alone[side.other]),
+            there[side], giver[side.other], since(given, reset=put_down | alone[side.other])
         )
         for side in SIDES
     }
-    if way is not None:
-        received = {side: received[side] & way.through for side in SIDES}
     disturbed = {side: touches(side.other, prop) | touching(prop, TABLE) for side in SIDES}
     brought = {
         side: all_of(
