@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -32,3 +34,9 @@ def meet(
     yield from pick_bar(arms, bar)
     yield from move(arms, {bar.giver: present(bar, centre, rise)})
     yield from clasp(arms, bar.giver.other, receive_pose(arms, bar, grip_at, slant))
+
+
+def yaw_of(arms: Arms, body: str) -> float:
+    """Direction in radians in which a bar lies on the table, on whichever face."""
+    x, y, _ = arms.sim.rotation(body)[:, 0]
+    return math.atan2(y, x)

@@ -58,9 +58,7 @@ def moments(bench: Stageplay) -> Moments:
         keep("f")
 
     def meet_again(arms: Arms) -> Script:
-        yield from meet(
-            arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP, slant=SLANT
-        )
+        yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP, slant=SLANT)
 
     bench.start(layout=LAYOUT)
     bench.act(whole_way)
@@ -147,9 +145,7 @@ def test_who_received(
         ("trbliftf", False),
     ],
 )
-def test_what_was_put_there(
-    bench: Stageplay, moments: Moments, letters: str, put: bool
-) -> None:
+def test_what_was_put_there(bench: Stageplay, moments: Moments, letters: str, put: bool) -> None:
     in_bowl = touching("cube", "bowl")
     words = handover("cube", "bowl")
     assert answer(bench, moments, letters, words.put(in_bowl, until=~in_bowl)) == put

@@ -60,7 +60,9 @@ def passage(prop: str, hole: Hole, *, held: Predicate) -> Passage:
             beyond, off_axis = where(m)
             return abs(beyond) <= EXIT_DEPTH and off_axis <= radius
 
-        return Predicate(f"{prop} is within {radius * 1000:.0f} mm of the axis of {hole.body}", test)
+        return Predicate(
+            f"{prop} is within {radius * 1000:.0f} mm of the axis of {hole.body}", test
+        )
 
     near = Predicate(f"{prop} is on the near side of {hole.body}", lambda m: where(m)[0] < 0)
     # Forgotten at the step after: what held at the step before this one.

@@ -94,9 +94,7 @@ TASK = Task(
         Stage(
             name="the peg is in the hexagonal hole",
             instruction="Insert the peg upright into the hexagonal hole and let go.",
-            holds=all_of(
-                _IN_HOLE, still(PEG), released(PEG), _PEG.put(_IN_HOLE, until=~_IN_HOLE)
-            ),
+            holds=all_of(_IN_HOLE, still(PEG), released(PEG), _PEG.put(_IN_HOLE, until=~_IN_HOLE)),
         ),
     ),
     printable=True,
