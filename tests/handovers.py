@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duobench.experts.handover import Bar, clasp, pick_bar, present, receive_pose
-from duobench.experts.motion import Arms, Script, move, release
+from duobench.experts.motion import Arms, Script, down, move, nearest_turn, pick, release
 from duobench.types import Side
 
 
@@ -36,7 +36,14 @@ def meet(
     yield from clasp(arms, bar.giver.other, receive_pose(arms, bar, grip_at, slant))
 
 
-def yaw_of(arms: Arms, body: str) -> float:
-    """Direction in radians in which a bar lies on the table, on whichever face."""
-    x, y, _ = arms.sim.rotation(body)[:, 0]
-    return math.atan2(y, x)
+def clear_of(arms: Arms, side: Side) -> Script:
+    """Take an arm out of the other one's way."""
+    yield from move(arms, {side: arms.targets[side].moved(y=0.25 * side.sign, z=0.10)})
+
+
+def pick_lying(arms: Arms, side: Side, body: str, *, lift: float = 0.10) -> Script:
+    """Pick a bar up by its middle, on whichever face it lies."""
+    x, y, z = arms.sim.position(body)
+    along = arms.sim.rotation(body)[:, 0]
+    yaw = nearest_turn(math.atan2(along[1], along[0]), math.pi)
+    yield from pick(arms, side, down(x, y, z + 0.012, yaw=yaw), lift=lift)

@@ -14,8 +14,6 @@ from duobench.experts.motion import (
     down,
     grip,
     move,
-    nearest_turn,
-    pick,
     tool_for,
 )
 from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
@@ -25,7 +23,7 @@ from duobench.solids.bowl import RADIUS
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
-from tests.handovers import bring, drop, meet, yaw_of
+from tests.handovers import bring, clear_of, drop, meet, pick_lying
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_BOWL = 102
@@ -59,18 +57,6 @@ def lay_down(arms: Arms, side: Side) -> Script:
     yield from drop(arms, side)
 
 
-def clear_of(arms: Arms, side: Side) -> Script:
-    """Take an arm out of the other one's way."""
-    yield from move(arms, {side: arms.targets[side].moved(y=0.25 * side.sign, z=0.10)})
-
-
-def pick_lying(arms: Arms, side: Side) -> Script:
-    """Pick the block up by its middle, wherever it lies."""
-    x, y, z = arms.sim.position("cube")
-    yaw = nearest_turn(yaw_of(arms, "cube"), math.pi)
-    yield from pick(arms, side, down(x, y, z + 0.012, yaw=yaw))
-
-
 def alone(arms: Arms) -> Script:
     yield from pick_bar(arms, BAR)
     yield from into_bowl(arms, RIGHT)
@@ -80,7 +66,7 @@ def by_table(arms: Arms) -> Script:
     yield from pick_bar(arms, BAR)
     yield from lay_down(arms, RIGHT)
     yield from clear_of(arms, RIGHT)
-    yield from pick_lying(arms, LEFT)
+    yield from pick_lying(arms, LEFT, "cube")
     yield from into_bowl(arms, LEFT)
 
 
@@ -105,7 +91,7 @@ def fumble(arms: Arms) -> Script:
     yield from both_hold(arms)
     yield from drop(arms, *SIDES)
     yield from clear_of(arms, RIGHT)
-    yield from pick_lying(arms, LEFT)
+    yield from pick_lying(arms, LEFT, "cube")
     yield from into_bowl(arms, LEFT)
 
 
@@ -114,7 +100,7 @@ def give_back_by_table(arms: Arms) -> Script:
     yield from clear_of(arms, RIGHT)
     yield from lay_down(arms, LEFT)
     yield from clear_of(arms, LEFT)
-    yield from pick_lying(arms, RIGHT)
+    yield from pick_lying(arms, RIGHT, "cube")
     yield from into_bowl(arms, RIGHT)
 
 
@@ -123,10 +109,10 @@ def hand_over_once_then_by_table(arms: Arms) -> Script:
     yield from clear_of(arms, RIGHT)
     yield from lay_down(arms, LEFT)
     yield from clear_of(arms, LEFT)
-    yield from pick_lying(arms, RIGHT)
+    yield from pick_lying(arms, RIGHT, "cube")
     yield from drop(arms, RIGHT)
     yield from clear_of(arms, RIGHT)
-    yield from pick_lying(arms, LEFT)
+    yield from pick_lying(arms, LEFT, "cube")
     yield from into_bowl(arms, LEFT)
 
 
@@ -134,7 +120,7 @@ def throw(arms: Arms) -> Script:
     """Let go on the way to the bowl, at three quarters of a metre a second."""
     yield from hand_over(arms)
     bowl = arms.sim.position("bowl")
-    shift = bowl + (0.0, -0.25, 0.16) - arms.sim.position("cube")
+    shift = bowl + np.array([0.0, -0.25, 0.16]) - arms.sim.position("cube")
     yield from move(arms, {LEFT: arms.targets[LEFT].moved(*shift)})
     for _ in move(arms, {LEFT: arms.targets[LEFT].moved(y=0.30)}, speed=0.7, arrive=False):
         if math.dist(arms.sim.position("cube")[:2], bowl[:2]) < 0.20:
@@ -144,7 +130,8 @@ def throw(arms: Arms) -> Script:
 
 def drop_from_on_high(arms: Arms) -> Script:
     yield from hand_over(arms)
-    yield from bring(arms, LEFT, "cube", arms.sim.position("bowl") + (0.0, 0.0, 0.30))
+    x, y, _ = arms.sim.position("bowl")
+    yield from bring(arms, LEFT, "cube", (x, y, 0.30))
     yield from drop(arms, LEFT)
 
 

@@ -37,7 +37,7 @@ def bench() -> Stageplay:
 @pytest.fixture(scope="module")
 def moments(bench: Stageplay) -> Moments:
     """States by letter: on the (t)able, held by (r)ight, (b)oth, (l)eft alone, by left against the
-    bowl (i), in the bowl and (f)ree.
+    bowl (i), in the bowl and (f)ree, in the air and held by (n)obody.
     """
     saved: Moments = {}
 
@@ -56,6 +56,9 @@ def moments(bench: Stageplay) -> Moments:
         keep("i")
         yield from drop(arms, LEFT)
         keep("f")
+        bench.sim.place("cube", SE3.at(0.9, 0.0, 0.3))
+        bench.sim.refresh()
+        keep("n")
 
     def meet_again(arms: Arms) -> Script:
         yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP, slant=SLANT)
@@ -78,7 +81,15 @@ def answer(bench: Stageplay, moments: Moments, letters: str, question: Predicate
 
 
 def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments) -> None:
-    hands = {"t": (), "r": (RIGHT,), "b": (LEFT, RIGHT), "l": (LEFT,), "i": (LEFT,), "f": ()}
+    hands = {
+        "t": (),
+        "r": (RIGHT,),
+        "b": (LEFT, RIGHT),
+        "l": (LEFT,),
+        "i": (LEFT,),
+        "f": (),
+        "n": (),
+    }
     supports = {"t": "table", "i": "bowl", "f": "bowl"}
     for letter, state in moments.items():
         bench.sim.restore(state)
@@ -102,7 +113,9 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
         ("trb", None),
         ("trbr", None),  # the giver keeps it
         ("trbtl", None),  # dropped while both had it
-        ("trbfl", None),
+        ("trbnl", LEFT),  # contacts that are lost for one step
+        ("trbnnnl", None),  # let go, and caught
+        ("trnbl", LEFT),
         ("trblbr", None),  # handed back
         ("trblr", None),
         ("trblbrbl", LEFT),  # and handed over again
@@ -135,8 +148,10 @@ def test_who_received(
         ("trblblif", True),
         ("trbltlif", True),  # dropped by the receiver and picked up again
         ("trbltif", False),  # dropped by the receiver and pinched in the bowl
-        ("trblfif", False),
-        ("trblf", False),  # dropped from afar
+        ("trblfffif", False),
+        ("trblfff", False),  # dropped from afar
+        ("trblnif", True),
+        ("trblnnnif", False),
         ("trbltrtlif", False),  # given back by way of the table
         ("trblbrif", False),  # handed back
         ("trblrif", False),

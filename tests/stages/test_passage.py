@@ -77,14 +77,15 @@ def test_what_comes_through_is_held(sim: Simulation, held: str, crossing: str) -
 
 def answers_on(sim: Simulation, way: str, held: str) -> tuple[str, str]:
     """Whether the object crosses the hole, and whether it is through, at each place of a way."""
-    now = "0"
-    grasp = Predicate("held", lambda _: now == "1")
+    hands = {"held": False}
+    grasp = Predicate("held", lambda _: hands["held"])
     hole = Hole(body="gate", height=RING_HEIGHT, radius=RADIUS, rim=RIM)
     words = passage("cube", hole, held=grasp)
     both = Recall(words.crossing), Recall(words.through)
     sim.place("gate", GATE)
     answers = []
-    for place, now in zip(way, held, strict=True):
+    for place, hand in zip(way, held, strict=True):
+        hands["held"] = hand == "1"
         x, y, z = PLACES[place]
         sim.place("cube", GATE @ SE3.at(x, y, RING_HEIGHT + z))
         sim.refresh()

@@ -17,6 +17,7 @@ from duobench.stages.predicates import (
     all_of,
     any_of,
     grasped,
+    held_for,
     lifted,
     off_table,
     released,
@@ -27,6 +28,10 @@ from duobench.stages.predicates import (
 from duobench.types import SIDES, Side
 
 BySide = Mapping[Side, Predicate]
+
+LOOSE_SECONDS = 0.1
+"""For how long no gripper touches an object that has been let go: when an arm jerks, contacts may
+be lost for a step."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -78,7 +83,7 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
     held = {side: lifted(side, prop, *supports) for side in SIDES}
     alone = {side: held[side] & ~touches(side.other, prop) for side in SIDES}
     shared = all_of(*held.values())
-    loose = released(prop)
+    loose = held_for(released(prop), LOOSE_SECONDS)
     put_down = loose | ~off_table(prop, *supports)
     if way is None:
         there = alone

@@ -11,7 +11,7 @@ Randomization:
 
 Success:
     The block rests on the mat and no gripper touches it. The arm that set it down, and let go only
-    when it rested, has received it behind the ring from the arm that had brought it through.
+    when it rested, has received it on the far side from the arm that had brought it through.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ TASK = Task(
     id="transfer_gate",
     title="Transfer-Gate",
     category=Category.SEQUENTIAL_HANDOFF,
-    instruction="Pick up the white block, hand it to the other arm through the ring and put it down "
-    "on the green mat.",
+    instruction="Pick up the white block, hand it to the other arm through the ring and put it "
+    "down on the green mat.",
     horizon=523,
     props=(
         Prop(name=BLOCK, solid=long_block(WHITE)),
@@ -91,7 +91,7 @@ TASK = Task(
         ),
         Stage(
             name="the other arm holds the white block",
-            instruction="Hand the white block to the other arm behind the ring.",
+            instruction="Hand the white block to the other arm on the far side of the ring.",
             holds=_BLOCK.handed_over,
         ),
         Stage(
