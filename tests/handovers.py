@@ -9,13 +9,15 @@ from numpy.typing import ArrayLike
 
 from duobench.experts.handover import Bar, clasp, pick_bar, present, receive_pose
 from duobench.experts.motion import Arms, Script, down, move, nearest_turn, pick, release
+from duobench.spatial import SE3
 from duobench.types import Side
 
 
 def bring(arms: Arms, side: Side, body: str, point: ArrayLike, *, above: float = 0.12) -> Script:
     """Carry an object, as it is held, to a point, from above."""
-    shift = np.asarray(point) - arms.sim.position(body)
-    goal = arms.targets[side].moved(*shift)
+    # From where the tool is, not from its target, which it may not have reached yet.
+    held = arms.sim.position(body) - arms.tool(side).translation
+    goal = SE3(arms.targets[side].rotation, np.asarray(point) - held)
     yield from move(arms, {side: arms.targets[side].moved(z=above)}, arrive=False)
     yield from move(arms, {side: goal.moved(z=above)})
     yield from move(arms, {side: goal}, speed=0.2)

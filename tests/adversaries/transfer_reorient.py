@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from duobench.experts.handover import clasp, let_go, pick_bar, present, tool
-from duobench.experts.motion import Arms, Script, grip, move, nearest_turn, release, tool_for
+from duobench.experts.motion import Arms, Script, grip, move, nearest_turn, tool_for
 from duobench.experts.transfer_reorient import (
     BAR,
     MEETING_POINT,
@@ -25,7 +25,7 @@ from duobench.spatial import SE3
 from duobench.tasks.transfer_reorient import DEPTH
 from duobench.types import Side
 from tests.adversaries.adversary import Adversary, Hands
-from tests.handovers import bring, clear_of, drop, meet, pick_lying
+from tests.handovers import bring, clear_of, drop, meet
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_BOARD = 103
@@ -59,10 +59,8 @@ def hand_over(arms: Arms) -> Script:
 def insert_from_beside(arms: Arms, side: Side) -> Script:
     """Insert the peg, held across, with a gripper that lies over the table."""
     across = (0.0, -side.sign, 0.0)
-    above = hole(arms).moved(z=0.05 + PEG_LENGTH / 2)
-    ready = tool(
-        above.translation + (0.0, 0.0, GRIPPED_ABOVE), along=across, camera=(0.0, 0.0, 1.0)
-    )
+    x, y, z = hole(arms).moved(z=0.05 + PEG_LENGTH / 2 + GRIPPED_ABOVE).translation
+    ready = tool((x, y, z), along=across, camera=(0.0, 0.0, 1.0))
     yield from move(arms, {side: ready.moved(y=0.1 * side.sign, z=0.1)})
     yield from move(arms, {side: ready})
     for height in (0.01, 0.004, -0.024):
