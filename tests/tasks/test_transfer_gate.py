@@ -195,7 +195,7 @@ def test_a_block_that_fell_onto_the_mat_may_be_picked_up_and_put_down(table: Sta
 
     def again(arms: Arms) -> Script:
         yield from pick_lying(arms, LEFT, "block")
-        yield from onto_mat(arms, LEFT, height=-0.002)
+        yield from onto_mat(arms, LEFT, height=-0.006)
 
     assert table.act(again) == 4
 
