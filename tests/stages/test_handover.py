@@ -116,6 +116,8 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
         ("trbnl", LEFT),  # contacts that are lost for one step
         ("trbnnnl", None),  # let go, and caught
         ("trnbl", LEFT),
+        ("trbrl", None),
+        ("trbtrl", None),
         ("trblbr", None),  # handed back
         ("trblr", None),
         ("trblbrbl", LEFT),  # and handed over again
@@ -164,3 +166,16 @@ def test_what_was_put_there(bench: Stageplay, moments: Moments, letters: str, pu
     in_bowl = touching("cube", "bowl")
     words = handover("cube", "bowl")
     assert answer(bench, moments, letters, words.put(in_bowl, until=~in_bowl)) == put
+
+
+@pytest.mark.parametrize(
+    ("letters", "put"), [("trblif", True), ("trblitf", False), ("trblibf", False)]
+)
+def test_what_was_put_there_is_not_touched_again(
+    bench: Stageplay, moments: Moments, letters: str, put: bool
+) -> None:
+    """By the other arm, or by the table."""
+    never = touching("cube", "bowl") & ~touching("cube", "bowl")
+    words = handover("cube", "bowl")
+    question = words.put(touching("cube", "bowl"), until=never)
+    assert answer(bench, moments, letters, question) == put

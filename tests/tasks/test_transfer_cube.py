@@ -148,7 +148,9 @@ def test_a_block_that_was_handed_over_and_brought_counts_in_the_bowl(
 
 
 @pytest.mark.parametrize(
-    "elsewhere", [BESIDE, ON_RIM, TOO_HIGH], ids=["beside", "on the rim", "too high"]
+    "elsewhere",
+    [BESIDE, BESIDE.moved(z=0.002), ON_RIM, TOO_HIGH],
+    ids=["beside", "hanging outside", "on the rim", "too high"],
 )
 def test_a_block_that_left_the_bowl_again_does_not_count(table: Stageplay, elsewhere: SE3) -> None:
     table.act(hand_over_and_bring)

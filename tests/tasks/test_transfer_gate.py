@@ -190,6 +190,34 @@ def test_a_block_that_is_still_held_on_the_mat_does_not_count(table: Stageplay) 
     assert table.act(lambda arms: drop(arms, LEFT)) == 4
 
 
+def test_a_block_released_before_it_rests_does_not_count(table: Stageplay) -> None:
+    """Not even from a few millimetres."""
+    table.act(hand_over)
+    for _ in table.steps(lambda arms: lower_onto_mat(arms, LEFT)):
+        if table.sim.lowest("block") < MAT_THICKNESS + 0.008:
+            break
+    table.arms.targets[LEFT] = table.arms.tool(LEFT)
+    assert not table.sim.contacts.between("block", "mat")
+    assert table.act(lambda arms: drop(arms, LEFT)) == 3
+    assert table.hold(20) == 3
+    assert on_mat(table)
+
+
+def test_a_block_that_was_let_go_on_the_far_side_must_come_through_again(table: Stageplay) -> None:
+    assert table.act(both_hold) == 2
+    both = table.sim.save()
+    assert table.act(lambda arms: let_go(arms, RIGHT)) == 3
+    left = table.sim.save()
+    table.start(layout=LAYOUT)
+    table.act(lambda arms: pick_bar(arms, BAR))
+    assert table.act(reach_through) == 2
+    fallen = SE3.at(0.7, 0.2, CUBE_EDGE / 2)
+    table.put(block=fallen)
+    for state in (both, left):
+        table.sim.restore(state)
+        assert table.judge() == 2
+
+
 def test_a_block_that_fell_onto_the_mat_may_be_picked_up_and_put_down(table: Stageplay) -> None:
     assert table.act(let_fall) == 3
 

@@ -86,7 +86,6 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
     loose = held_for(released(prop), LOOSE_SECONDS)
     put_down = loose | ~off_table(prop, *supports)
     if way is None:
-        there = alone
         giver = {
             side: since(alone[side] & ~since(alone[side.other], reset=put_down), reset=put_down)
             for side in SIDES
@@ -94,14 +93,12 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
     else:
         # Whoever was the last to hold it alone brings it through.
         last = {side: since(alone[side], reset=alone[side.other]) for side in SIDES}
-        there = {side: alone[side] & way.through for side in SIDES}
         giver = {
             side: since(way.crossing & last[side], reset=put_down | ~way.through) for side in SIDES
         }
-    given = shared if way is None else shared & way.through
     received = {
         side: all_of(
-            there[side], giver[side.other], since(given, reset=put_down | alone[side.other])
+            alone[side], giver[side.other], since(shared, reset=put_down | alone[side.other])
         )
         for side in SIDES
     }
