@@ -97,9 +97,7 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
             side: since(way.crossing & last[side], reset=put_down | ~way.through) for side in SIDES
         }
     received = {
-        side: all_of(
-            alone[side], giver[side.other], since(shared, reset=put_down | alone[side.other])
-        )
+        side: all_of(alone[side], giver[side.other], since(shared, reset=alone[side.other]))
         for side in SIDES
     }
     disturbed = {side: touches(side.other, prop) | touching(prop, TABLE) for side in SIDES}
