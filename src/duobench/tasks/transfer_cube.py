@@ -70,7 +70,7 @@ TASK = Task(
     },
     stages=(
         Stage(
-            name="the white block is held",
+            name="the white block is lifted",
             instruction="Pick up the white block.",
             holds=lifted_by_any(CUBE, BOWL),
         ),

@@ -80,7 +80,7 @@ TASK = Task(
     },
     stages=(
         Stage(
-            name="the white block is held",
+            name="the white block is lifted",
             instruction="Pick up the white block.",
             holds=_HELD,
         ),

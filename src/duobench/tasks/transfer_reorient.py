@@ -77,7 +77,7 @@ TASK = Task(
     },
     stages=(
         Stage(
-            name="the peg is held",
+            name="the peg is lifted",
             instruction="Pick up the peg.",
             holds=lifted_by_any(PEG, BOARD),
         ),
