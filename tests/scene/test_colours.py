@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import duobench
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
 from duobench.experts.registry import make_expert
 from duobench.scene.cameras import HEAD, POLICY_CAMERAS
@@ -32,7 +32,7 @@ def states(name: str, seed: int) -> Iterator[Simulation]:
     """The simulation every few steps of the expert's episode, and at its end."""
     env = duobench.make(name, cameras=False)
     env.reset(seed=seed)
-    simulation = base_of(env).simulation
+    simulation = sim_of(env).simulation
     expert = make_expert(name, simulation)
     expert.reset("", seed)
     number, over = 0, False
@@ -101,7 +101,7 @@ def test_a_black_cube_is_told_from_what_it_lies_on(
 ) -> None:
     env = duobench.make(name, cameras=False)
     env.reset(seed=1)
-    simulation = base_of(env).simulation
+    simulation = sim_of(env).simulation
     simulation.place(cube, simulation.pose(around) @ offset)
     simulation.refresh()
     for light in range(simulation.model.nlight):

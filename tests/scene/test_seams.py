@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.scene.shadows import RIB_HEIGHT, add_ribs
 from duobench.sim.rendering import Renderer
@@ -73,7 +73,7 @@ def test_a_shadow_makes_no_object_brighter(name: str) -> None:
     """Where two faces coincide, the light that casts shadows is added once for each."""
     env = duobench.make(name, cameras=False)
     env.reset(seed=1)
-    simulation = base_of(env).simulation
+    simulation = sim_of(env).simulation
     model, data = simulation.model, simulation.data
     robot = {model.body(f"{side}/link0").id for side in ("left", "right")}
     objects = ~np.isin(model.body_rootid[model.geom_bodyid], [0, *robot])

@@ -189,6 +189,33 @@ def test_a_board_may_be_put_down_and_lifted_again(bench: Stageplay) -> None:
     assert bench.act(rest) == 4
 
 
+def test_a_ball_at_the_goal_of_a_board_on_the_table_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    grasped(bench)
+    on_table = bench.sim.save()
+    assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
+    aloft = bench.sim.save()
+    bench.put(ball=on_board(bench, 0.0, 0.0))
+    for state, stage in ((on_table, 3), (aloft, 4)):
+        bench.sim.restore(state)
+        bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+        assert bench.stage == stage
+
+
+@pytest.mark.parametrize(("above", "stage"), [(-0.001, 2), (0.001, 3)])
+def test_a_board_is_lifted_from_10_mm_on(bench: Stageplay, above: float, stage: int) -> None:
+    bench.start(0)
+    grasped(bench)
+    x, y, _ = bench.sim.position("board")
+    # The grips slide up between the pads.
+    bench.sim.place("board", SE3.at(x, y, BASE + RAISE + above, yaw=bench.sim.pose("board").yaw))
+    bench.sim.refresh()
+    for cell in (START, (2, 2)):
+        bench.put(ball=on_board(bench, *cell_centre(cell)))
+    assert all(bench.sim.contacts.pads(side, "board") for side in SIDES)
+    assert bench.stage == stage
+
+
 def test_a_board_that_leans_on_the_table_is_not_lifted(bench: Stageplay) -> None:
     bench.start(2)
     lifted(bench)
@@ -220,15 +247,18 @@ def solved_from_the_start(bench: Stageplay) -> bool:
 
 
 def touched(bench: Stageplay, limb: Limb) -> None:
-    """Let a part of the left arm touch the ball."""
+    """For one step let a part of the left arm touch the ball, where it lies on the board."""
+    before = bench.sim.save()
     owner = limb_owner(Side.LEFT, limb)
-    for geom in range(bench.sim.model.ngeom):
-        bench.sim.place("ball", SE3.at(*bench.sim.data.geom_xpos[geom]))
+    for point in bench.sim.data.geom_xpos.copy():
+        bench.sim.place("ball", SE3.at(*point))
+        bench.sim.place("board", SE3.at(*point).moved(z=-BALL_RADIUS))
         bench.sim.refresh()
-        if bench.sim.contacts.partners("ball") == {owner}:
+        if owner in bench.sim.contacts.partners("ball") <= {owner, "board"}:
             break
     assert bench.sim.contacts.between("ball", owner)
     bench.judge()
+    bench.sim.restore(before)
 
 
 @pytest.mark.parametrize("limb", [Limb.HAND, Limb.ARM])

@@ -203,7 +203,7 @@ PAGES = {
             "cube": Place(at=(0.5, -0.2), within=(0.175, 0.175), yaw_deg=ANY),
             "bowl": Place(at=(0.6, 0.3), within=(0.05, 0.05)),
         },
-        constraints=("cube is raised by 10 mm",),
+        constraints=("cube is raised by 10 mm", "bowl is upright within 20 degrees"),
     ),
     "transfer_gate": Page(
         stages=4,
@@ -222,7 +222,11 @@ PAGES = {
             "gate": Place(at=(0.4, 0.0), within=(0.025, 0.05)),
             "mat": Place(at=(0.5, 0.3), within=(0.05, 0.05)),
         },
-        constraints=("block is raised by 10 mm",),
+        constraints=(
+            "block is raised by 10 mm",
+            "block is within 100 mm of the axis of gate",
+            "block is within 115 mm of the axis of gate",
+        ),
     ),
     "transfer_reorient": Page(
         stages=4,
