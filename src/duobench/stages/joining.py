@@ -7,10 +7,11 @@ in any other way has to come apart, and to be joined again.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from duobench.stages.insertion import MAX_DEPTH, Port, inserted
+from duobench.stages.insertion import MAX_DEPTH, Port, inserted, is_far
 from duobench.stages.predicates import (
     Moment,
     Predicate,
@@ -38,9 +39,12 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
         socket: Mouth of the socket.
         depth: How far inside the mouth the tip is at least, in metres.
     """
+    furthest = math.hypot(MAX_DEPTH, SOCKET_REACH)
 
     def test(m: Moment) -> bool:
         sim = m.simulation
+        if is_far(sim, peg, socket, furthest):
+            return False
         outwards = socket.axis(sim)
         offset = peg.position(sim) - socket.position(sim)
         height = float(offset @ outwards)
