@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import duobench
 from benchmarks.measure import Measurement, Work, seconds
 from benchmarks.steps import Steps
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import rollout
 from duobench.scene.compose import SUBSTEPS
@@ -54,7 +54,7 @@ def measure_steps(name: str, repeats: int = 15) -> Iterator[Measurement]:
 
 
 def measure_creation(name: str, repeats: int = 3) -> Iterator[Measurement]:
-    """Measure making an environment in a fresh process, with the mesh cache warm."""
+    """Measure making an environment in a fresh process."""
     command = [sys.executable, "-c", CREATION, name]
     times = [
         float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
@@ -114,7 +114,7 @@ def bare_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
     Raises:
         RuntimeError: It does not end in the same state, so there is nothing to compare.
     """
-    simulation = base_of(env).simulation
+    simulation = sim_of(env).simulation
     model, data = simulation.model, mujoco.MjData(simulation.model)
     target = data.ctrl
     begin(env)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import duobench
 from benchmarks.environments import begin
 from benchmarks.measure import Measurement, Work, seconds
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
 from duobench.scene.cameras import POLICY_CAMERAS
 from duobench.sim import rendering
@@ -17,7 +17,7 @@ def measure(name: str, repeats: int = 60) -> Iterator[Measurement]:
     """Measure pictures of the default size, shadows included."""
     env = duobench.make(name, cameras=False)
     begin(env)
-    simulation = base_of(env).simulation
+    simulation = sim_of(env).simulation
     height, width = IMAGE_SIZE
     with rendering.Renderer(simulation.model, height=height, width=width) as renderer:
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import Memory, Moment, Predicate
+from duobench.stages.predicates import HeldFor, Memory, Moment, Predicate
 from duobench.stages.progress import memories_of, recalled
 
 
@@ -18,6 +18,8 @@ class Recall:
         self._question = question
         self._memories = memories_of(question)
         self._remembered: frozenset[Memory] = frozenset()
+        parts = question.walk()
+        self._lasted = {part.parts[0]: 0 for part in parts if isinstance(part, HeldFor)}
 
     def ask(
         self,
@@ -30,6 +32,9 @@ class Recall:
             start_lowest=dict(start_lowest),
             variants={},
             remembered=self._remembered,
+            lasted=self._lasted,
         )
+        for lasting in self._lasted:
+            self._lasted[lasting] = self._lasted[lasting] + 1 if lasting(moment) else 0
         self._remembered = recalled(self._memories, moment)
         return self._question(moment)

@@ -9,7 +9,7 @@ import numpy as np
 from duobench.experts.motion import Arms, Script
 from duobench.sim import placement
 from duobench.sim.kinematics import Kinematics
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.progress import Progress
@@ -31,19 +31,13 @@ class Stageplay:
     def start(self, seed: int = 0, layout: Layout | None = None) -> Layout:
         """Reset to a seed's layout, or to a given one."""
         candidates = self.task.layouts(seed) if layout is None else iter([layout])
-        valid = placement.first_valid(self.sim, map(self._configured, candidates), self.task.id)
         # Through plain data, as an environment takes every layout.
-        layout = Layout.from_json(valid.to_json())
-        assert not placement.problems(self.sim, layout)
+        plain = (Layout.from_json(candidate.to_json()) for candidate in candidates)
+        layout = placement.first_valid(self.sim, plain, self.task.id)
         self.sim.settle()
         self.progress.reset(self.sim, layout.variants)
         self.history = []
         self.arms = Arms(self.sim, self._kinematics)
-        return layout
-
-    def _configured(self, layout: Layout) -> Layout:
-        if self.task.configure is not None:
-            self.task.configure(self.sim.model, layout)
         return layout
 
     @property
@@ -107,5 +101,6 @@ class Stageplay:
         """Send the arms' next action, and judge what came of it."""
         # In float32, as a rollout does.
         action = self.arms.action().astype(np.float32)
-        self.sim.step(DuoCommand.from_flat(self.sim.duo.limit(action)))
+        duo = self.sim.duo
+        self.sim.step(DuoCommand.from_flat(duo.limits.clip(action, duo.command().flat)))
         self.judge()

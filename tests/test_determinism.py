@@ -23,7 +23,7 @@ SEED, OTHER_SEED = 0, 1
 FRESH = """
 import sys
 from tests.experts.lone import play_alone
-print(play_alone(sys.argv[1], int(sys.argv[2])).fingerprint)
+print(play_alone(sys.argv[1], int(sys.argv[2])).state_hash)
 """
 ROOT = Path(__file__).parents[1]
 
@@ -35,7 +35,7 @@ def name(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="module")
 def elsewhere(name: str) -> Iterator[subprocess.Popen[str]]:
-    """A new process that plays one episode, its first, and prints the fingerprint."""
+    """A new process that plays one episode, its first, and prints the state hash."""
     command = [sys.executable, "-c", FRESH, name, str(SEED)]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         yield process
@@ -57,8 +57,8 @@ def test_an_episode_is_the_same_in_any_process_and_after_any_other(
     here, other = episodes
     printed, _ = elsewhere.communicate()
     assert elsewhere.returncode == 0
-    assert printed.strip() == here.fingerprint
-    assert here.fingerprint != other.fingerprint
+    assert printed.strip() == here.state_hash
+    assert here.state_hash != other.state_hash
 
 
 @pytest.mark.parametrize("vector", [gym.vector.SyncVectorEnv, gym.vector.AsyncVectorEnv])
@@ -78,9 +78,9 @@ def test_vector_environments_play_the_same_episodes(
                 assert over == (step == last[number])
             if step == last[number]:
                 # The environment resets itself at the next step.
-                ends[number] = envs.call("fingerprint")[number]
+                ends[number] = envs.call("state_hash")[number]
     envs.close()
-    assert ends == {number: episode.fingerprint for number, episode in enumerate(episodes)}
+    assert ends == {number: episode.state_hash for number, episode in enumerate(episodes)}
 
 
 def test_workers_change_nothing(tmp_path: Path) -> None:

@@ -133,5 +133,8 @@ def test_wheel_carries_everything_of_the_package(tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         packed = set(archive.namelist())
     expected = {path.relative_to(ROOT / "src").as_posix() for path in tracked("src/duobench")}
+    assert "duobench/scene/robot_meshes.npz" in expected
     assert expected <= packed
-    assert any(name.endswith("licenses/LICENSE") for name in packed)
+    (information,) = {name.split("/")[0] for name in packed} - {"duobench"}
+    for notice in ("LICENSE", "THIRD_PARTY_NOTICES.md"):
+        assert f"{information}/licenses/{notice}" in packed

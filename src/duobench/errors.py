@@ -23,7 +23,7 @@ class DuoBenchError(Exception):
 
 
 class AssetError(DuoBenchError):
-    """A mesh file is missing everywhere, or its bytes are not the expected ones."""
+    """A data file is missing, damaged, or not of its format."""
 
 
 class UnknownNameError(DuoBenchError, LookupError):
@@ -55,7 +55,11 @@ class ActionError(DuoBenchError, ValueError):
     """An action has the wrong shape or holds NaN or infinity; the environment stays usable."""
 
 
-class SimulationError(DuoBenchError):
+class BackendError(DuoBenchError):
+    """The arms cannot go on; the episode is over."""
+
+
+class SimulationError(BackendError):
     """The physics became invalid: diverged, or a buffer of the engine overflowed."""
 
 

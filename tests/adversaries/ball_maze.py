@@ -1,5 +1,220 @@
 """How one might cheat in ball_maze."""
 
-from tests.adversaries.adversary import Adversary
+from __future__ import annotations
 
-ADVERSARIES: tuple[Adversary, ...] = ()
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from duobench.experts.ball_maze import grasp, grip_poses, lift, script, solve
+from duobench.experts.motion import Arms, Script, carry, come_down, down, grip, move, release, wait
+from duobench.sim.contacts import Limb, limb_owner
+from duobench.sim.simulation import Simulation
+from duobench.solids.maze_board import BALL_RADIUS, BASE, PITCH, WALL_HEIGHT, cell_centre
+from duobench.solids.mazes import GOAL, START
+from duobench.spatial import SE3
+from duobench.tasks.ball_maze import AT_GOAL, LEFT_START
+from duobench.types import SIDES, Side
+from tests.adversaries.adversary import Adversary, Hands
+
+ONE = Side.LEFT
+"""The arm that does everything where one is enough."""
+REST = 20
+"""Control steps in which the ball comes to rest."""
+MAX_JERKS = 60
+"""How often the board is jerked at most."""
+YANK = ((0.052, -0.03, 0.192), (-0.186, 0.119, -0.112))
+"""Where the board is yanked to, up and then down, in metres from where it is."""
+
+
+def from_start(sim: Simulation) -> float:
+    """Distance in metres of the ball from the start's centre, in the board's plane."""
+    return math.dist(sim.offset("ball", "board")[:2], cell_centre(START))
+
+
+def at_goal(*sides: Side) -> Callable[[Simulation], bool]:
+    """The ball is at the goal, and exactly these arms hold the board in the air."""
+
+    def holds(sim: Simulation) -> bool:
+        x, y, z = sim.offset("ball", "board")
+        near = math.dist((x, y), cell_centre(GOAL)) <= AT_GOAL and 0 < z < WALL_HEIGHT
+        held = {side for side in SIDES if sim.contacts.pads(side, "board")}
+        return near and held == set(sides) and not sim.contacts.between("board", "table")
+
+    return holds
+
+
+def aside(arms: Arms, side: Side) -> Script:
+    """Let go, and bring a gripper out of the way."""
+    yield from release(arms, side)
+    yield from move(arms, {side: arms.targets[side].moved(z=0.12)})
+    yield from move(arms, {side: arms.targets[side].moved(x=-0.1, y=0.2 * side.sign)})
+
+
+def put_down(arms: Arms, side: Side) -> Script:
+    """Lay the board on the table, and let it go."""
+    board = arms.sim.pose("board")
+    x, y, _ = board.translation
+    yield from carry(arms, "board", SE3.at(x, y, BASE, yaw=board.yaw), side, speed=0.2)
+    yield from wait(REST)
+    yield from aside(arms, side)
+
+
+def settle_at_goal(arms: Arms, *sides: Side) -> Script:
+    """Roll the ball to the goal, and right into its corner."""
+    yield from solve(arms, *sides)
+    yield from wait(REST)
+
+
+def solve_alone(arms: Arms) -> Script:
+    """One arm lifts the board by one grip and tilts it."""
+    yield from grasp(arms, ONE)
+    yield from lift(arms, ONE)
+    yield from settle_at_goal(arms, ONE)
+
+
+def solve_in_turns(arms: Arms) -> Script:
+    """One arm lets the ball roll out of the start, and puts the board down for the other one."""
+    yield from grasp(arms, ONE)
+    yield from lift(arms, ONE)
+    for _ in solve(arms, ONE):
+        yield
+        if from_start(arms.sim) > PITCH:
+            break
+    yield from put_down(arms, ONE)
+    yield from grasp(arms, ONE.other)
+    yield from lift(arms, ONE.other)
+    yield from settle_at_goal(arms, ONE.other)
+
+
+def lift_once_then_solve_alone(arms: Arms) -> Script:
+    """Both arms let the ball roll out of the start; the rest one does, and both lift it again."""
+    for _ in script(arms):
+        yield
+        if from_start(arms.sim) > LEFT_START:
+            break
+    yield from aside(arms, ONE.other)
+    yield from settle_at_goal(arms, ONE)
+    yield from put_down(arms, ONE)
+    yield from grasp(arms, *SIDES)
+    yield from lift(arms, *SIDES)
+
+
+def yank(arms: Arms) -> Script:
+    """The board is yanked away under the ball, which hops over the walls out of the start."""
+    yield from grasp(arms, *SIDES)
+    yield from lift(arms, *SIDES)
+    yield from move(arms, {s: arms.targets[s].moved(z=0.12) for s in SIDES}, speed=0.2)
+    level = dict(arms.targets)
+    for _ in range(5):
+        for away in YANK:
+            arms.targets = {side: pose.moved(*away) for side, pose in level.items()}
+            yield from wait(5)
+        arms.targets = dict(level)
+        yield from wait(REST)
+        if from_start(arms.sim) > PITCH:
+            break
+    yield from settle_at_goal(arms, *SIDES)
+
+
+def shake(arms: Arms) -> Script:
+    """The board is jerked about on the table until the ball is out of the start, then lifted."""
+    yield from grasp(arms, *SIDES)
+    pressed = {side: pose.moved(z=-0.004) for side, pose in arms.targets.items()}
+    jerks = 0
+    while from_start(arms.sim) < PITCH and jerks < MAX_JERKS:
+        jerks += 1
+        turn = jerks * math.radians(135)
+        way = 0.05 * math.cos(turn), 0.05 * math.sin(turn)
+        arms.targets = {side: pose.moved(*way) for side, pose in pressed.items()}
+        yield from wait(5)
+        if from_start(arms.sim) > PITCH:
+            yield from wait(REST)
+    yield from lift(arms, *SIDES)
+    yield from settle_at_goal(arms, *SIDES)
+
+
+def push_the_ball(arms: Arms) -> Script:
+    """A finger pushes the ball out of the start; then all is done as it should be."""
+    yield from grip(arms, ONE)
+    start, board = np.array(cell_centre(START)), arms.sim.pose("board")
+    for way in ((1.0, 0.0), (0.0, 1.0)):
+        behind, ahead = (start + reach * np.array(way) for reach in (-0.006, 0.05))
+        for x, y in (behind, ahead):
+            tip = board.apply(np.array([x, y, 2 * BALL_RADIUS]))
+            yield from move(arms, {ONE: down(*tip, yaw=board.yaw)}, speed=0.1)
+        if from_start(arms.sim) > LEFT_START:
+            break
+    yield from aside(arms, ONE)
+    yield from script(arms)
+    yield from wait(REST)
+
+
+def press_half_open_fingers(arms: Arms) -> Script:
+    """Half-open fingers are pressed on top of two grips, along their bars."""
+    across = SE3.at(yaw=math.pi / 2)
+    above = {s: pose.moved(z=0.03) @ across for s, pose in grip_poses(arms, *SIDES).items()}
+    yield from come_down(arms, above, opening=0.55, above=0.06)
+    yield from move(arms, {s: pose.moved(z=-0.05) for s, pose in above.items()}, speed=0.1)
+    yield from wait(REST)
+
+
+def pressed(sim: Simulation) -> bool:
+    """Both pads of both grippers touch the board."""
+    pads = {limb_owner(side, pad) for side in SIDES for pad in (Limb.LEFT_PAD, Limb.RIGHT_PAD)}
+    return pads <= sim.contacts.partners("board")
+
+
+ADVERSARIES = (
+    Adversary(
+        name="one arm alone lifts the board and solves the maze",
+        script=solve_alone,
+        hands=Hands.ONE,
+        deed=at_goal(ONE),
+        gets=1,
+    ),
+    Adversary(
+        name="one arm begins and puts the board down, the other one solves the maze",
+        script=solve_in_turns,
+        hands=Hands.TURNS,
+        deed=at_goal(ONE.other),
+        gets=1,
+    ),
+    Adversary(
+        name="both arms begin, one goes on alone, both lift the board again",
+        script=lift_once_then_solve_alone,
+        hands=Hands.BOTH,
+        deed=at_goal(*SIDES),
+        gets=3,
+    ),
+    Adversary(
+        name="the board is yanked away and the ball hops over the walls",
+        script=yank,
+        hands=Hands.BOTH,
+        deed=at_goal(*SIDES),
+        gets=2,
+    ),
+    Adversary(
+        name="the board is jerked about on the table",
+        script=shake,
+        hands=Hands.BOTH,
+        deed=at_goal(*SIDES),
+        gets=2,
+    ),
+    Adversary(
+        name="a finger pushes the ball out of the start",
+        script=push_the_ball,
+        hands=Hands.BOTH,
+        deed=at_goal(*SIDES),
+        gets=2,
+        seed=1,
+    ),
+    Adversary(
+        name="half-open fingers are pressed on two grips",
+        script=press_half_open_fingers,
+        hands=Hands.BOTH,
+        deed=pressed,
+        gets=1,
+    ),
+)

@@ -1,5 +1,117 @@
-"""How one might cheat in bin_sort."""
+"""How one might cheat in bin_sort: a cube that is in its bowl for a moment, or in none."""
 
-from tests.adversaries.adversary import Adversary
+from __future__ import annotations
 
-ADVERSARIES: tuple[Adversary, ...] = ()
+from duobench.experts.motion import (
+    OPEN,
+    Arms,
+    Script,
+    down,
+    follow,
+    move,
+    pick,
+    pick_cube,
+    place,
+)
+from duobench.scene.naming import TABLE
+from duobench.sim.simulation import STILL_SPEED, Simulation
+from duobench.solids.bowl import RADIUS, RIM_HEIGHT, WALL
+from duobench.types import CONTROL_HZ, SIDES, Side
+from tests.adversaries.adversary import Adversary, Hands
+
+GRASP_HEIGHT, DROP_HEIGHT = 0.028, 0.045
+"""Heights of the tool in metres: grasping a cube on the table, letting go of it in a bowl."""
+RUN_UP, THROW_HEIGHT, THROW_SECONDS = 0.21, 0.175, 0.24
+"""Way in metres, height in metres and duration in seconds of the swing that throws."""
+BOWL_LIFT = 0.10
+MIDDLE = (0.45, 0.05)
+"""A place on the table that both arms reach, in metres."""
+
+
+def in_bowl(sim: Simulation, cube: str, bowl: str) -> bool:
+    """The cube is let go, inside the bowl and in contact with it, wherever the bowl is."""
+    x, y, z = sim.offset(cube, bowl)
+    inside = x * x + y * y < (RADIUS - WALL) ** 2 and 0.0 < z < RIM_HEIGHT
+    held = any(sim.contacts.gripper(side, cube) for side in SIDES)
+    return inside and not held and sim.contacts.between(cube, bowl)
+
+
+def throw(arms: Arms) -> Script:
+    """Fling the white cube into the white bowl, so that it bounces out again."""
+    yield from pick_cube(arms, Side.LEFT, "white_cube", GRASP_HEIGHT)
+    x, y, _ = arms.sim.position("white_bowl")
+    start, end = down(x, y - RUN_UP, THROW_HEIGHT), down(x, y, THROW_HEIGHT)
+    yield from move(arms, {Side.LEFT: start})
+    swing = follow(arms, lambda f: {Side.LEFT: start.interpolate(end, f)}, THROW_SECONDS)
+    for number, _ in enumerate(swing):
+        if number >= THROW_SECONDS * CONTROL_HZ / 2:
+            arms.openings[Side.LEFT.index] = OPEN
+        yield
+
+
+def swap(arms: Arms) -> Script:
+    """Put each cube into the bowl of the other colour; no arm reaches the bowl on the far side."""
+    for giver, cube, bowl in (
+        (Side.LEFT, "white_cube", "black_bowl"),
+        (Side.RIGHT, "black_cube", "white_bowl"),
+    ):
+        for side, (x, y, _), z in (
+            (giver, (*MIDDLE, 0.0), GRASP_HEIGHT),
+            (giver.other, arms.sim.position(bowl), DROP_HEIGHT),
+        ):
+            yield from pick_cube(arms, side, cube, GRASP_HEIGHT)
+            yield from place(arms, side, down(x, y, z))
+            yield from move(arms, {side: down(MIDDLE[0], 0.3 * side.sign, 0.3)}, arrive=False)
+
+
+def swapped(sim: Simulation) -> bool:
+    return in_bowl(sim, "white_cube", "black_bowl") and in_bowl(sim, "black_cube", "white_bowl")
+
+
+def lifted_bowl(arms: Arms) -> Script:
+    """One arm holds the white bowl in the air by its rim; the other one puts the white cube in."""
+    yield from pick_cube(arms, Side.RIGHT, "white_cube", GRASP_HEIGHT)
+    yield from move(arms, {Side.RIGHT: down(MIDDLE[0], -0.2, 0.25)})
+    x, y, _ = arms.sim.position("white_bowl")
+    rim = RADIUS - WALL / 2
+    yield from pick(arms, Side.LEFT, down(x, y + rim, RIM_HEIGHT), lift=BOWL_LIFT)
+    over = down(*MIDDLE, BOWL_LIFT).moved(y=rim)
+    yield from move(arms, {Side.LEFT: over})
+    x, y, z = arms.sim.position("white_bowl")
+    yield from place(arms, Side.RIGHT, down(x, y - rim / 3, z + DROP_HEIGHT), above=0.12)
+
+
+def in_the_air(sim: Simulation) -> bool:
+    standing = sim.contacts.between("white_bowl", TABLE)
+    return in_bowl(sim, "white_cube", "white_bowl") and not standing
+
+
+def flying(sim: Simulation) -> bool:
+    fast = sim.speed("white_cube")[0] > STILL_SPEED
+    return fast and in_bowl(sim, "white_cube", "white_bowl")
+
+
+ADVERSARIES: tuple[Adversary, ...] = (
+    Adversary(
+        name="a thrown cube touches its bowl in flight",
+        script=throw,
+        hands=Hands.ONE,
+        deed=flying,
+        gets=1,
+        seed=1,
+    ),
+    Adversary(
+        name="each cube lies in the other's bowl",
+        script=swap,
+        hands=Hands.BOTH,
+        deed=swapped,
+        gets=1,
+    ),
+    Adversary(
+        name="a cube lies in its bowl, which an arm holds in the air",
+        script=lifted_bowl,
+        hands=Hands.BOTH,
+        deed=in_the_air,
+        gets=1,
+    ),
+)

@@ -1,5 +1,239 @@
 """How one might cheat in block_balance."""
 
-from tests.adversaries.adversary import Adversary
+from __future__ import annotations
 
-ADVERSARIES: tuple[Adversary, ...] = ()
+import math
+
+from duobench.experts.block_balance import lay_beam, lower, take_block
+from duobench.experts.motion import (
+    CAREFUL,
+    Arms,
+    Script,
+    down,
+    grip,
+    move,
+    pick,
+    release,
+    together,
+    tool_for,
+    wait,
+)
+from duobench.scene.naming import TABLE
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, LEVEL, TIPPING
+from duobench.types import SIDES, Side
+from tests.adversaries.adversary import Adversary, Hands
+
+LEFT, RIGHT = Side.LEFT, Side.RIGHT
+NEAR, FAR = 0.032, 0.078
+"""Distances in metres of a block from the beam's middle: where one alone does not tip it, and at
+its end."""
+GRASP = 0.020
+"""Height in metres of the tool above a block's middle."""
+
+
+def balanced(sim: Simulation) -> bool:
+    """Both blocks are on the ends of a level beam that rests on the cube."""
+    places = sorted(sim.offset(name, "beam")[1] for name in BLOCKS)
+    return (
+        places[0] < -TIPPING
+        and places[1] > TIPPING
+        and all(sim.contacts.partners(name) == {"beam"} for name in BLOCKS)
+        and sim.contacts.between("beam", "cube")
+        and sim.rotation("beam")[2, 2] > math.cos(LEVEL)
+    )
+
+
+def held_balance(sim: Simulation) -> bool:
+    """The same, with a gripper at a block."""
+    on_beam = all(
+        sim.contacts.between(name, "beam") and not sim.contacts.between(name, TABLE)
+        for name in BLOCKS
+    )
+    hands = [sim.contacts.gripper(side, name) for side in SIDES for name in BLOCKS]
+    return on_beam and sum(hands) == 1
+
+
+def pressed(sim: Simulation) -> bool:
+    """Both fingers of either gripper lie on its block."""
+    pads = ("left_pad", "right_pad")
+    return all(
+        sim.contacts.between(f"{side}/{pad}", f"{side}_block") for side in SIDES for pad in pads
+    )
+
+
+def outward(side: Side) -> float:
+    """Yaw at which the fingers open along x and the wrist camera points away."""
+    return side.sign * math.pi / 2
+
+
+def away(arms: Arms, side: Side) -> Script:
+    """Let go, go up, and out of the other arm's way."""
+    yield from release(arms, side)
+    yield from move(arms, {side: arms.targets[side].moved(z=0.15)}, speed=0.3)
+    yield from move(arms, {side: arms.targets[side].moved(y=0.2 * side.sign)}, arrive=False)
+
+
+def put_near(arms: Arms, side: Side, name: str) -> Script:
+    """One arm puts a block onto its half of the beam, near the middle."""
+    x, y, z = arms.sim.position(name)
+    grasp = down(x, y, z + GRASP, yaw=outward(side))
+    yield from pick(arms, side, grasp, above=0.12, lift=0.14, speed=0.3)
+    half = math.copysign(NEAR, y)
+    beam = arms.sim.pose("beam")
+    goal = beam @ SE3.at(0.0, half, (BEAM[2] + BLOCK[2]) / 2 + 0.0005)
+    tool = tool_for(arms, side, name, SE3.at(*goal.translation, yaw=beam.yaw))
+    yield from move(arms, {side: tool.moved(z=0.06)}, speed=0.3)
+    yield from wait(6)
+    yield from move(arms, {side: tool}, speed=0.06)
+    yield from wait(6)
+    yield from away(arms, side)
+
+
+def slide(arms: Arms, side: Side, name: str) -> Script:
+    """One arm slides a block that stands on the beam out to the end."""
+    x, y, z = arms.sim.position(name)
+    tool = down(x, y, z + GRASP, yaw=outward(side))
+    yield from move(arms, {side: tool.moved(z=0.12)}, speed=0.3)
+    yield from move(arms, {side: tool}, speed=CAREFUL)
+    yield from grip(arms, side)
+    out = math.copysign(FAR, arms.sim.offset(name, "beam")[1])
+    shift = out - arms.sim.offset(name, "beam")[1]
+    yield from move(arms, {side: arms.targets[side].moved(y=shift)}, speed=0.05)
+    yield from wait(6)
+    yield from away(arms, side)
+
+
+def build(arms: Arms, *sides: Side) -> Script:
+    """Both blocks near the middle first, one after the other, then slid out one after the other;
+    the sides are the arms for the left and the right block.
+    """
+    for act in (put_near, slide):
+        for side, name in zip(sides, BLOCKS, strict=True):
+            yield from act(arms, side, name)
+
+
+def alone(arms: Arms) -> Script:
+    yield from lay_beam(arms)
+    yield from build(arms, RIGHT, RIGHT)
+
+
+def in_turns(arms: Arms) -> Script:
+    yield from lay_beam(arms)
+    yield from build(arms, LEFT, RIGHT)
+
+
+def close_once(arms: Arms) -> Script:
+    """Both grasp a block, on the table; then one arm does all."""
+    yield from lay_beam(arms)
+    for side in SIDES:
+        x, y, z = arms.sim.position(f"{side}_block")
+        yield from move(arms, {side: down(x, y, z + GRASP + 0.12, yaw=outward(side))})
+        yield from move(arms, {side: down(x, y, z + GRASP, yaw=outward(side))}, speed=CAREFUL)
+    yield from grip(arms, *SIDES)
+    yield from together(*(away(arms, side) for side in SIDES))
+    yield from build(arms, RIGHT, RIGHT)
+
+
+def grasp_on_the_beam(arms: Arms) -> Script:
+    """When all is built in turns, both grasp their blocks together, and let go."""
+    yield from in_turns(arms)
+    tools = {}
+    for side in SIDES:
+        x, y, z = arms.sim.position(f"{side}_block")
+        tools[side] = down(x, y, z + GRASP, yaw=outward(side))
+    yield from move(arms, {side: tool.moved(z=0.12) for side, tool in tools.items()})
+    yield from move(arms, tools, speed=CAREFUL)
+    yield from grip(arms, *SIDES)
+    yield from wait(5)
+    yield from together(*(away(arms, side) for side in SIDES))
+
+
+def press(arms: Arms) -> Script:
+    """Half-open fingers are pressed on top of the blocks."""
+    yield from lay_beam(arms)
+    arms.openings[:] = 0.12
+    tops = {}
+    for side in SIDES:
+        x, y, _ = arms.sim.position(f"{side}_block")
+        tops[side] = down(x, y, BLOCK[2] + 0.018, yaw=outward(side))
+    yield from move(arms, {side: top.moved(z=0.08) for side, top in tops.items()})
+    yield from move(arms, {side: top.moved(z=-0.012) for side, top in tops.items()}, speed=0.1)
+    yield from wait(15)
+
+
+def keep_one(arms: Arms) -> Script:
+    """Both put their blocks down together; the right arm never lets go."""
+    yield from lay_beam(arms)
+    yield from together(*(take_block(arms, side) for side in SIDES))
+    yield from lower(arms)
+    yield from away(arms, LEFT)
+    yield from wait(60)
+
+
+def rebuild(arms: Arms) -> Script:
+    """Both put their blocks down together, and take them off again; one arm puts them back."""
+    yield from lay_beam(arms)
+    yield from together(*(take_block(arms, side) for side in SIDES))
+    before = dict(arms.targets)
+    yield from lower(arms)
+    there = dict(arms.targets)
+    yield from move(arms, {side: tool.moved(z=0.10) for side, tool in there.items()}, speed=0.2)
+    yield from move(arms, before, speed=0.2)
+    yield from move(arms, {side: tool.moved(z=-0.12) for side, tool in before.items()}, speed=0.1)
+    yield from together(*(away(arms, side) for side in SIDES))
+    yield from build(arms, RIGHT, RIGHT)
+
+
+ADVERSARIES: tuple[Adversary, ...] = (
+    Adversary(
+        name="one arm puts one block on after the other, and slides them out",
+        script=alone,
+        hands=Hands.ONE,
+        deed=balanced,
+        gets=2,
+    ),
+    Adversary(
+        name="each arm puts its block on and slides it out, in turns",
+        script=in_turns,
+        hands=Hands.TURNS,
+        deed=balanced,
+        gets=2,
+    ),
+    Adversary(
+        name="both grasp the blocks once on the table, then one arm builds it",
+        script=close_once,
+        hands=Hands.BOTH,
+        deed=balanced,
+        gets=3,
+    ),
+    Adversary(
+        name="built in turns, then both grasp the blocks on the beam",
+        script=grasp_on_the_beam,
+        hands=Hands.BOTH,
+        deed=balanced,
+        gets=3,
+    ),
+    Adversary(
+        name="half-open fingers pressed on the blocks",
+        script=press,
+        hands=Hands.BOTH,
+        deed=pressed,
+        gets=2,
+    ),
+    Adversary(
+        name="a balance held by a gripper",
+        script=keep_one,
+        hands=Hands.BOTH,
+        deed=held_balance,
+        gets=4,
+    ),
+    Adversary(
+        name="built by both, taken down, and built again by one arm",
+        script=rebuild,
+        hands=Hands.BOTH,
+        deed=balanced,
+        gets=4,
+    ),
+)

@@ -1,5 +1,256 @@
 """How one might cheat in carry_pot."""
 
-from tests.adversaries.adversary import Adversary
+from __future__ import annotations
 
-ADVERSARIES: tuple[Adversary, ...] = ()
+import math
+from collections.abc import Callable
+
+from duobench.experts.carry_pot import carry_over, grasp, land, let_go, lift
+from duobench.experts.motion import (
+    CAREFUL,
+    NEAR,
+    Arms,
+    Script,
+    carry,
+    down,
+    follow,
+    grip,
+    move,
+    release,
+    wait,
+)
+from duobench.scene.naming import TABLE
+from duobench.sim.simulation import Simulation
+from duobench.solids.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
+from duobench.spatial import SE3
+from duobench.tasks.carry_pot import OFF_CENTRE, TILT
+from duobench.types import Side
+from tests.adversaries.adversary import Adversary, Hands
+
+LEFT, RIGHT = Side.LEFT, Side.RIGHT
+LOW = 0.025
+"""Height in metres that clears the plate and is less than the stage asks for."""
+
+
+def on_stove(sim: Simulation) -> bool:
+    """The pot stands where it belongs, and no arm is at it."""
+    x, y, _ = sim.offset("pot", "stove")
+    return (
+        sim.contacts.partners("pot") == {"stove"}
+        and abs(x) <= OFF_CENTRE[0]
+        and abs(y) <= OFF_CENTRE[1]
+        and not any(sim.contacts.arm(side, f"pot/{side}_handle") for side in Side)
+    )
+
+
+def level_and_alone(sim: Simulation) -> bool:
+    """The pot is level in the air above the plate, in one hand."""
+    x, y, z = sim.offset("pot", "stove")
+    return (
+        abs(x) <= OFF_CENTRE[0]
+        and abs(y) <= OFF_CENTRE[1]
+        and z > PLATE[2] + HEIGHT / 2 + 0.01
+        and sim.rotation("pot")[2, 2] > math.cos(TILT)
+        and sim.contacts.gripper(RIGHT, "pot/right_handle")
+        and not sim.contacts.partners("pot") & {"stove", TABLE}
+    )
+
+
+def middle(arms: Arms) -> tuple[float, float]:
+    x, y, _ = arms.sim.position("stove")
+    return x, y
+
+
+def drag(arms: Arms) -> Script:
+    """The left arm lifts its side of the pot, pulls the other one up onto the plate, lets go."""
+    yield from grasp(arms, LEFT)
+    start = arms.targets[LEFT]
+    yield from move(arms, {LEFT: start.moved(z=0.07)}, speed=0.1)
+    x, y = middle(arms)
+    from_x, from_y, _ = arms.sim.position("pot")
+    over = start.moved(x=x - from_x, y=y - from_y)
+    yield from move(arms, {LEFT: over.moved(z=0.09)}, speed=0.15)
+    yield from wait(10)
+    x_now, y_now, _ = arms.sim.position("pot")
+    yield from move(arms, {LEFT: over.moved(x=x - x_now, y=y - y_now, z=0.09)}, speed=0.1)
+    yield from move(arms, {LEFT: over.moved(x=x - x_now, y=y - y_now, z=PLATE[2])}, speed=0.1)
+    yield from let_go(arms, LEFT)
+
+
+def carry_alone(arms: Arms) -> Script:
+    """The right arm carries the pot level: it holds an end of its handle at a slant, which a search
+    found, and turns against the pot's weight as it lifts.
+    """
+    pot = arms.sim.pose("pot") @ SE3.at(yaw=math.pi)
+    end = pot @ SE3.at(0.035, HANDLE_OFFSET - 0.017, HANDLE_Z - 0.013)
+    slant = SE3.about((1, 0, 0), 0.159) @ down(0, 0, 0, yaw=-1.362, lean=0.391)
+    tool = end @ slant @ SE3.at(yaw=math.pi)
+    arms.openings[RIGHT.index] = 0.593
+    yield from move(arms, {RIGHT: tool @ SE3.at(z=-0.1)}, tolerance=NEAR)
+    yield from move(arms, {RIGHT: tool}, speed=CAREFUL)
+    yield from grip(arms, RIGHT)
+
+    def up(fraction: float) -> dict[Side, SE3]:
+        turn = end @ SE3.about((1, 0, 0), -0.34 * fraction) @ end.inverse()
+        return {RIGHT: (turn @ tool).moved(z=0.1 * fraction)}
+
+    yield from follow(arms, up, 2.5)
+    yield from carry_over(arms, *middle(arms), RIGHT)
+    yield from land(arms, RIGHT)
+    yield from let_go(arms, RIGHT)
+
+
+def push_and_drag(arms: Arms) -> Script:
+    """The right arm pushes the pot a part of the way, then the left one drags it on."""
+    yield from grasp(arms, RIGHT)
+    yield from move(arms, {RIGHT: arms.targets[RIGHT].moved(y=0.04)}, speed=0.1)
+    yield from let_go(arms, RIGHT)
+    yield from drag(arms)
+
+
+def lift_and_drag(arms: Arms) -> Script:
+    """Both lift it once, and put it back; one arm does the rest."""
+    start = arms.sim.pose("pot")
+    yield from lift(arms)
+    yield from carry(arms, "pot", start.moved(z=-0.005), speed=0.1)
+    yield from let_go(arms)
+    yield from drag(arms)
+
+
+def skim(arms: Arms) -> Script:
+    """Both carry it, so low that it is hardly lifted."""
+    yield from grasp(arms)
+    yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=LOW), speed=0.1)
+    yield from wait(10)
+    x, y = middle(arms)
+    low = arms.sim.pose("pot")
+    goal = low.moved(x=x - low.translation[0], y=y - low.translation[1])
+    yield from carry(arms, "pot", goal, speed=0.1)
+    yield from land(arms)
+    yield from let_go(arms)
+
+
+def drop_from(height: float) -> Callable[[Arms], Script]:
+    def drop(arms: Arms) -> Script:
+        yield from lift(arms)
+        yield from carry_over(arms, *middle(arms), height=height)
+        yield from wait(10)
+        yield from let_go(arms)
+
+    return drop
+
+
+def drop_and_grasp(arms: Arms) -> Script:
+    """It falls by a centimetre; then both take its handles again, and let go."""
+    yield from lift(arms)
+    yield from carry_over(arms, *middle(arms), height=0.005)
+    yield from wait(10)
+    yield from release(arms, LEFT, RIGHT, opening=0.3)
+    yield from grasp(arms)
+    yield from let_go(arms)
+
+
+def one_lets_go(arms: Arms) -> Script:
+    """Above the plate the right arm lets go; the left one puts the pot down alone."""
+    yield from lift(arms)
+    yield from carry_over(arms, *middle(arms))
+    yield from wait(10)
+    yield from let_go(arms, RIGHT)
+    yield from move(arms, {LEFT: arms.targets[LEFT].moved(z=-0.045)}, speed=0.05)
+    yield from let_go(arms, LEFT)
+
+
+def one_carries_on(arms: Arms) -> Script:
+    """The right arm lets go in the air, and takes its handle again before both put the pot down."""
+    yield from lift(arms)
+    yield from wait(10)
+    held = arms.targets[RIGHT]
+    yield from release(arms, RIGHT, opening=0.3)
+    yield from wait(5)
+    yield from release(arms, RIGHT, opening=0.0)
+    arms.targets[RIGHT] = held
+    yield from carry_over(arms, *middle(arms))
+    yield from land(arms)
+    yield from let_go(arms)
+
+
+def high(sim: Simulation) -> bool:
+    """The pot is in the air above the plate, and no gripper is at it."""
+    x, y, z = sim.offset("pot", "stove")
+    hands = any(sim.contacts.gripper(side, f"pot/{side}_handle") for side in Side)
+    return not hands and abs(x) < OFF_CENTRE[0] and abs(y) < OFF_CENTRE[1] and z > HEIGHT / 2 + 0.1
+
+
+ADVERSARIES: tuple[Adversary, ...] = (
+    Adversary(
+        name="one arm carries the pot level",
+        script=carry_alone,
+        hands=Hands.ONE,
+        deed=level_and_alone,
+        gets=1,
+        seed=3,
+    ),
+    Adversary(
+        name="one arm drags the pot onto the plate",
+        script=drag,
+        hands=Hands.ONE,
+        deed=on_stove,
+        gets=1,
+    ),
+    Adversary(
+        name="one arm pushes it, then the other one drags it",
+        script=push_and_drag,
+        hands=Hands.TURNS,
+        deed=on_stove,
+        gets=1,
+    ),
+    Adversary(
+        name="both lift it once, then one arm drags it",
+        script=lift_and_drag,
+        hands=Hands.BOTH,
+        deed=on_stove,
+        gets=2,
+    ),
+    Adversary(
+        name="both carry it without lifting it",
+        script=skim,
+        hands=Hands.BOTH,
+        deed=on_stove,
+        gets=1,
+    ),
+    Adversary(
+        name="both let go 17 cm above the plate",
+        script=drop_from(0.17),
+        hands=Hands.BOTH,
+        deed=high,
+        gets=2,
+    ),
+    Adversary(
+        name="both let go 2 cm above the plate",
+        script=drop_from(0.02),
+        hands=Hands.BOTH,
+        deed=on_stove,
+        gets=2,
+    ),
+    Adversary(
+        name="both let go just above the plate, and grasp the handles again",
+        script=drop_and_grasp,
+        hands=Hands.BOTH,
+        deed=on_stove,
+        gets=2,
+    ),
+    Adversary(
+        name="one arm lets go above the plate",
+        script=one_lets_go,
+        hands=Hands.BOTH,
+        deed=on_stove,
+        gets=2,
+    ),
+    Adversary(
+        name="one arm lets go in the air, and grasps its handle again",
+        script=one_carries_on,
+        hands=Hands.BOTH,
+        deed=on_stove,
+        gets=2,
+    ),
+)

@@ -1,5 +1,227 @@
 """How one might cheat in hinge_chest."""
 
-from tests.adversaries.adversary import Adversary
+from __future__ import annotations
 
-ADVERSARIES: tuple[Adversary, ...] = ()
+import math
+
+from duobench.experts.hinge_chest import HOLDER, INSERTER, LET_GO, fetch, lower, open_lid, over
+from duobench.experts.motion import (
+    CLOSED,
+    Arms,
+    Script,
+    down,
+    follow,
+    grip,
+    move,
+    pick_cube,
+    release,
+    together,
+    wait,
+    wait_until,
+)
+from duobench.sim.simulation import Simulation
+from duobench.solids.blocks import CUBE_EDGE
+from duobench.solids.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X, RIM_HEIGHT, WALL
+from duobench.spatial import SE3
+from duobench.tasks.hinge_chest import CAVITY_REGION, OPEN_ANGLE
+from tests.adversaries.adversary import Adversary, Hands
+
+LID = "chest/lid"
+_PICK_HEIGHT = 0.028
+_ROD_Y, _ROD_SLOPE = 0.07, 1.1
+"""The hand that holds the cube comes from the left, its back up: where along the front, and its
+direction against the vertical."""
+_OVER_FRONT, _ROD_DEPTH, _ROD_START = 0.065, 0.045, 0.03
+_SLIDE, _TOP = 0.06, 1.25
+_TAP_ANGLE = 1.3
+
+
+def _is_in(sim: Simulation) -> bool:
+    """The cube lies in the chest, and no hand touches it."""
+    free = not any(sim.contacts.gripper(side, "cube") for side in (HOLDER, INSERTER))
+    return free and CAVITY_REGION.contains(sim.offset("cube", "chest"))
+
+
+def _open_hand(arms: Arms) -> Script:
+    yield from release(arms, INSERTER, opening=LET_GO)
+
+
+def _rod(chest: SE3, x: float, z: float) -> SE3:
+    """Tool pose with the fingers along the front, from the left, at (x, z) of the chest's frame."""
+    lean = down(x, _ROD_Y, z, yaw=-math.pi / 2, lean=_ROD_SLOPE)
+    return chest @ lean @ SE3.at(yaw=math.pi)
+
+
+def _under_lid(chest: SE3, angle: float) -> SE3:
+    reach = LID_LENGTH + _OVER_FRONT - _SLIDE * angle / _TOP
+    lid = SE3.about((0, 1, 0), angle).apply([-reach, 0.0, LID_UNDERSIDE - _ROD_DEPTH])
+    return _rod(chest, HINGE[0] + lid[0], HINGE[2] + lid[2])
+
+
+def _lift_with_the_back_of_the_hand(arms: Arms) -> Script:
+    """The hand that holds the cube goes under the lip and follows the lid's arc."""
+    chest = arms.sim.pose("chest")
+    start = _rod(chest, -OUTER_X / 2 - _OVER_FRONT, _ROD_START)
+    yield from move(arms, {INSERTER: start @ SE3.at(z=-0.13)}, tolerance=0.02)
+    yield from move(arms, {INSERTER: start}, speed=0.2)
+    yield from move(arms, {INSERTER: _under_lid(chest, 0.0)}, speed=0.1, arrive=False)
+    yield from follow(arms, lambda f: {INSERTER: _under_lid(chest, f * _TOP)}, 2.0)
+    yield from wait(20)
+
+
+def one_arm(arms: Arms) -> Script:
+    """Lift the lid with the back of the hand that holds the cube, and let the cube go inside."""
+    yield from pick_cube(arms, INSERTER, "cube", _PICK_HEIGHT)
+    yield from _lift_with_the_back_of_the_hand(arms)
+    yield from _open_hand(arms)
+
+
+def _withdraw(arms: Arms) -> Script:
+    """The holding arm draws its fingers out along themselves."""
+    yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.16)})
+
+
+def one_after_the_other(arms: Arms) -> Script:
+    """The right arm opens the lid and leaves; then the left arm does all of it."""
+    yield from open_lid(arms)
+    yield from _withdraw(arms)
+    yield from wait_until(lambda: arms.sim.angle(LID) < 0.01, 60)
+    yield from one_arm(arms)
+
+
+def _tap(arms: Arms) -> Script:
+    """The right arm comes to the open lid from behind, touches it, and leaves."""
+    chest = arms.sim.pose("chest")
+    beside = chest @ down(0.08, -0.20, 0.20, yaw=math.pi / 2, lean=0.9) @ SE3.at(yaw=math.pi)
+    yield from grip(arms, HOLDER, opening=CLOSED)
+    yield from move(arms, {HOLDER: beside}, tolerance=0.02)
+    yield from wait_until(lambda: arms.sim.angle(LID) >= _TAP_ANGLE, 400)
+    step = beside
+    for _ in range(60):
+        if arms.sim.contacts.gripper(HOLDER, LID):
+            break
+        step = step.moved(y=0.004)
+        arms.targets[HOLDER] = step
+        yield
+    yield from move(arms, {HOLDER: beside}, arrive=False)
+
+
+def a_tap_of_the_other_hand(arms: Arms) -> Script:
+    """One arm does all of it, and the other one touches the open lid for a moment."""
+    yield from together(one_arm(arms), _tap(arms))
+
+
+def _hold_and_fetch(arms: Arms) -> Script:
+    """What is honest up to stage 2."""
+    yield from together(open_lid(arms), fetch(arms))
+    yield from wait(20)
+
+
+def lid_left_to_the_hand_with_the_cube(arms: Arms) -> Script:
+    """Once both arms had their part, the right one leaves, and the left one does all of it."""
+    yield from _hold_and_fetch(arms)
+    yield from _withdraw(arms)
+    yield from _lift_with_the_back_of_the_hand(arms)
+    yield from _open_hand(arms)
+
+
+def come_over_the_chest(arms: Arms) -> Script:
+    """The hand with the cube stops over the open chest."""
+    y = arms.sim.pose("chest").apply([-0.025, 0.045, 0.0])[1]
+    yield from move(arms, {INSERTER: over(arms, y, 0.15)}, tolerance=0.01)
+
+
+def lid_let_fall_on_the_hand(arms: Arms) -> Script:
+    """The right arm leaves when the left hand is over the chest; the lid lies on that hand."""
+    yield from _hold_and_fetch(arms)
+    yield from come_over_the_chest(arms)
+    yield from _withdraw(arms)
+    yield from wait(20)
+    yield from lower(arms)
+    yield from _open_hand(arms)
+
+
+def cube_thrown_on_the_rim(arms: Arms) -> Script:
+    """The cube is dropped over the side of the open chest, and falls off it."""
+    yield from _hold_and_fetch(arms)
+    edge = arms.sim.pose("chest").apply([0.0, 0.133, 0.0])[1]
+    yield from move(arms, {INSERTER: over(arms, edge, RIM_HEIGHT + 0.06)}, speed=0.3)
+    yield from _open_hand(arms)
+
+
+def in_and_out_again(arms: Arms) -> Script:
+    """The cube is pressed on the chest's floor and taken out again, never let go."""
+    yield from _hold_and_fetch(arms)
+    yield from lower(arms)
+    low = arms.targets[INSERTER].moved(z=WALL + CUBE_EDGE / 2 - 0.01 - 0.033)
+    yield from move(arms, {INSERTER: low}, speed=0.1)
+    yield from wait(15)
+    yield from move(arms, {INSERTER: low.moved(z=0.12)})
+
+
+def _pinched_inside(sim: Simulation) -> bool:
+    inner = CAVITY_REGION.contains(sim.offset("cube", "chest"))
+    return inner and sim.contacts.between("cube", "chest") and sim.contacts.pads(INSERTER, "cube")
+
+
+def _bounces_off(sim: Simulation) -> bool:
+    return sim.contacts.between("cube", "chest") and not sim.contacts.gripper(INSERTER, "cube")
+
+
+def _tapped(sim: Simulation) -> bool:
+    """The lid is open, one hand holds the cube, and the other one touches the lid."""
+    touched = sim.contacts.gripper(HOLDER, LID) and sim.contacts.pads(INSERTER, "cube")
+    return touched and sim.angle(LID) >= OPEN_ANGLE
+
+
+ADVERSARIES: tuple[Adversary, ...] = (
+    Adversary(
+        name="one arm lifts the lid with the back of the hand that holds the cube",
+        script=one_arm,
+        hands=Hands.ONE,
+        deed=_is_in,
+        gets=1,
+    ),
+    Adversary(
+        name="one arm opens the lid and leaves, the other one does it alone",
+        script=one_after_the_other,
+        hands=Hands.TURNS,
+        deed=_is_in,
+        gets=1,
+    ),
+    Adversary(
+        name="the other hand touches the lid for a moment",
+        script=a_tap_of_the_other_hand,
+        hands=Hands.BOTH,
+        deed=_tapped,
+        gets=1,
+    ),
+    Adversary(
+        name="the lid is left to the hand with the cube",
+        script=lid_left_to_the_hand_with_the_cube,
+        hands=Hands.BOTH,
+        deed=_is_in,
+        gets=2,
+    ),
+    Adversary(
+        name="the lid is let fall on the hand with the cube",
+        script=lid_let_fall_on_the_hand,
+        hands=Hands.BOTH,
+        deed=_is_in,
+        gets=2,
+    ),
+    Adversary(
+        name="the cube is thrown on the rim",
+        script=cube_thrown_on_the_rim,
+        hands=Hands.BOTH,
+        deed=_bounces_off,
+        gets=2,
+    ),
+    Adversary(
+        name="the cube is put in and taken out again",
+        script=in_and_out_again,
+        hands=Hands.BOTH,
+        deed=_pinched_inside,
+        gets=2,
+    ),
+)

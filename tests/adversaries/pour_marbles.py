@@ -1,5 +1,212 @@
 """How one might cheat in pour_marbles."""
 
-from tests.adversaries.adversary import Adversary
+from __future__ import annotations
 
-ADVERSARIES: tuple[Adversary, ...] = ()
+from collections.abc import Callable
+
+import numpy as np
+
+from duobench.experts.motion import (
+    Arms,
+    Script,
+    down,
+    move,
+    pick,
+    place,
+    together,
+    tool_for,
+    wait,
+)
+from duobench.experts.pour_marbles import HOLD_LEAN, POUR_LEAN, pour, put_back, script, take
+from duobench.sim.simulation import Simulation
+from duobench.solids.cup import HEIGHT, INNER_RADIUS, WALL
+from duobench.spatial import SE3
+from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES
+from duobench.types import SIDES, Side
+from tests.adversaries.adversary import Adversary, Hands
+
+MIDDLE = SE3.at(0.5, 0.0)
+"""Where a cup stands between the squares."""
+TURN_STEPS, BACK = 60, 4
+"""Control steps in which the pouring cup turns, and how many of them it goes back in one."""
+EMPTY = {0: Side.RIGHT, 1: Side.LEFT}
+"""The side of the cup that is empty at first, by seed."""
+
+
+def in_cup(sim: Simulation, side: Side) -> int:
+    """How many marbles are near a cup's middle."""
+    offsets = np.array([sim.offset(marble, CUPS[side]) for marble in MARBLES])
+    return int((np.linalg.norm(offsets, axis=1) < HEIGHT / 2).sum())
+
+
+def out_of(sim: Simulation, side: Side) -> int:
+    """How many marbles are above a cup's rim, as the cup sees it."""
+    return sum(sim.offset(marble, CUPS[side])[2] > HEIGHT for marble in MARBLES)
+
+
+def full(sim: Simulation) -> Side:
+    """The side whose cup holds the most marbles: at the start the source, at the end the target."""
+    return max(SIDES, key=lambda side: in_cup(sim, side))
+
+
+def stands(sim: Simulation, side: Side) -> bool:
+    """Whether a cup is on the table."""
+    return sim.contacts.between(CUPS[side], "table")
+
+
+def square(arms: Arms, side: Side) -> SE3:
+    return SE3.at(*arms.sim.position(SQUARES[side]))
+
+
+def home(arms: Arms, side: Side) -> Script:
+    """Bring an empty gripper out of the way of the other one."""
+    x, _, z = arms.targets[side].translation
+    yield from move(arms, {side: down(x - 0.1, side.sign * 0.4, z + 0.15)})
+
+
+def take_both(arms: Arms, source: Side) -> Script:
+    """Grasp both cups and lift them by a few centimetres."""
+    other = take(arms, source.other, lean=HOLD_LEAN)
+    yield from together(other, take(arms, source, lean=POUR_LEAN))
+
+
+def pour_alone(arms: Arms) -> Script:
+    """One arm brings both cups together and pours: the other cup it carries by its rim."""
+    side = full(arms.sim)
+    x, y, _ = arms.sim.position(CUPS[side.other])
+    rim = down(x, y + side.sign * (INNER_RADIUS + WALL / 2), HEIGHT - 0.008)
+    yield from pick(arms, side, rim)
+    yield from place(arms, side, rim.moved(x=MIDDLE.translation[0] - x, y=-y))
+    yield from home(arms, side)
+    yield from take(arms, side)
+    yield from pour(arms, side, arms.sim.pose(CUPS[side.other]))
+    yield from put_back(arms, side, square(arms, side))
+
+
+def pour_in_turns(arms: Arms) -> Script:
+    """One arm sets its cup down in the middle; only then the other one comes and pours."""
+    side = full(arms.sim)
+    yield from take(arms, side.other)
+    yield from put_back(arms, side.other, MIDDLE)
+    yield from home(arms, side.other)
+    yield from take(arms, side)
+    yield from pour(arms, side, arms.sim.pose(CUPS[side.other]))
+    yield from put_back(arms, side, square(arms, side))
+    yield from home(arms, side)
+    yield from take(arms, side.other)
+    yield from put_back(arms, side.other, square(arms, side.other))
+
+
+def lift_once_then_pour_alone(arms: Arms) -> Script:
+    """Both cups are lifted once; then the target stands, let go, and one arm pours."""
+    side = full(arms.sim)
+    yield from take_both(arms, side)
+    yield from put_back(arms, side.other, MIDDLE)
+    yield from home(arms, side.other)
+    yield from pour(arms, side, arms.sim.pose(CUPS[side.other]))
+    yield from put_back(arms, side, square(arms, side))
+
+
+def pour_into_a_cup_on_the_table(arms: Arms) -> Script:
+    """The target stands in its arm's gripper while marbles fall in, and is lifted with them."""
+    side = full(arms.sim)
+    other = side.other
+    yield from take_both(arms, side)
+    low = tool_for(arms, other, CUPS[other], MIDDLE)
+    yield from move(arms, {other: low.moved(z=0.08)}, speed=0.3)
+    yield from move(arms, {other: low.moved(z=-0.002)}, speed=0.2)
+    yield from pour(arms, side, arms.sim.pose(CUPS[other]))
+    yield from move(arms, {other: low.moved(z=0.08)}, speed=0.2)
+    yield from together(*(put_back(arms, s, square(arms, s)) for s in SIDES))
+
+
+def until(play: Script, condition: Callable[[], bool]) -> Script:
+    for _ in play:
+        yield
+        if condition():
+            return
+
+
+def pour_the_rest_alone(arms: Arms) -> Script:
+    """A few marbles are poured in the air, the rest by one arm into a cup that stands."""
+    side = full(arms.sim)
+    other = side.other
+    way = []
+    for _ in until(script(arms), lambda: out_of(arms.sim, side) > 0):
+        way.append(arms.targets[side])
+        yield
+    for pose in way[:-TURN_STEPS:-BACK]:
+        arms.targets[side] = pose
+        yield
+    yield from wait(20)
+    yield from put_back(arms, other, MIDDLE)
+    yield from home(arms, other)
+    yield from pour(arms, side, arms.sim.pose(CUPS[other]))
+    yield from take(arms, other, lean=HOLD_LEAN)
+    yield from together(*(put_back(arms, s, square(arms, s)) for s in SIDES))
+
+
+def press_half_open_fingers(arms: Arms) -> Script:
+    """Half-open fingers press on the rims of both cups."""
+    arms.openings[:] = 0.5
+    above = {s: down(*arms.sim.position(CUPS[s])[:2], HEIGHT + 0.05) for s in SIDES}
+    yield from move(arms, above)
+    yield from move(arms, {s: pose.moved(z=-0.065) for s, pose in above.items()}, speed=0.1)
+    yield from wait(20)
+
+
+def all_in_cup(side: Side, *, on_table: bool) -> Callable[[Simulation], bool]:
+    """All marbles are in the cup of a side, which stands on the table or does not."""
+    return lambda sim: in_cup(sim, side) == len(MARBLES) and stands(sim, side) == on_table
+
+
+def pressed(sim: Simulation) -> bool:
+    """Each gripper touches the cup of its side."""
+    return all(sim.contacts.gripper(side, CUPS[side]) for side in SIDES)
+
+
+ADVERSARIES = (
+    Adversary(
+        name="one arm alone brings the cups together and pours",
+        script=pour_alone,
+        hands=Hands.ONE,
+        deed=all_in_cup(EMPTY[0], on_table=True),
+        gets=1,
+    ),
+    Adversary(
+        name="one arm sets its cup down, then the other one comes and pours",
+        script=pour_in_turns,
+        hands=Hands.TURNS,
+        deed=all_in_cup(EMPTY[0], on_table=True),
+        gets=1,
+    ),
+    Adversary(
+        name="both cups are lifted once, then one arm pours into a cup that was let go",
+        script=lift_once_then_pour_alone,
+        hands=Hands.BOTH,
+        deed=all_in_cup(EMPTY[0], on_table=True),
+        gets=3,
+    ),
+    Adversary(
+        name="a cup is filled on the table, grasped, and lifted afterwards",
+        script=pour_into_a_cup_on_the_table,
+        hands=Hands.BOTH,
+        deed=all_in_cup(EMPTY[0], on_table=False),
+        gets=3,
+    ),
+    Adversary(
+        name="some marbles are poured in the air, and the rest by one arm",
+        script=pour_the_rest_alone,
+        hands=Hands.BOTH,
+        deed=all_in_cup(EMPTY[1], on_table=False),
+        gets=4,
+        seed=1,
+    ),
+    Adversary(
+        name="half-open fingers are pressed on both cups",
+        script=press_half_open_fingers,
+        hands=Hands.BOTH,
+        deed=pressed,
+        gets=0,
+    ),
+)

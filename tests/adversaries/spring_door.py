@@ -1,5 +1,222 @@
 """How one might cheat in spring_door."""
 
-from tests.adversaries.adversary import Adversary
+from __future__ import annotations
 
-ADVERSARIES: tuple[Adversary, ...] = ()
+import math
+
+import numpy as np
+
+from duobench.experts.motion import (
+    CLOSED,
+    Arms,
+    Script,
+    down,
+    follow,
+    grip,
+    move,
+    release,
+    together,
+    wait,
+    wait_until,
+)
+from duobench.experts.spring_door import (
+    HOLDER,
+    INSERTER,
+    LET_GO,
+    REACH_POSTURE,
+    at_bar,
+    fetch,
+    in_oven,
+    open_door,
+    reach_in,
+)
+from duobench.sim.simulation import Simulation
+from duobench.solids.microwave import BAR, HEIGHT, HINGE
+from duobench.spatial import SE3
+from duobench.tasks.spring_door import FLOOR_REGION, OPEN_ANGLE
+from tests.adversaries.adversary import Adversary, Hands
+
+DOOR = "microwave/door"
+_HOOK = (0.030, 0.020)
+"""Where the fingertips are behind the bar: towards the door, and towards its hinge, in metres."""
+_HOOK_HEIGHT = 0.15
+_HOOK_YAW, _HOOK_SLOPE, _HOOK_TURN = 0.9, 0.8, 0.7
+"""Direction of the dragging hand, and how much it turns with the door."""
+_DRAGGED = 1.2
+_TAP_ANGLE = 0.9
+
+
+def _hook(oven: SE3, angle: float) -> SE3:
+    """Tool pose with the fingers, that hold the cube, behind the bar of the open door."""
+    door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
+    x, y, z = door.apply([BAR[0] + _HOOK[0], BAR[1] + _HOOK[1], _HOOK_HEIGHT - HEIGHT / 2])
+    yaw = oven.yaw + _HOOK_YAW - _HOOK_TURN * angle
+    return down(x, y, z, yaw=yaw, lean=_HOOK_SLOPE) @ SE3.at(yaw=math.pi / 2)
+
+
+def _drag(arms: Arms) -> Script:
+    """The hand that holds the cube drags the door open with its knuckles."""
+    oven = arms.sim.pose("microwave")
+    arms.posture = np.array([arms.posture[HOLDER.index], REACH_POSTURE])
+    shut = _hook(oven, 0.0)
+    yield from move(arms, {INSERTER: shut @ SE3.at(z=-0.12)}, tolerance=0.02)
+    yield from move(arms, {INSERTER: shut}, speed=0.15)
+    yield from follow(arms, lambda f: {INSERTER: _hook(oven, f * _DRAGGED)}, 3.0)
+    yield from wait(30)
+
+
+def one_arm(arms: Arms) -> Script:
+    """One arm picks up the cube and drags the door open with its knuckles."""
+    yield from fetch(arms)
+    yield from _drag(arms)
+
+
+def _let_go_of_the_door(arms: Arms) -> Script:
+    yield from release(arms, HOLDER)
+    yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.12)})
+
+
+def one_after_the_other(arms: Arms) -> Script:
+    """The left arm opens the door and leaves; then the right arm drags it open with the cube."""
+    yield from open_door(arms)
+    yield from _let_go_of_the_door(arms)
+    yield from wait_until(lambda: arms.sim.angle(DOOR) < 0.01, 90)
+    yield from one_arm(arms)
+
+
+def _tap(arms: Arms) -> Script:
+    """The left hand comes to the open door from outside, touches it, and leaves."""
+    oven = arms.sim.pose("microwave")
+    near = at_bar(oven, _DRAGGED) @ SE3.at(z=-0.12)
+    yield from grip(arms, HOLDER, opening=CLOSED)
+    yield from move(arms, {HOLDER: near}, tolerance=0.02)
+    yield from wait_until(lambda: arms.sim.angle(DOOR) >= _TAP_ANGLE, 400)
+    step = near
+    for _ in range(60):
+        if arms.sim.contacts.gripper(HOLDER, DOOR):
+            break
+        step = step @ SE3.at(z=0.004)
+        arms.targets[HOLDER] = step
+        yield
+    yield from move(arms, {HOLDER: near}, arrive=False)
+
+
+def a_tap_of_the_other_hand(arms: Arms) -> Script:
+    """One arm does all of it, and the other one touches the open door for a moment."""
+    yield from together(one_arm(arms), _tap(arms))
+
+
+def _hold_and_fetch(arms: Arms) -> Script:
+    """What is honest up to stage 2."""
+    yield from together(open_door(arms), fetch(arms))
+    yield from wait(20)
+
+
+def come_to_the_door(arms: Arms) -> Script:
+    """The hand with the cube stops in the doorway, on the side of the hinge."""
+    near = in_oven(arms) @ SE3.at(z=-0.09)
+    yield from move(arms, {INSERTER: near.moved(y=0.05)}, tolerance=0.012)
+
+
+def door_let_fall_on_the_arm(arms: Arms) -> Script:
+    """The left arm leaves when the right hand is at the door; the door leans on that arm."""
+    yield from _hold_and_fetch(arms)
+    yield from come_to_the_door(arms)
+    yield from _let_go_of_the_door(arms)
+    yield from wait(20)
+    yield from reach_in(arms)
+    yield from release(arms, INSERTER, opening=LET_GO)
+
+
+def cube_wedged_in_the_door(arms: Arms) -> Script:
+    """The cube is put down across the front, and the door falls against it."""
+    yield from _hold_and_fetch(arms)
+    yield from reach_in(arms, depth=-0.054)
+    yield from release(arms, INSERTER, opening=LET_GO)
+    back = arms.targets[INSERTER] @ SE3.at(z=-0.12)
+    yield from move(arms, {INSERTER: back}, arrive=False)
+    yield from move(arms, {INSERTER: back.moved(x=-0.15, y=-0.35)}, tolerance=0.02)
+    yield from _let_go_of_the_door(arms)
+    yield from wait(60)
+
+
+def in_and_out_again(arms: Arms) -> Script:
+    """The cube is pressed on the floor of the cavity and taken out again, never let go."""
+    yield from _hold_and_fetch(arms)
+    yield from reach_in(arms)
+    low = arms.targets[INSERTER].moved(z=-0.012)
+    yield from move(arms, {INSERTER: low}, speed=0.1)
+    yield from wait(15)
+    yield from move(arms, {INSERTER: in_oven(arms) @ SE3.at(z=-0.15)})
+
+
+def _dragged_open(sim: Simulation) -> bool:
+    """The door is open, and the hand that holds the cube is what holds it open."""
+    lone = sim.contacts.arm(INSERTER, DOOR) and sim.contacts.pads(INSERTER, "cube")
+    return lone and not sim.contacts.arm(HOLDER, DOOR) and sim.angle(DOOR) >= OPEN_ANGLE
+
+
+def _tapped(sim: Simulation) -> bool:
+    touched = sim.contacts.gripper(HOLDER, DOOR) and sim.contacts.pads(INSERTER, "cube")
+    return touched and sim.angle(DOOR) >= OPEN_ANGLE
+
+
+def _is_in(sim: Simulation) -> bool:
+    free = not any(sim.contacts.gripper(side, "cube") for side in (HOLDER, INSERTER))
+    return free and FLOOR_REGION.contains(sim.offset("cube", "microwave"))
+
+
+def _wedged(sim: Simulation) -> bool:
+    return sim.contacts.between("cube", DOOR) and sim.contacts.between("cube", "microwave")
+
+
+def _pinched_inside(sim: Simulation) -> bool:
+    inner = FLOOR_REGION.contains(sim.offset("cube", "microwave"))
+    on_floor = sim.contacts.between("cube", "microwave")
+    return inner and on_floor and sim.contacts.pads(INSERTER, "cube")
+
+
+ADVERSARIES: tuple[Adversary, ...] = (
+    Adversary(
+        name="one arm drags the door open with its knuckles while it holds the cube",
+        script=one_arm,
+        hands=Hands.ONE,
+        deed=_dragged_open,
+        gets=1,
+    ),
+    Adversary(
+        name="one arm opens the door and leaves, the other one drags it open with the cube",
+        script=one_after_the_other,
+        hands=Hands.TURNS,
+        deed=_dragged_open,
+        gets=1,
+    ),
+    Adversary(
+        name="the other hand touches the door for a moment",
+        script=a_tap_of_the_other_hand,
+        hands=Hands.BOTH,
+        deed=_tapped,
+        gets=1,
+    ),
+    Adversary(
+        name="the door is let fall on the arm with the cube",
+        script=door_let_fall_on_the_arm,
+        hands=Hands.BOTH,
+        deed=_is_in,
+        gets=2,
+    ),
+    Adversary(
+        name="the cube is wedged in the door",
+        script=cube_wedged_in_the_door,
+        hands=Hands.BOTH,
+        deed=_wedged,
+        gets=2,
+    ),
+    Adversary(
+        name="the cube is put in and taken out again",
+        script=in_and_out_again,
+        hands=Hands.BOTH,
+        deed=_pinched_inside,
+        gets=2,
+    ),
+)

@@ -1,5 +1,235 @@
 """How one might cheat in transfer_cube."""
 
-from tests.adversaries.adversary import Adversary
+from __future__ import annotations
 
-ADVERSARIES: tuple[Adversary, ...] = ()
+import math
+
+import numpy as np
+
+from duobench.experts.handover import clasp, hanging, let_go, pick_bar
+from duobench.experts.motion import (
+    OPEN,
+    Arms,
+    Script,
+    down,
+    grip,
+    move,
+    tool_for,
+)
+from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.sim.simulation import Simulation
+from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK
+from duobench.solids.bowl import RADIUS
+from duobench.spatial import SE3
+from duobench.types import SIDES, Side
+from tests.adversaries.adversary import Adversary, Hands
+from tests.handovers import bring, clear_of, drop, meet, pick_lying
+
+LEFT, RIGHT = Side.LEFT, Side.RIGHT
+NEAR_BOWL = 102
+"""Seed of a layout in which both arms reach the bowl."""
+MIDDLE = (0.48, 0.0, CUBE_EDGE / 2 + 0.002)
+IN_BOWL = np.array([0.0, 0.0, 0.045])
+
+
+def ends_in_bowl(sim: Simulation) -> bool:
+    """The block lies in the bowl, and nobody touches it."""
+    x, y, _ = sim.offset("cube", "bowl")
+    return np.hypot(x, y) < RADIUS and sim.contacts.partners("cube") == {"bowl"}
+
+
+def both_hold(arms: Arms) -> Script:
+    yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP, slant=SLANT)
+
+
+def hand_over(arms: Arms) -> Script:
+    yield from both_hold(arms)
+    yield from let_go(arms, RIGHT)
+
+
+def into_bowl(arms: Arms, side: Side) -> Script:
+    yield from bring(arms, side, "cube", arms.sim.position("bowl") + IN_BOWL)
+    yield from drop(arms, side)
+
+
+def lay_down(arms: Arms, side: Side) -> Script:
+    yield from bring(arms, side, "cube", MIDDLE)
+    yield from drop(arms, side)
+
+
+def alone(arms: Arms) -> Script:
+    yield from pick_bar(arms, BAR)
+    yield from into_bowl(arms, RIGHT)
+
+
+def by_table(arms: Arms) -> Script:
+    yield from pick_bar(arms, BAR)
+    yield from lay_down(arms, RIGHT)
+    yield from clear_of(arms, RIGHT)
+    yield from pick_lying(arms, LEFT, "cube")
+    yield from into_bowl(arms, LEFT)
+
+
+def keep(arms: Arms) -> Script:
+    yield from both_hold(arms)
+    yield from let_go(arms, LEFT)
+    yield from clear_of(arms, LEFT)
+    yield from into_bowl(arms, RIGHT)
+
+
+def hand_back(arms: Arms) -> Script:
+    yield from both_hold(arms)
+    held_here = arms.targets[RIGHT]
+    yield from let_go(arms, RIGHT)
+    yield from clasp(arms, RIGHT, held_here)
+    yield from let_go(arms, LEFT)
+    yield from clear_of(arms, LEFT)
+    yield from into_bowl(arms, RIGHT)
+
+
+def fumble(arms: Arms) -> Script:
+    yield from both_hold(arms)
+    yield from drop(arms, *SIDES)
+    yield from clear_of(arms, RIGHT)
+    yield from pick_lying(arms, LEFT, "cube")
+    yield from into_bowl(arms, LEFT)
+
+
+def give_back_by_table(arms: Arms) -> Script:
+    yield from hand_over(arms)
+    yield from clear_of(arms, RIGHT)
+    yield from lay_down(arms, LEFT)
+    yield from clear_of(arms, LEFT)
+    yield from pick_lying(arms, RIGHT, "cube")
+    yield from into_bowl(arms, RIGHT)
+
+
+def hand_over_once_then_by_table(arms: Arms) -> Script:
+    yield from hand_over(arms)
+    yield from clear_of(arms, RIGHT)
+    yield from lay_down(arms, LEFT)
+    yield from clear_of(arms, LEFT)
+    yield from pick_lying(arms, RIGHT, "cube")
+    yield from drop(arms, RIGHT)
+    yield from clear_of(arms, RIGHT)
+    yield from pick_lying(arms, LEFT, "cube")
+    yield from into_bowl(arms, LEFT)
+
+
+def throw(arms: Arms) -> Script:
+    """Let go on the way to the bowl, at three quarters of a metre a second."""
+    yield from hand_over(arms)
+    bowl = arms.sim.position("bowl")
+    shift = bowl + np.array([0.0, -0.25, 0.16]) - arms.sim.position("cube")
+    yield from move(arms, {LEFT: arms.targets[LEFT].moved(*shift)})
+    for _ in move(arms, {LEFT: arms.targets[LEFT].moved(y=0.30)}, speed=0.7, arrive=False):
+        if math.dist(arms.sim.position("cube")[:2], bowl[:2]) < 0.20:
+            arms.openings[LEFT.index] = OPEN
+        yield
+
+
+def drop_from_on_high(arms: Arms) -> Script:
+    yield from hand_over(arms)
+    x, y, _ = arms.sim.position("bowl")
+    yield from bring(arms, LEFT, "cube", (x, y, 0.30))
+    yield from drop(arms, LEFT)
+
+
+def tip_over_the_rim(arms: Arms) -> Script:
+    """Stand the block beside the bowl, and knock it over."""
+    yield from hand_over(arms)
+    x, y, _ = arms.sim.position("bowl")
+    standing = SE3(hanging(arms, LEFT, "cube").rotation, np.array([x, y - 0.103, LONG_BLOCK / 2]))
+    for height in (0.10, 0.002):
+        goal = tool_for(arms, LEFT, "cube", standing.moved(z=height))
+        yield from move(arms, {LEFT: goal}, speed=0.2)
+    yield from drop(arms, LEFT)
+    yield from move(arms, {LEFT: arms.targets[LEFT].moved(y=-0.15)})
+    yield from grip(arms, LEFT)
+    yield from move(arms, {LEFT: down(x, y - 0.2, 0.085)})
+    yield from move(arms, {LEFT: down(x, y - 0.05, 0.085)}, speed=0.2)
+    yield from move(arms, {LEFT: down(x, y - 0.2, 0.2)})
+
+
+ADVERSARIES: tuple[Adversary, ...] = (
+    Adversary(
+        name="one arm picks the block up and puts it into the bowl",
+        script=alone,
+        hands=Hands.ONE,
+        deed=ends_in_bowl,
+        gets=1,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the block is laid on the table for the other arm",
+        script=by_table,
+        hands=Hands.TURNS,
+        deed=ends_in_bowl,
+        gets=1,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the other arm grasps the block as well, and lets go again",
+        script=keep,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=2,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the block is handed back",
+        script=hand_back,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=3,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="both arms hold the block and drop it, and the other one picks it up",
+        script=fumble,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=2,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the block is given back by way of the table",
+        script=give_back_by_table,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=3,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the block is handed over once, and once more by way of the table",
+        script=hand_over_once_then_by_table,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=3,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the block is thrown into the bowl",
+        script=throw,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=3,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the block is dropped into the bowl from on high",
+        script=drop_from_on_high,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=3,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the block is tipped over the rim into the bowl",
+        script=tip_over_the_rim,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=3,
+        seed=NEAR_BOWL,
+    ),
+)

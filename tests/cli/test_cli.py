@@ -14,7 +14,6 @@ from PIL import Image
 from rich.console import Console
 
 from duobench import __version__
-from duobench.assets import meshes
 from duobench.cli import main
 from duobench.cli.console import console
 from duobench.tasks import catalog
@@ -127,22 +126,12 @@ def test_render_draws_every_camera(tmp_path: Path, capsys: pytest.CaptureFixture
             assert high - low > 50
 
 
-def test_doctor_tells_versions_meshes_and_graphics(capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_tells_versions_and_graphics(capsys: pytest.CaptureFixture[str]) -> None:
     main(["doctor"])
     out = capsys.readouterr().out
-    for word in ("mujoco", "suite version", "ready", "backend", "renderer", "three cameras"):
+    for word in ("mujoco", "suite version", "backend", "renderer", "three cameras"):
         assert word in out
     assert " ms at 224x224" in out
-
-
-def test_doctor_counts_the_meshes_after_it_has_fetched_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("DUOBENCH_CACHE", str(tmp_path))
-    main(["doctor"])
-    out = capsys.readouterr().out
-    assert f"ready           {len(meshes.status())} of" in out
-    assert "missing" not in out
 
 
 @pytest.mark.parametrize("verb", ["doctor", "list", "eval", "report", "render"])

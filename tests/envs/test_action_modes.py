@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.sim_env import SimEnv
 from duobench.envs.wrappers import (
     ActionChunks,
     BinaryGripper,
@@ -23,24 +23,24 @@ from duobench.sim.kinematics import Kinematics
 from duobench.spatial import SE3, rotation_about
 from duobench.tasks import catalog
 from duobench.types import SIDES, Side
-from tests.envs.tools import TASK, base_of, equal, wave, waves
+from tests.envs.tools import TASK, equal, sim_of, wave, waves
 
 OPENINGS = [7, 15]
 
 
 def begun(wrap: Any) -> Any:
-    env = wrap(DuoEnv(catalog.get(TASK)))
+    env = wrap(SimEnv(catalog.get(TASK)))
     env.reset(seed=0)
     return env
 
 
 def commanded(env: gym.Env) -> np.ndarray:
-    return base_of(env).simulation.duo.command().flat
+    return sim_of(env).simulation.duo.command().flat
 
 
 def tools(env: gym.Env) -> dict[Side, SE3]:
     """Tool poses at the joints that were last commanded."""
-    return Kinematics().forward(base_of(env).simulation.duo.command().joints)
+    return Kinematics().forward(sim_of(env).simulation.duo.command().joints)
 
 
 def poses_of(env: gym.Env) -> np.ndarray:
@@ -141,10 +141,10 @@ def test_a_zero_quaternion_is_refused_before_anything_moves() -> None:
     env = begun(CartesianActions)
     action = poses_of(env)
     action[11:15] = 0.0
-    before = base_of(env).simulation.fingerprint()
+    before = sim_of(env).simulation.fingerprint()
     with pytest.raises(ActionError, match="right quaternion"):
         env.step(action)
-    assert base_of(env).simulation.fingerprint() == before
+    assert sim_of(env).simulation.fingerprint() == before
 
 
 # --- relative Cartesian --------------------------------------------------------------------------
@@ -206,7 +206,7 @@ def test_a_reset_forgets_the_last_targets() -> None:
 
 def test_it_needs_cartesian_actions_inside() -> None:
     with pytest.raises(AttributeError, match="kinematics"):
-        RelativeCartesianActions(DuoEnv(catalog.get(TASK)))
+        RelativeCartesianActions(SimEnv(catalog.get(TASK)))
 
 
 # --- binary grippers -----------------------------------------------------------------------------
@@ -247,7 +247,7 @@ def test_a_chunk_is_its_actions_one_after_the_other() -> None:
     assert reward == sum(float(one[1]) for one in ones)
     assert info["executed"] == 4
     assert info["rewards"].tolist() == [one[1] for one in ones]
-    assert base_of(env).simulation.fingerprint() == base_of(single).simulation.fingerprint()
+    assert sim_of(env).simulation.fingerprint() == sim_of(single).simulation.fingerprint()
 
 
 def test_a_chunk_stops_at_the_horizon() -> None:
@@ -273,7 +273,7 @@ def test_a_bad_action_anywhere_in_a_chunk_moves_nothing(mode: str) -> None:
     env = duobench.make(TASK, cameras=False, action_mode=mode, chunk=3, binary_gripper=True)
     env.reset(seed=0)
     chunk = np.ones(env.action_space.shape)
-    before = base_of(env).simulation.fingerprint()
+    before = sim_of(env).simulation.fingerprint()
     chunk[2, 4] = np.nan
     with pytest.raises(ActionError, match="nan"):
         env.step(chunk)
@@ -283,7 +283,7 @@ def test_a_bad_action_anywhere_in_a_chunk_moves_nothing(mode: str) -> None:
             env.step(chunk)
     with pytest.raises(ActionError, match="shape"):
         env.step(chunk[:2])
-    assert base_of(env).simulation.fingerprint() == before
+    assert sim_of(env).simulation.fingerprint() == before
 
 
 def test_pictures_of_chunks_play_in_real_time() -> None:
@@ -294,12 +294,12 @@ def test_pictures_of_chunks_play_in_real_time() -> None:
 
 def test_a_chunk_of_none_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one"):
-        ActionChunks(DuoEnv(catalog.get(TASK)), 0)
+        ActionChunks(SimEnv(catalog.get(TASK)), 0)
 
 
 def test_chunks_are_made_of_numbers() -> None:
     choices = gym.wrappers.TransformAction(
-        DuoEnv(catalog.get(TASK)), lambda action: action, gym.spaces.Discrete(3)
+        SimEnv(catalog.get(TASK)), lambda action: action, gym.spaces.Discrete(3)
     )
     with pytest.raises(TypeError, match="Box"):
         ActionChunks(choices, 2)

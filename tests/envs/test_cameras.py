@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.sim_env import SimEnv
 from duobench.envs.wrappers import ActionChunks, Cameras
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.scene.cameras import POLICY_CAMERAS
 from duobench.tasks import catalog
-from tests.envs.tools import TASK, base_of, wave, waves
+from tests.envs.tools import TASK, sim_of, wave, waves
 
 SIZE = (24, 32)
 
@@ -70,7 +70,7 @@ def test_cameras_change_nothing_but_the_pixels() -> None:
         assert one.keys() == other.keys()
         assert all(np.array_equal(one[key], other[key]) for key in other)
         one, other = seen.step(wave(k))[0], blind.step(wave(k))[0]
-    assert base_of(seen).simulation.fingerprint() == base_of(blind).simulation.fingerprint()
+    assert sim_of(seen).simulation.fingerprint() == sim_of(blind).simulation.fingerprint()
     seen.close()
 
 
@@ -87,23 +87,20 @@ def test_pictures_that_nobody_looks_at_are_left_out_through_any_wrappers() -> No
 
 
 def test_a_chunk_inside_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    env = Cameras(ActionChunks(DuoEnv(catalog.get(TASK)), 5), ["head"], SIZE)
+    env = Cameras(ActionChunks(SimEnv(catalog.get(TASK)), 5), ["head"], SIZE)
     env.reset(seed=0)
     drawn = []
-    draw = env._renderer.render_all
-    monkeypatch.setattr(
-        env._renderer, "render_all", lambda *given: (drawn.append(given), draw(*given))[1]
-    )
+    backend = env.base.backend
+    draw = backend.images
+    monkeypatch.setattr(backend, "images", lambda *given: (drawn.append(given), draw(*given))[1])
     observation, *_ = env.step(waves(5))
     assert len(drawn) == 1
-    assert np.array_equal(
-        observation["pixels"]["head"], draw(env.base.simulation.data, ["head"])["head"]
-    )
+    assert np.array_equal(observation["pixels"]["head"], draw(("head",), SIZE)["head"])
     env.close()
 
 
 def test_an_unknown_camera_or_size_is_refused() -> None:
-    base = DuoEnv(catalog.get(TASK))
+    base = SimEnv(catalog.get(TASK))
     with pytest.raises(UnknownNameError, match="'left_wrist'"):
         Cameras(base, ["left_wirst"])
     with pytest.raises(RenderingError, match="720"):
@@ -121,6 +118,6 @@ def test_no_opengl_before_the_first_reset() -> None:
 
 
 def test_pictures_need_named_observations() -> None:
-    flat = gym.wrappers.FlattenObservation(DuoEnv(catalog.get(TASK)))
+    flat = gym.wrappers.FlattenObservation(SimEnv(catalog.get(TASK)))
     with pytest.raises(TypeError, match="Dict"):
         Cameras(flat, ["head"], SIZE)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import duobench
-from tests.envs.tools import TASK, base_of, check
+from tests.envs.tools import TASK, check, sim_of
 
 SMALL: Mapping[str, Any] = {"image_size": (24, 32), "render_size": (24, 32)}
 
@@ -56,11 +56,11 @@ def test_a_normalized_action_space_is_one_wrapper_away() -> None:
         duobench.make(TASK, cameras=False), np.float32(-1.0), np.float32(1.0)
     )
     observation, _ = env.reset(seed=0)
-    joints = base_of(env).action_space
+    joints = sim_of(env).action_space
     stay = (observation["agent_pos"] - joints.low) / (joints.high - joints.low)
     _, _, _, _, info = env.step(2 * stay - 1)
     assert not info["clipped"].any()
-    assert base_of(env).simulation.duo.command().flat == pytest.approx(
+    assert sim_of(env).simulation.duo.command().flat == pytest.approx(
         observation["agent_pos"], abs=1e-3
     )
     env.close()

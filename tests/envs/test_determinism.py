@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import duobench
-from tests.envs.tools import TASK, base_of, equal, fingerprint_of_episode, waves
+from tests.envs.tools import TASK, equal, fingerprint_of_episode, sim_of, waves
 
 SEED = 4
 BLIND: dict[str, Any] = {"cameras": False}
@@ -43,7 +43,7 @@ def test_in_another_process(expected: str) -> None:
 
 def test_a_restored_episode_continues_exactly() -> None:
     env = duobench.make(TASK, cameras=False)
-    simulation = base_of(env).simulation
+    simulation = sim_of(env).simulation
     actions = waves(16)
     env.reset(seed=SEED)
     for action in actions[:6]:

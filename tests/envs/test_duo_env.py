@@ -9,17 +9,20 @@ from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 
-from duobench.envs.duo_env import DuoEnv, ResetNeededError
+from duobench.envs.duo_env import ResetNeededError
+from duobench.envs.sim_env import SimEnv
 from duobench.envs.spaces import REACH
 from duobench.errors import ActionError, DuoBenchError, LayoutError, SimulationError
 from duobench.randomness import Choice
 from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.scene.naming import tcp_name
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
+from duobench.solids.prop import Prop, Variant
+from duobench.solids.shapes import box
+from duobench.solids.solid import Solid
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
@@ -30,19 +33,19 @@ OPENINGS = [7, 15]
 
 
 @pytest.fixture(scope="module")
-def env() -> Iterator[DuoEnv]:
-    env = DuoEnv(catalog.get(TASK))
+def env() -> Iterator[SimEnv]:
+    env = SimEnv(catalog.get(TASK))
     yield env
     env.close()
 
 
 @pytest.fixture
-def running(env: DuoEnv) -> DuoEnv:
+def running(env: SimEnv) -> SimEnv:
     env.reset(seed=0)
     return env
 
 
-def test_the_action_space_is_the_arms_own(env: DuoEnv) -> None:
+def test_the_action_space_is_the_arms_own(env: SimEnv) -> None:
     space = env.action_space
     assert space.shape == (16,)
     assert space.dtype == np.float32
@@ -54,7 +57,7 @@ def test_the_action_space_is_the_arms_own(env: DuoEnv) -> None:
 
 
 @pytest.mark.parametrize("corner", ["low", "high"])
-def test_every_corner_of_the_action_space_can_be_commanded(running: DuoEnv, corner: str) -> None:
+def test_every_corner_of_the_action_space_can_be_commanded(running: SimEnv, corner: str) -> None:
     action = getattr(running.action_space, corner)
     farthest = np.abs(action[:ARM_JOINTS] - HOME_JOINTS[0]).max()
     for _ in range(math.ceil(farthest / min(VELOCITY_LIMITS) * CONTROL_HZ) + 1):
@@ -63,7 +66,7 @@ def test_every_corner_of_the_action_space_can_be_commanded(running: DuoEnv, corn
     assert running.simulation.duo.command().flat == pytest.approx(action, abs=1e-6)
 
 
-def test_an_observation_is_what_the_robot_reports(env: DuoEnv) -> None:
+def test_an_observation_is_what_the_robot_reports(env: SimEnv) -> None:
     observation, info = env.reset(seed=0)
     assert observation in env.observation_space
     assert list(observation) == ["agent_pos", "tool_pose"]
@@ -75,13 +78,13 @@ def test_an_observation_is_what_the_robot_reports(env: DuoEnv) -> None:
     assert not info["clipped"].any()
 
 
-def test_the_base_has_no_reward_and_no_end(running: DuoEnv) -> None:
+def test_the_base_has_no_reward_and_no_end(running: SimEnv) -> None:
     for action in waves(3):
         _, reward, terminated, truncated, _ = running.step(action)
         assert (reward, terminated, truncated) == (0.0, False, False)
 
 
-def test_without_a_layout_every_reset_is_the_same(env: DuoEnv) -> None:
+def test_without_a_layout_every_reset_is_the_same(env: SimEnv) -> None:
     fingerprints = set()
     for seed in (0, 1, None):
         env.reset(seed=seed)
@@ -89,7 +92,7 @@ def test_without_a_layout_every_reset_is_the_same(env: DuoEnv) -> None:
     assert len(fingerprints) == 1
 
 
-def test_targets_out_of_range_are_clipped_and_reported(running: DuoEnv) -> None:
+def test_targets_out_of_range_are_clipped_and_reported(running: SimEnv) -> None:
     action = wave(0).astype(np.float64)
     action[[1, 7]] = [9.0, -0.5]
     for _ in range(60):
@@ -104,7 +107,7 @@ def test_targets_out_of_range_are_clipped_and_reported(running: DuoEnv) -> None:
 
 
 @pytest.mark.parametrize("joint", range(ARM_JOINTS))
-def test_targets_move_no_faster_than_the_joints(running: DuoEnv, joint: int) -> None:
+def test_targets_move_no_faster_than_the_joints(running: SimEnv, joint: int) -> None:
     limit = VELOCITY_LIMITS[joint] / CONTROL_HZ
     start = running.simulation.duo.command().flat
     for side in SIDES:
@@ -119,7 +122,7 @@ def test_targets_move_no_faster_than_the_joints(running: DuoEnv, joint: int) -> 
             assert moved[slot] == pytest.approx(away * limit)
 
 
-def test_openings_are_never_clipped_for_speed(running: DuoEnv) -> None:
+def test_openings_are_never_clipped_for_speed(running: SimEnv) -> None:
     action = running.simulation.duo.command().flat
     for opening in (0.0, 1.0):
         action[OPENINGS] = opening
@@ -143,7 +146,7 @@ BAD_ACTIONS: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("bad", BAD_ACTIONS.values(), ids=BAD_ACTIONS.keys())
-def test_a_bad_action_changes_nothing(running: DuoEnv, bad: Any) -> None:
+def test_a_bad_action_changes_nothing(running: SimEnv, bad: Any) -> None:
     running.step(wave(1))
     before = running.simulation.fingerprint()
     with pytest.raises(ActionError):
@@ -155,7 +158,7 @@ def test_a_bad_action_changes_nothing(running: DuoEnv, bad: Any) -> None:
     assert equal(after_bad[0], running.step(wave(2))[0])
 
 
-def test_huge_but_finite_targets_are_clipped(running: DuoEnv) -> None:
+def test_huge_but_finite_targets_are_clipped(running: SimEnv) -> None:
     _, _, _, _, info = running.step(np.full(16, 1.5e308))
     assert info["clipped"].all()
 
@@ -169,20 +172,20 @@ def test_huge_but_finite_targets_are_clipped(running: DuoEnv) -> None:
         ("text", ["array of numbers", "'left'"]),
     ],
 )
-def test_the_error_says_what_was_wrong(running: DuoEnv, bad: str, words: list[str]) -> None:
+def test_the_error_says_what_was_wrong(running: SimEnv, bad: str, words: list[str]) -> None:
     with pytest.raises(ActionError) as caught:
         running.step(BAD_ACTIONS[bad])
     assert [word for word in words if word not in str(caught.value)] == []
 
 
-def test_lists_and_float64_are_actions_too(running: DuoEnv) -> None:
+def test_lists_and_float64_are_actions_too(running: SimEnv) -> None:
     one = running.step(wave(3).tolist())[0]
     running.reset(seed=0)
     assert equal(one, running.step(wave(3).astype(np.float64))[0])
 
 
 def test_a_step_before_the_first_reset_is_refused() -> None:
-    fresh = DuoEnv(catalog.get(TASK), render_mode="rgb_array")
+    fresh = SimEnv(catalog.get(TASK), render_mode="rgb_array")
     with pytest.raises(ResetNeededError, match="call reset"):
         fresh.step(wave(0))
     with pytest.raises(ResetNeededError, match="call reset"):
@@ -193,7 +196,7 @@ def test_a_step_before_the_first_reset_is_refused() -> None:
         fresh.step(wave(0))
 
 
-def test_diverged_physics_ends_the_episode(running: DuoEnv) -> None:
+def test_diverged_physics_ends_the_episode(running: SimEnv) -> None:
     running.simulation.data.qvel[:] = 1e30
     with pytest.raises(SimulationError, match="bad"):
         running.step(wave(0))
@@ -210,7 +213,7 @@ def drawn(seed: int) -> Layout:
     return next(catalog.get(TASK).layouts(seed))
 
 
-def test_a_layout_is_reported_as_plain_data_and_can_be_given_back(env: DuoEnv) -> None:
+def test_a_layout_is_reported_as_plain_data_and_can_be_given_back(env: SimEnv) -> None:
     _, info = env.reset(options={"layout": drawn(5)})
     first = env.simulation.fingerprint()
     assert info["layout"].keys() == {"poses", "variants"}
@@ -219,7 +222,7 @@ def test_a_layout_is_reported_as_plain_data_and_can_be_given_back(env: DuoEnv) -
     assert again["layout"] == info["layout"]
 
 
-def test_reported_layouts_are_the_users_own(env: DuoEnv) -> None:
+def test_reported_layouts_are_the_users_own(env: SimEnv) -> None:
     _, info = env.reset(options={"layout": drawn(5)})
     given = info["layout"]
     _, again = env.reset(options={"layout": given})
@@ -237,7 +240,7 @@ def test_reported_layouts_are_the_users_own(env: DuoEnv) -> None:
         (lambda poses: poses.update(white_cube=[2.0, 0, 0.016, 0, 0, 0, 1]), "out of reach"),
     ],
 )
-def test_an_impossible_layout_is_refused(env: DuoEnv, spoil: Any, words: str) -> None:
+def test_an_impossible_layout_is_refused(env: SimEnv, spoil: Any, words: str) -> None:
     layout = drawn(5).to_json()
     spoil(layout["poses"])
     env.reset(seed=0)
@@ -247,83 +250,68 @@ def test_an_impossible_layout_is_refused(env: DuoEnv, spoil: Any, words: str) ->
         env.step(wave(0))
 
 
-def test_first_valid_passes_over_overlaps_and_ends_the_episode(running: DuoEnv) -> None:
-    good = drawn(5)
-    pose = SE3.at(0.5, 0.0, 0.016)
-    bad = Layout(poses={**good.poses, "white_cube": pose, "black_cube": pose})
-    assert running.first_valid([bad, good]) is good
-    with pytest.raises(ResetNeededError):
-        running.step(wave(0))
-
-
 # --- variants ------------------------------------------------------------------------------------
-
-
-def light_or_heavy(model: mujoco.MjModel, layout: Layout) -> None:
-    model.opt.gravity[2] = {"light": -1.0, "heavy": -20.0}[layout.variants["world"]]
 
 
 @pytest.fixture
 def worlds() -> Task:
-    """A task with two variants that differ in the compiled model."""
-    return replace(
-        catalog.get(TASK),
-        instruction="Sort in a {world} world.",
-        variants={"world": Choice(("light", "heavy"))},
-        configure=light_or_heavy,
+    """A task with two variants that differ in the compiled model: with and without a tower."""
+    tower = Solid(
+        shapes=(box(0.1, 0.1, 0.02), box(0.02, 0.02, 0.2, at=SE3.at(z=0.1))),
+        rgba=(1.0, 1.0, 1.0, 1.0),
     )
+    prop = Prop(
+        name="tower",
+        solid=tower,
+        choice="world",
+        variants={"high": Variant(), "flat": Variant(without_shapes=frozenset({1}))},
+    )
+    task = catalog.get(TASK)
+    return replace(
+        task,
+        instruction="Sort in a {world} world.",
+        props=(*task.props, prop),
+        variants={"world": Choice(("high", "flat"))},
+    )
+
+
+def world(name: str) -> Layout:
+    poses = {**drawn(5).poses, "tower": SE3.at(0.8, 0.0, 0.01)}
+    return Layout(poses=poses, variants={"world": name})
 
 
 def test_a_layouts_variant_is_switched_in_the_model(worlds: Task) -> None:
-    env = DuoEnv(worlds)
+    env = SimEnv(worlds)
     assert env.task_description == "Sort in a {world} world."
-    fingerprints: dict[str, set[str]] = {"light": set(), "heavy": set()}
-    for world in ("light", "heavy", "light", "light", "heavy"):
-        layout = Layout(poses=drawn(5).poses, variants={"world": world})
-        _, info = env.reset(options={"layout": layout})
-        assert info["instruction"] == env.task_description == f"Sort in a {world} world."
-        assert info["layout"]["variants"] == {"world": world}
-        env.step(wave(0))
-        fingerprints[world].add(env.simulation.fingerprint())
-    assert [len(found) for found in fingerprints.values()] == [1, 1]
-    assert fingerprints["light"] != fingerprints["heavy"]
+    hashes: dict[str, set[str]] = {"high": set(), "flat": set()}
+    for name in ("high", "flat", "high", "high", "flat"):
+        _, info = env.reset(options={"layout": world(name)})
+        assert info["instruction"] == env.task_description == f"Sort in a {name} world."
+        assert info["layout"]["variants"] == {"world": name}
+        geom = env.simulation.model.geom("tower:1")
+        assert (geom.contype[0] > 0) == (geom.conaffinity[0] > 0) == (name == "high")
+        hashes[name].add(env.save_state().hash)
+    assert [len(found) for found in hashes.values()] == [1, 1]
+    assert hashes["high"] != hashes["flat"]
 
 
-def test_every_candidate_is_tried_in_its_own_variant(worlds: Task) -> None:
-    seen = []
-
-    def note(model: mujoco.MjModel, layout: Layout) -> None:
-        light_or_heavy(model, layout)
-        seen.append(layout.variants["world"])
-
-    env = DuoEnv(replace(worlds, configure=note))
-    pose = SE3.at(0.5, 0.0, 0.016)
-    poses = drawn(5).poses
-    bad = Layout(
-        poses={**poses, "white_cube": pose, "black_cube": pose}, variants={"world": "heavy"}
-    )
-    good = Layout(poses=poses, variants={"world": "light"})
-    env.reset(options={"layout": env.first_valid([bad, good])})
-    assert seen == ["heavy", "light", "light"]
-
-
-@pytest.mark.parametrize("variants", [{}, {"world": "flat"}])
+@pytest.mark.parametrize("variants", [{}, {"world": "round"}])
 def test_an_unknown_variant_is_refused(worlds: Task, variants: dict[str, str]) -> None:
-    env = DuoEnv(worlds)
-    with pytest.raises(LayoutError, match="variant 'world', one of light, heavy"):
-        env.reset(options={"layout": {**drawn(5).to_json(), "variants": variants}})
+    env = SimEnv(worlds)
+    with pytest.raises(LayoutError, match="variant 'world', one of high, flat"):
+        env.reset(options={"layout": {**world("flat").to_json(), "variants": variants}})
 
 
 def test_a_variant_that_only_the_instruction_names_must_be_given(worlds: Task) -> None:
-    env = DuoEnv(replace(worlds, instruction="Go from {here}.", variants={}, configure=None))
+    env = SimEnv(replace(worlds, instruction="Go from {here}.", variants={}))
     with pytest.raises(LayoutError, match="'here'"):
-        env.reset(options={"layout": drawn(5)})
+        env.reset(options={"layout": world("flat")})
 
 
 # --- names and pictures --------------------------------------------------------------------------
 
 
-def test_names_that_tools_look_for(env: DuoEnv) -> None:
+def test_names_that_tools_look_for(env: SimEnv) -> None:
     env.reset(seed=0)
     task = catalog.get(TASK)
     assert (env.task, env.task_description) == (TASK, task.instruction)
@@ -333,7 +321,7 @@ def test_names_that_tools_look_for(env: DuoEnv) -> None:
 
 
 def test_two_environments_share_nothing_that_changes() -> None:
-    one, other = DuoEnv(catalog.get(TASK)), DuoEnv(catalog.get(TASK))
+    one, other = SimEnv(catalog.get(TASK)), SimEnv(catalog.get(TASK))
     one.reset(seed=0)
     other.reset(seed=0)
     before = other.simulation.fingerprint()
@@ -345,7 +333,7 @@ def test_two_environments_share_nothing_that_changes() -> None:
 
 
 def test_render_draws_the_overview() -> None:
-    env = DuoEnv(catalog.get(TASK), render_mode="rgb_array", render_size=(48, 64))
+    env = SimEnv(catalog.get(TASK), render_mode="rgb_array", render_size=(48, 64))
     env.reset(seed=0)
     picture = env.render()
     assert picture.shape == (48, 64, 3)
@@ -355,7 +343,7 @@ def test_render_draws_the_overview() -> None:
     env.close()
 
 
-def test_render_without_a_mode_says_what_to_do(running: DuoEnv) -> None:
+def test_render_without_a_mode_says_what_to_do(running: SimEnv) -> None:
     with pytest.raises(DuoBenchError, match="render_mode"):
         running.render()
 
@@ -363,7 +351,7 @@ def test_render_without_a_mode_says_what_to_do(running: DuoEnv) -> None:
 def test_making_and_stepping_emits_no_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        env = DuoEnv(catalog.get(TASK))
+        env = SimEnv(catalog.get(TASK))
         env.reset(seed=0)
         env.step(env.action_space.sample())
 
@@ -378,14 +366,14 @@ def test_making_and_stepping_emits_no_warning() -> None:
     ],
     ids=lambda action: str(np.asanyarray(action).dtype),
 )
-def test_what_numpy_would_convert_silently_is_refused(running: DuoEnv, action: Any) -> None:
+def test_what_numpy_would_convert_silently_is_refused(running: SimEnv, action: Any) -> None:
     with pytest.raises(ActionError, match="array of numbers"):
         running.step(action)
 
 
 def test_no_chain_of_links_leaves_the_space_of_tool_poses() -> None:
     """Stretched out in any direction, whatever the joints' ranges are."""
-    model = DuoEnv(catalog.get(TASK)).simulation.model
+    model = SimEnv(catalog.get(TASK)).simulation.model
     for side in SIDES:
         site = model.site(tcp_name(side))
         length, body = float(np.linalg.norm(site.pos)), model.body(int(site.bodyid[0]))

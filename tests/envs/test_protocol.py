@@ -16,7 +16,7 @@ from duobench.envs.config import ACTION_MODES, EnvConfig
 from duobench.envs.protocol import make_env
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.tasks import catalog
-from tests.envs.tools import TASK, base_of
+from tests.envs.tools import TASK, sim_of
 
 
 def stack(env: gym.Env) -> list[str]:
@@ -29,7 +29,7 @@ def stack(env: gym.Env) -> list[str]:
 
 def test_the_evaluation_protocol() -> None:
     env = gym.make(f"duobench/{TASK}-v1")
-    assert stack(env) == ["Cameras", "TimeLimit", "TaskStages", "RandomizedReset", "DuoEnv"]
+    assert stack(env) == ["Cameras", "TimeLimit", "TaskStages", "RandomizedReset", "SimEnv"]
     assert env.action_space.shape == (16,)
     assert set(env.observation_space) == {"agent_pos", "tool_pose", "pixels"}  # type: ignore[call-overload]
     assert env.get_wrapper_attr("config") == EnvConfig() == EnvConfig.from_options({})
@@ -49,7 +49,7 @@ def test_everything_at_once_keeps_its_place() -> None:
         "TimeLimit",
         "TaskStages",
         "RandomizedReset",
-        "DuoEnv",
+        "SimEnv",
     ]
     assert env.action_space.shape == (30, 14)
 
@@ -127,7 +127,7 @@ def test_what_cannot_be_is_refused(
 
 def test_the_options_of_one_environment_do_not_reach_another() -> None:
     make_env(TASK, cameras=False, horizon=3)
-    assert base_of(make_env(TASK, cameras=False)).definition is catalog.get(TASK)
+    assert sim_of(make_env(TASK, cameras=False)).definition is catalog.get(TASK)
 
 
 def test_attributes_are_found_on_the_outermost_environment() -> None:
@@ -171,13 +171,13 @@ def test_configuration_is_found_through_foreign_wrappers() -> None:
 
 @pytest.mark.parametrize("seed", [1.5, "5", "a", -1, True, [3]])
 def test_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
-    for env in (make_env(TASK, cameras=False), base_of(make_env(TASK, cameras=False))):
+    for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
         with pytest.raises(OptionError, match="A seed is a whole number from 0 on, got"):
             env.reset(seed=seed)
 
 
 def test_reset_options_that_are_no_dict_are_refused() -> None:
-    for env in (make_env(TASK, cameras=False), base_of(make_env(TASK, cameras=False))):
+    for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
         with pytest.raises(OptionError, match="options of a reset are a dict, got 'x'"):
             env.reset(options="x")  # type: ignore[arg-type]
 

@@ -17,7 +17,7 @@ from duobench.envs.registration import env_id
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from tests.envs.tools import TASK, base_of
+from tests.envs.tools import TASK, sim_of
 
 MODULE = """
 from dataclasses import replace
@@ -69,7 +69,7 @@ def test_a_task_needs_no_registration(mine: Task, give: str) -> None:
     task = mine if give == "object" else "duobench.tasks.bin_sort:TASK"
     env = duobench.make(task, cameras=False)
     expected = mine if give == "object" else catalog.get(TASK)
-    assert base_of(env).definition is expected
+    assert sim_of(env).definition is expected
     assert env.spec is not None
     assert env.spec.id == env_id(expected.id)
     _, info = env.reset(seed=0)
@@ -83,7 +83,7 @@ def test_a_registered_task_is_found_by_id(mine: Task) -> None:
         gym.make("duobench/my_sort-v1", cameras=False),
         duobench.make("my_sort", cameras=False),
     ):
-        assert base_of(env).definition is mine
+        assert sim_of(env).definition is mine
         assert env.get_wrapper_attr("_max_episode_steps") == 5
 
 
@@ -101,7 +101,7 @@ def test_registering_by_path_stays_a_string(
     monkeypatch.syspath_prepend(str(tmp_path))
     assert duobench.register("paths_to_sort:TASK") == env_id(mine.id)
     assert gym.spec(env_id(mine.id)).kwargs == {"task": "paths_to_sort:TASK"}
-    assert base_of(gym.make(env_id(mine.id), cameras=False)).task == mine.id
+    assert sim_of(gym.make(env_id(mine.id), cameras=False)).task == mine.id
 
 
 def test_a_module_that_registers_is_found_in_a_fresh_process(tmp_path: Path) -> None:

@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.duo_env import DuoEnv, ResetNeededError
+from duobench.envs.duo_env import ResetNeededError
+from duobench.envs.sim_env import SimEnv
 from duobench.envs.wrappers import RandomizedReset, TaskStages, TimeLimit
 from duobench.errors import ActionError, LayoutError
 from duobench.sim import placement
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.tasks import catalog
-from tests.envs.tools import TASK, base_of, equal, wave
+from tests.envs.tools import TASK, equal, sim_of, wave
 
 STEADY = ("instruction", "max_stage", "stage_to_subinstructions")
 
@@ -31,7 +32,7 @@ def env() -> Iterator[gym.Env]:
 
 
 def fingerprint(env: gym.Env) -> str:
-    return base_of(env).simulation.fingerprint()
+    return sim_of(env).simulation.fingerprint()
 
 
 def solved() -> dict[str, SE3]:
@@ -59,7 +60,7 @@ def test_a_seed_decides_the_layout_and_nothing_else_does(env: gym.Env) -> None:
 
 def test_the_layout_is_the_first_valid_one_that_the_task_draws(env: gym.Env) -> None:
     _, info = env.reset(seed=7)
-    task, simulation = catalog.get(TASK), base_of(env).simulation
+    task, simulation = catalog.get(TASK), sim_of(env).simulation
     drawn = placement.first_valid(simulation, task.layouts(7), task.id)
     assert info["layout"] == drawn.to_json()
 
@@ -137,7 +138,7 @@ def test_what_was_told_is_the_users_own(env: gym.Env) -> None:
 
 def test_the_last_stage_terminates_with_full_reward(env: gym.Env) -> None:
     env.reset(options={"layout": Layout(poses=solved())})
-    hold = base_of(env).simulation.duo.command().flat
+    hold = sim_of(env).simulation.duo.command().flat
     _, reward, terminated, truncated, info = env.step(hold)
     assert (reward, terminated, truncated) == (1.0, True, False)
     assert (info["success"], info["is_success"], info["success_at_end"]) == (True,) * 3
@@ -148,7 +149,7 @@ def test_the_last_stage_terminates_with_full_reward(env: gym.Env) -> None:
 
 
 def test_success_at_end_is_about_now_while_success_stays() -> None:
-    env = TaskStages(DuoEnv(catalog.get(TASK)))
+    env = TaskStages(SimEnv(catalog.get(TASK)))
     env.reset(options={"layout": Layout(poses=solved())})
     base = env.base
     hold = base.simulation.duo.command().flat
@@ -161,7 +162,7 @@ def test_success_at_end_is_about_now_while_success_stays() -> None:
 
 
 def test_partial_progress_is_rewarded_in_proportion() -> None:
-    env = TaskStages(DuoEnv(catalog.get(TASK)))
+    env = TaskStages(SimEnv(catalog.get(TASK)))
     poses = solved()
     poses["black_cube"] = SE3.at(0.4, 0.0, 0.016)
     env.reset(options={"layout": Layout(poses=poses)})
@@ -173,7 +174,7 @@ def test_partial_progress_is_rewarded_in_proportion() -> None:
 
 
 def test_the_horizon_truncates_and_ends_the_episode() -> None:
-    env = TimeLimit(DuoEnv(catalog.get(TASK)), horizon=3)
+    env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=3)
     for _ in range(2):
         env.reset(seed=0)
         assert [env.step(wave(k))[3] for k in range(3)] == [False, False, True]
@@ -182,7 +183,7 @@ def test_the_horizon_truncates_and_ends_the_episode() -> None:
 
 
 def test_a_refused_action_is_not_counted() -> None:
-    env = TimeLimit(DuoEnv(catalog.get(TASK)), horizon=2)
+    env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=2)
     env.reset(seed=0)
     with pytest.raises(ActionError):
         env.step(np.full(16, np.nan))
@@ -200,7 +201,7 @@ def test_the_horizon_is_the_tasks_unless_asked_otherwise(env: gym.Env) -> None:
 
 def test_a_limit_below_one_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one"):
-        TimeLimit(DuoEnv(catalog.get(TASK)), horizon=0)
+        TimeLimit(SimEnv(catalog.get(TASK)), horizon=0)
 
 
 # --- the three are independent -------------------------------------------------------------------
@@ -209,7 +210,7 @@ def test_a_limit_below_one_is_refused() -> None:
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_any_order_gives_the_same_episode(env: gym.Env, order: tuple[int, ...]) -> None:
     wrap = (RandomizedReset, TaskStages, lambda inner: TimeLimit(inner, 216))
-    other: gym.Env = DuoEnv(catalog.get(TASK))
+    other: gym.Env = SimEnv(catalog.get(TASK))
     for number in order:
         other = wrap[number](other)
     assert equal(env.reset(seed=5), other.reset(seed=5))

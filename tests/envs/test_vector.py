@@ -11,22 +11,22 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 
 from duobench.tasks import catalog
-from tests.envs.tools import TASK, base_of, equal, make_small, waves
+from tests.envs.tools import TASK, equal, make_small, waves
 
 COUNT, STEPS, SEED = 2, 8, 11
 
 
 def single_episodes() -> tuple[list[list[Any]], tuple[str, ...]]:
-    """What a lone environment shows for each seed, and the fingerprints of the final states."""
+    """What a lone environment shows for each seed, and the hashes of the final states."""
     env = make_small()
-    episodes, fingerprints = [], []
+    episodes, hashes = [], []
     for number in range(COUNT):
         told = [env.reset(seed=SEED + number)]
         told += [env.step(action) for action in waves(STEPS)]
         episodes.append(told)
-        fingerprints.append(base_of(env).simulation.fingerprint())
+        hashes.append(env.get_wrapper_attr("state_hash")())
     env.close()
-    return episodes, tuple(fingerprints)
+    return episodes, tuple(hashes)
 
 
 def played(vector: VectorEnv) -> list[Any]:
@@ -37,8 +37,8 @@ def played(vector: VectorEnv) -> list[Any]:
 
 def assert_same(vector: VectorEnv) -> None:
     batches = played(vector)
-    episodes, fingerprints = single_episodes()
-    assert vector.call("fingerprint") == fingerprints
+    episodes, hashes = single_episodes()
+    assert vector.call("state_hash") == hashes
     for number, episode in enumerate(episodes):
         for batch, alone in zip(batches, episode, strict=True):
             observations = {key: values[number] for key, values in batch[0].items()}

@@ -13,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 import duobench
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.types import DuoCommand
 
@@ -59,7 +59,7 @@ def fingerprint_of_episode(
     env.reset(seed=seed)
     for action in waves(steps):
         env.step(action)
-    result = base_of(env).simulation.fingerprint()
+    result = sim_of(env).simulation.fingerprint()
     env.close()
     return result
 

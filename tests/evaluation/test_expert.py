@@ -6,6 +6,7 @@ from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import rollout
 from duobench.evaluation.suite import find_tasks
 from duobench.randomness import episode_seed
+from tests.envs.tools import sim_of
 from tests.evaluation.conftest import small_suite
 from tests.experts.lone import make
 
@@ -16,7 +17,7 @@ def lone_fingerprint(task: str, episode: int) -> str:
     """Of an episode that is the first of a new environment and of a new expert."""
     env = make(task)
     rollout(env, ExpertPolicy(env), seed=episode_seed(task, episode))
-    fingerprint = env.get_wrapper_attr("fingerprint")()
+    fingerprint = sim_of(env).simulation.fingerprint()
     env.close()
     return fingerprint
 

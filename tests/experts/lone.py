@@ -18,7 +18,7 @@ class Episode:
 
     actions: tuple[NDArray[np.float32], ...]
     """The actions (16,) up to the one that ended the episode."""
-    fingerprint: str
+    state_hash: str
     """That of the state after the last action."""
 
 
@@ -37,7 +37,7 @@ def play(env: gym.Env, expert: ExpertPolicy, seed: int) -> Episode:
         actions.append(np.asarray(expert.act(observation), dtype=np.float32)[0])
         observation, _, terminated, truncated, _ = env.step(actions[-1])
         over = terminated or truncated
-    return Episode(actions=tuple(actions), fingerprint=env.get_wrapper_attr("fingerprint")())
+    return Episode(actions=tuple(actions), state_hash=env.get_wrapper_attr("state_hash")())
 
 
 def play_alone(name: str, seed: int) -> Episode:

@@ -10,14 +10,14 @@ from duobench.experts.registry import find_script
 from duobench.scene.fr3 import VELOCITY_LIMITS
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, SIDES
-from tests.envs.tools import base_of
+from tests.envs.tools import sim_of
 from tests.experts.lone import make
 
 
 @pytest.mark.parametrize("name", catalog.names())
 def test_an_expert_commands_no_joint_faster_than_it_moves(name: str) -> None:
     env = make(name)
-    simulation = base_of(env).simulation
+    simulation = sim_of(env).simulation
     expert = Expert(simulation, find_script(name))
     observation, info = env.reset(seed=2)
     expert.reset(info["instruction"], 2)

@@ -102,7 +102,7 @@ def test_the_file_is_written_where_there_is_none_or_nothing_differs(
 @pytest.mark.parametrize(
     ("keys", "to", "told"),
     [
-        (("model", "chest/lid", "damping"), 0.11, "chest/lid, damping: 0.11 became 0.1"),
+        (("model", "chest/lid", "damping"), 0.11, "chest/lid, damping: 0.11 became 0.03"),
         (("model", "chest/lid"), {}, "hinge_chest: chest/lid is new"),
         (("model", "other"), {"mass": 1.0}, "hinge_chest: other is gone"),
         (("model",), {}, "hinge_chest: options is new"),

@@ -44,10 +44,10 @@ def command(left: float = 0.0, right: float = 0.0, opening: float = 1.0) -> DuoC
 
 def test_the_limits_are_the_arms_own(duo: Duo) -> None:
     joints = np.delete(np.arange(16), [7, 15])
-    assert duo.low[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 0], 2))
-    assert duo.high[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 1], 2))
-    assert duo.low[[7, 15]].tolist() == [0.0, 0.0]
-    assert duo.high[[7, 15]].tolist() == [1.0, 1.0]
+    assert duo.limits.low[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 0], 2))
+    assert duo.limits.high[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 1], 2))
+    assert duo.limits.low[[7, 15]].tolist() == [0.0, 0.0]
+    assert duo.limits.high[[7, 15]].tolist() == [1.0, 1.0]
 
 
 def ramped(sim: Simulation, goal: DuoCommand) -> np.ndarray:
@@ -169,7 +169,7 @@ def test_arms_that_are_driven_into_each_other_do_not_sink_in(sim: Simulation) ->
         flat = sim.duo.command().flat
         flat[[0, 8]] += [-1.0, 1.0]
         flat[[1, 9]] += 0.05
-        sim.step(DuoCommand.from_flat(sim.duo.limit(flat)))
+        sim.step(DuoCommand.from_flat(sim.duo.limits.clip(flat, sim.duo.command().flat)))
         deepest = max([deepest, *(depth for *_, depth in sim.contacts.deepest(0.0))])
     assert 0.0005 < deepest < 0.005
 

@@ -236,6 +236,23 @@ def test_speed_of_a_falling_and_turning_prop(sim: Simulation) -> None:
     assert sim.speed("cube") == pytest.approx((0.5, 2.0))
 
 
+@pytest.mark.parametrize("own", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.1)])
+def test_what_moves_along_with_a_turning_prop_is_at_rest_on_it(
+    sim: Simulation, own: tuple[float, float, float]
+) -> None:
+    slab = SE3.at(0.5, 0.0, 0.5, yaw=0.7) @ SE3.about((1.0, 2.0, 3.0), 0.9)
+    at, linear, turn = np.array([0.04, -0.03, 0.05]), np.array([0.2, 0.5, -0.4]), [1.0, -2.0, 3.0]
+    sim.place("slab", slab)
+    sim.place("cube", slab @ SE3.at(*at))
+    velocities = {"slab": linear, "cube": linear + slab.rotation @ (np.cross(turn, at) + own)}
+    for name, velocity in velocities.items():
+        start = sim.model.joint(name).dofadr[0]
+        sim.data.qvel[start : start + 6] = [*velocity, *turn]
+    sim.refresh()
+    assert sim.relative_speed("cube", "slab") == pytest.approx(math.hypot(*own), abs=1e-9)
+    assert sim.relative_speed("cube", "chest") == pytest.approx(sim.speed("cube")[0])
+
+
 def test_the_angle_of_a_hinge(sim: Simulation) -> None:
     assert sim.angle(LID) == pytest.approx(0.0, abs=0.01)
     sim.data.qpos[sim.model.joint(LID).qposadr[0]] = 0.7
@@ -249,6 +266,7 @@ def test_the_angle_of_a_hinge(sim: Simulation) -> None:
         lambda sim: sim.pose("cbue"),
         lambda sim: sim.place("cbue", SE3()),
         lambda sim: sim.offset("cube", "cbue"),
+        lambda sim: sim.relative_speed("cube", "cbue"),
         lambda sim: sim.angle("cbue"),
         lambda sim: sim.site_pose("cbue"),
     ],

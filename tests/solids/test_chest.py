@@ -3,7 +3,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from duobench.solids.chest import HINGE, OUTER_Y, PIN_RADIUS, RIM_HEIGHT, chest_box, chest_lid
+from duobench.solids.chest import (
+    HINGE,
+    LID_LIMITS,
+    OUTER_Y,
+    PIN_RADIUS,
+    RIM_HEIGHT,
+    chest_box,
+    chest_lid,
+)
 from duobench.solids.shapes import cylinder
 from duobench.solids.solid import PLA_DENSITY, Solid, mass_properties, mesh_of, printable
 from duobench.solids.solid import manifold_of as exact
@@ -38,14 +46,25 @@ def test_what_collides_is_what_is_drawn(name: str) -> None:
     assert mesh(solid).volume == pytest.approx(volume, rel=0.02)
 
 
-def overlap(solid: Solid, radius: float, axis: SE3) -> float:
-    """Volume in m³ that a pin along y through `axis` shares with a solid."""
+def printed(solid: Solid) -> manifold3d.Manifold:
+    """What a printer makes of it."""
     surface = printable(solid)
     vertices = np.array(surface.vertices, order="C")
     faces = np.array(surface.faces, dtype=np.uint64, order="C")
-    body = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces))
+    return manifold3d.Manifold(manifold3d.Mesh64(vertices, faces))
+
+
+def overlap(solid: Solid, radius: float, axis: SE3) -> float:
+    """Volume in m³ that a pin along y through `axis` shares with a solid."""
     pose = axis @ SE3.about((1, 0, 0), np.pi / 2)
-    return (body ^ exact(cylinder(radius, 2 * OUTER_Y, at=pose))).volume()
+    return (printed(solid) ^ exact(cylinder(radius, 2 * OUTER_Y, at=pose))).volume()
+
+
+def clash(angle: float) -> float:
+    """Volume in m³ that the printed lid, open by an angle, shares with the printed box."""
+    pose = SE3.at(*HINGE) @ SE3.about((0, 1, 0), angle)
+    lid = printed(PARTS["lid"]).transform(np.column_stack([pose.rotation, pose.translation]))
+    return (printed(PARTS["box"]) ^ lid).volume()
 
 
 @pytest.mark.parametrize(("name", "axis"), [("box", SE3.at(*HINGE)), ("lid", SE3())])
@@ -56,3 +75,9 @@ def test_a_pin_runs_through_lugs_and_barrel(name: str, axis: SE3) -> None:
 
 def test_the_hinge_is_above_the_rim() -> None:
     assert HINGE[2] > RIM_HEIGHT
+
+
+def test_posts_stop_the_printed_lid_where_the_simulated_one_stops() -> None:
+    for angle in np.linspace(*LID_LIMITS, 30):
+        assert clash(float(angle)) == pytest.approx(0.0, abs=1e-15)
+    assert clash(LID_LIMITS[1] + np.radians(1.0)) > 1e-9

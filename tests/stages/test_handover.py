@@ -5,11 +5,12 @@ import pytest
 
 from duobench.experts.handover import let_go, pick_bar
 from duobench.experts.motion import Arms, Script
-from duobench.experts.transfer_cube import BAR, MEETING_POINT
-from duobench.sim.placement import Layout
+from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.sim.layout import Layout
 from duobench.solids.blocks import CUBE_EDGE
 from duobench.spatial import SE3
 from duobench.stages.handover import handover
+from duobench.stages.predicates import Predicate, touching
 from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
 from tests.handovers import bring, drop, meet
@@ -36,7 +37,7 @@ def bench() -> Stageplay:
 @pytest.fixture(scope="module")
 def moments(bench: Stageplay) -> Moments:
     """States by letter: on the (t)able, held by (r)ight, (b)oth, (l)eft alone, by left against the
-    bowl (i), in the bowl and (f)ree.
+    bowl (i), in the bowl and (f)ree, in the air and held by (n)obody.
     """
     saved: Moments = {}
 
@@ -55,29 +56,40 @@ def moments(bench: Stageplay) -> Moments:
         keep("i")
         yield from drop(arms, LEFT)
         keep("f")
+        bench.sim.place("cube", SE3.at(0.9, 0.0, 0.3))
+        bench.sim.refresh()
+        keep("n")
 
     def meet_again(arms: Arms) -> Script:
-        yield from meet(arms, BAR, MEETING_POINT, grip_at=0.022, slant=0.5)
+        yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP, slant=SLANT)
 
     bench.start(layout=LAYOUT)
     bench.act(whole_way)
     return saved
 
 
-def delivered(bench: Stageplay, moments: Moments, letters: str) -> dict[Side, bool]:
-    """Who has delivered the cube at the end of a sequence of moments."""
+def answer(bench: Stageplay, moments: Moments, letters: str, question: Predicate) -> bool:
+    """Whether a predicate holds at the end of a sequence of moments."""
     bench.start(layout=LAYOUT)
     lowest = {"cube": bench.sim.lowest("cube")}
-    recalls = {side: Recall(p) for side, p in handover("cube", "bowl").delivered.items()}
-    answers: dict[Side, bool] = {}
+    recall = Recall(question)
+    yes = False
     for letter in letters:
         bench.sim.restore(moments[letter])
-        answers = {side: recall.ask(bench.sim, lowest) for side, recall in recalls.items()}
-    return answers
+        yes = recall.ask(bench.sim, lowest)
+    return yes
 
 
 def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments) -> None:
-    hands = {"t": (), "r": (RIGHT,), "b": (LEFT, RIGHT), "l": (LEFT,), "i": (LEFT,), "f": ()}
+    hands = {
+        "t": (),
+        "r": (RIGHT,),
+        "b": (LEFT, RIGHT),
+        "l": (LEFT,),
+        "i": (LEFT,),
+        "f": (),
+        "n": (),
+    }
     supports = {"t": "table", "i": "bowl", "f": "bowl"}
     for letter, state in moments.items():
         bench.sim.restore(state)
@@ -92,30 +104,78 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
 @pytest.mark.parametrize(
     ("letters", "receiver"),
     [
-        ("trblif", LEFT),
-        ("trrbblliff", LEFT),
-        ("trlif", None),  # caught: never in both hands
-        ("tbllif", None),  # nobody gave it
-        ("tlif", None),
-        ("trbrif", None),  # the giver keeps it
-        ("trbtlif", None),  # dropped while both had it
-        ("trblbrif", None),  # handed back
-        ("trblrif", None),
-        ("trblbrblif", LEFT),
-        ("trblbrtrblif", LEFT),
-        ("tlbrtrblif", LEFT),  # a new one, after one the other way round was put down
-        ("tlbrf", RIGHT),
-        ("tlbrblf", None),
-        ("trbltlif", LEFT),  # dropped by the receiver and picked up again
-        ("trbltif", None),  # dropped by the receiver and pushed
-        ("trblbif", None),  # the giver touches it once more
-        ("trblblif", LEFT),
-        ("trbt" * 9 + "rblif", LEFT),
-        ("trbt" * 9 + "lif", None),
+        ("trbl", LEFT),
+        ("trrbbll", LEFT),
+        ("trlbl", LEFT),
+        ("trl", None),  # caught: never in both hands
+        ("tbl", None),  # nobody gave it
+        ("tl", None),
+        ("trb", None),
+        ("trbr", None),  # the giver keeps it
+        ("trbtl", None),  # dropped while both had it
+        ("trbnl", LEFT),  # contacts that are lost for one step
+        ("trbnnnl", None),  # let go, and caught
+        ("trnbl", LEFT),
+        ("trbrl", None),
+        ("trbtrl", None),
+        ("trblbr", None),  # handed back
+        ("trblr", None),
+        ("trblbrbl", LEFT),  # and handed over again
+        ("trblbrtrbl", LEFT),
+        ("tlbrtrbl", LEFT),  # a new one, after one the other way round was put down
+        ("tlbr", RIGHT),
+        ("tlbrbl", None),
+        ("trbrblblbrbl", LEFT),  # contacts that flicker
+        ("trbt" * 9 + "rbl", LEFT),
+        ("trbt" * 9 + "l", None),
     ],
 )
-def test_who_delivered(
+def test_who_received(
     bench: Stageplay, moments: Moments, letters: str, receiver: Side | None
 ) -> None:
-    answers = delivered(bench, moments, letters)
-    assert [side for side, yes in answers.items() if yes] == ([receiver] if receiver else [])
+    received = handover("cube", "bowl").received
+    assert [s for s, p in received.items() if answer(bench, moments, letters, p)] == (
+        [receiver] if receiver else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("letters", "put"),
+    [
+        ("trblif", True),
+        ("trbliff", True),
+        ("trblbrblif", True),  # handed back and over again
+        ("tlbrtrblif", True),
+        ("trblbif", False),  # the giver touches it once more
+        ("trblblif", True),
+        ("trbltlif", True),  # dropped by the receiver and picked up again
+        ("trbltif", False),  # dropped by the receiver and pinched in the bowl
+        ("trblfffif", False),
+        ("trblfff", False),  # dropped from afar
+        ("trblnif", True),
+        ("trblnnnif", False),
+        ("trbltrtlif", False),  # given back by way of the table
+        ("trblbrif", False),  # handed back
+        ("trblrif", False),
+        ("trlif", False),
+        ("trbliftt", False),  # out of the bowl again
+        ("trbliftf", False),
+    ],
+)
+def test_what_was_put_there(bench: Stageplay, moments: Moments, letters: str, put: bool) -> None:
+    in_bowl = touching("cube", "bowl")
+    words = handover("cube", "bowl")
+    assert answer(bench, moments, letters, words.put(in_bowl, until=~in_bowl)) == put
+
+
+@pytest.mark.parametrize(
+    ("letters", "put"), [("trblif", True), ("trblitf", False), ("trblibf", False)]
+)
+def test_what_was_put_there_is_not_touched_again(
+    bench: Stageplay, moments: Moments, letters: str, put: bool
+) -> None:
+    """By the other arm, or by the table."""
+    never = touching("cube", "bowl") & ~touching("cube", "bowl")
+    words = handover("cube", "bowl")
+    question = words.put(touching("cube", "bowl"), until=never)
+    assert answer(bench, moments, letters, question) == put

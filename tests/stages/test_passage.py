@@ -8,17 +8,19 @@ from duobench.solids.gate import RING_HEIGHT, gate
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages.passage import EXIT_DEPTH, Hole, passage
+from duobench.stages.predicates import Predicate
 from tests.recall import Recall
 
-RADIUS = 0.10
+RADIUS, RIM = 0.10, 0.115
 GATE = SE3.at(0.4, 0.1, yaw=0.5)
 PLACES = {
     "n": (0.0, -0.02, 0.0),  # near, before the hole
     "f": (0.0, -0.3, 0.0),  # near, far from it
     "e": (0.0, 0.02, 0.0),  # in front of the exit
     "r": (0.09, 0.02, 0.0),  # in front of the exit, at its rim
-    "b": (0.11, 0.02, 0.0),  # beside the exit
-    "a": (0.0, 0.02, 0.11),  # above it
+    "b": (0.13, 0.02, 0.0),  # beside the exit
+    "a": (0.0, 0.02, 0.13),  # above it
+    "i": (0.11, 0.02, 0.0),  # inside the hole, too far from its centre
     "d": (0.0, EXIT_DEPTH + 0.03, 0.0),  # on the far side, some way off
 }
 
@@ -34,7 +36,9 @@ def sim() -> Simulation:
     ("way", "crossing", "through"),
     [
         ("fned", "0010", "0011"),
-        ("fnnrrdd", "0001100", "0001111"),
+        ("fnnrrdd", "0001000", "0001111"),
+        ("fni", "000", "000"),
+        ("fninedd", "0000100", "0000111"),  # too far from the centre, then not
         ("fnb", "000", "000"),
         ("fna", "000", "000"),
         ("fnd", "000", "000"),
@@ -45,18 +49,46 @@ def sim() -> Simulation:
         ("nededed", "0100000", "0111111"),
         ("nenbed", "010000", "010000"),  # through, back, around into the exit
         ("nenened", "0101010", "0101011"),
+        ("nbened", "000000", "000000"),  # around, backwards through, and out again
+        ("nbined", "000000", "000000"),  # the same, near the edge
+        ("nbenebfned", "0000000010", "0000000011"),  # the same, then back around, and through
         ("e", "0", "0"),
     ],
 )
 def test_the_way_tells(sim: Simulation, way: str, crossing: str, through: str) -> None:
-    words = passage("cube", Hole(body="gate", height=RING_HEIGHT, radius=RADIUS))
-    crosses, came_through = Recall(words.crossing), Recall(words.through)
+    assert answers_on(sim, way, "1" * len(way)) == (crossing, through)
+
+
+@pytest.mark.parametrize(
+    ("held", "crossing"),
+    [
+        ("1111", "0010"),
+        ("0010", "0010"),
+        ("0100", "0010"),  # a grasp that flickers for one step
+        ("1000", "0000"),  # thrown
+        ("1001", "0000"),  # and caught
+        ("0000", "0000"),
+    ],
+)
+def test_what_comes_through_is_held(sim: Simulation, held: str, crossing: str) -> None:
+    answers = answers_on(sim, "fned", held)
+    assert answers == (crossing, "0011" if "1" in crossing else "0000")
+
+
+def answers_on(sim: Simulation, way: str, held: str) -> tuple[str, str]:
+    """Whether the object crosses the hole, and whether it is through, at each place of a way."""
+    hands = {"held": False}
+    grasp = Predicate("held", lambda _: hands["held"])
+    hole = Hole(body="gate", height=RING_HEIGHT, radius=RADIUS, rim=RIM)
+    words = passage("cube", hole, held=grasp)
+    both = Recall(words.crossing), Recall(words.through)
     sim.place("gate", GATE)
     answers = []
-    for place in way:
+    for place, hand in zip(way, held, strict=True):
+        hands["held"] = hand == "1"
         x, y, z = PLACES[place]
         sim.place("cube", GATE @ SE3.at(x, y, RING_HEIGHT + z))
         sim.refresh()
-        answers.append((crosses.ask(sim), came_through.ask(sim)))
-    expected = [(c == "1", t == "1") for c, t in zip(crossing, through, strict=True)]
-    assert answers == expected
+        answers.append([str(int(recall.ask(sim))) for recall in both])
+    crossing, through = ("".join(column) for column in zip(*answers, strict=True))
+    return crossing, through

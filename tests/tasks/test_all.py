@@ -20,7 +20,7 @@ from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import SIDES
-from tests.envs.tools import base_of, check, equal, fingerprint_of_episode, waves
+from tests.envs.tools import check, equal, fingerprint_of_episode, sim_of, waves
 
 SEEDS = range(20)
 MAX_LINES = 120
@@ -43,7 +43,7 @@ def env(task: Task) -> Iterator[gym.Env]:
 
 @pytest.fixture
 def sim(env: gym.Env) -> Simulation:
-    return base_of(env).simulation
+    return sim_of(env).simulation
 
 
 # --- the declaration -----------------------------------------------------------------------------

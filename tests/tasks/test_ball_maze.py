@@ -4,29 +4,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from duobench.experts.ball_maze import script
+from duobench.experts.ball_maze import grasp, lift, script
 from duobench.experts.motion import Arms, Script, carry, down, grip, move, release, wait
-from duobench.scene.maze_walls import set_walls, standing_walls
-from duobench.scene.naming import pad_names
-from duobench.sim.placement import Layout
+from duobench.sim.contacts import Limb, limb_owner
+from duobench.sim.layout import Layout
 from duobench.solids.maze_board import (
     BALL_RADIUS,
     BASE,
     CELLS,
     PITCH,
     WALL,
+    WALL_HEIGHT,
     cell_at,
     cell_centre,
     wall_numbers,
+    wall_variants,
 )
-from duobench.solids.mazes import GOAL, MAZES, START, Direction, Maze
+from duobench.solids.mazes import GOAL, MAZES, START, Direction
 from duobench.spatial import SE3
-from duobench.tasks.ball_maze import TAKEN, TASK
-from duobench.types import Side
+from duobench.tasks.ball_maze import RAISE, TASK
+from duobench.types import SIDES, Side
 from tests.stageplay import Stageplay
 
-STEPS_TO_GRASP, STEPS_TO_LIFT = 57, 75
-"""Control steps in which the expert has grasped the board, and has lifted it and not yet tilted."""
 HALF_ROOM = (CELLS * PITCH - WALL) / 2 - BALL_RADIUS
 """How far the ball's centre can be from the board's along either axis, in metres."""
 
@@ -49,6 +48,18 @@ def on_board(bench: Stageplay, x: float, y: float, z: float = BALL_RADIUS) -> SE
 def ball(bench: Stageplay) -> np.ndarray:
     """Where the ball is in the board's frame."""
     return bench.sim.pose("board").inverse().apply(bench.sim.position("ball"))
+
+
+def grasped(bench: Stageplay) -> None:
+    """Both arms grasp the board, which lies on the table."""
+    assert bench.act(lambda arms: grasp(arms, *SIDES)) == 2
+    assert bench.sim.contacts.between("board", "table")
+
+
+def lifted(bench: Stageplay) -> None:
+    """Both arms hold the board level in the air, with the ball at the start."""
+    grasped(bench)
+    assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
 
 
 def push_ball(bench: Stageplay, speed: float, angle: float) -> None:
@@ -74,22 +85,18 @@ def test_the_expert_solves_every_board_and_passes_the_stages_in_order(
 
 def test_a_ball_that_was_moved_on_the_table_does_not_count(bench: Stageplay) -> None:
     bench.start(0)
-    assert bench.run_for(script, STEPS_TO_GRASP) == 2
-    assert bench.sim.contacts.between("board", "table")
+    grasped(bench)
     bench.put(ball=on_board(bench, *cell_centre(GOAL)))
     assert bench.stage == 2
 
-    def lift(arms: Arms) -> Script:
-        yield from carry(arms, "board", arms.sim.pose("board").moved(z=0.05), speed=0.2)
-        yield from wait(10)
-
-    assert bench.act(lift) == 2
+    assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
+    assert bench.hold(10) == 2
     assert not bench.sim.contacts.between("board", "table")
 
 
 def test_a_ball_that_rolled_in_the_air_counts(bench: Stageplay) -> None:
     bench.start(0)
-    assert bench.run_for(script, STEPS_TO_LIFT) == 2
+    lifted(bench)
     bench.put(ball=on_board(bench, 0.0, 0.0))
     assert bench.stage == 3
     bench.put(ball=on_board(bench, *cell_centre(GOAL)))
@@ -98,7 +105,7 @@ def test_a_ball_that_rolled_in_the_air_counts(bench: Stageplay) -> None:
 
 def test_a_ball_at_the_goal_that_skipped_the_way_takes_two_steps(bench: Stageplay) -> None:
     bench.start(0)
-    bench.run_for(script, STEPS_TO_LIFT)
+    lifted(bench)
     bench.put(ball=on_board(bench, *cell_centre(GOAL)))
     assert bench.stage == 3
 
@@ -107,7 +114,7 @@ def test_a_ball_in_the_goals_cell_but_far_from_its_centre_does_not_count(
     bench: Stageplay,
 ) -> None:
     bench.start(0)
-    bench.run_for(script, STEPS_TO_LIFT)
+    lifted(bench)
     x, y = cell_centre(GOAL)
     for _ in range(2):
         bench.put(ball=on_board(bench, x - 0.016, y))
@@ -116,11 +123,11 @@ def test_a_ball_in_the_goals_cell_but_far_from_its_centre_does_not_count(
 
 def test_a_ball_off_the_board_does_not_count(bench: Stageplay) -> None:
     bench.start(0)
-    bench.run_for(script, STEPS_TO_LIFT)
+    lifted(bench)
     x, y, _ = bench.sim.position("board")
     elsewhere = SE3.at(x + 0.25, y, BALL_RADIUS)
     below_the_goal = on_board(bench, *cell_centre(GOAL), z=-0.02)
-    above_the_goal = on_board(bench, *cell_centre(GOAL), z=0.04)
+    above_the_goal = on_board(bench, *cell_centre(GOAL), z=WALL_HEIGHT + 0.001)
     for pose in (elsewhere, below_the_goal, above_the_goal):
         for _ in range(2):
             bench.put(ball=pose)
@@ -129,7 +136,7 @@ def test_a_ball_off_the_board_does_not_count(bench: Stageplay) -> None:
 
 def test_a_board_that_is_put_down_does_not_count(bench: Stageplay) -> None:
     bench.start(0)
-    bench.run_for(script, STEPS_TO_LIFT)
+    lifted(bench)
     bench.put(ball=on_board(bench, 0.0, 0.0))
     bench.act(lambda arms: release(arms, Side.LEFT))
     bench.put(ball=on_board(bench, *cell_centre(GOAL)))
@@ -137,15 +144,15 @@ def test_a_board_that_is_put_down_does_not_count(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("rolled", [True, False])
-@pytest.mark.parametrize("bumped", [True, False])
-def test_a_ball_that_moves_on_a_board_put_down_again_does_not_count(
-    bench: Stageplay, rolled: bool, bumped: bool
+@pytest.mark.parametrize(("steps", "spoilt"), [(0, False), (1, False), (4, True)])
+def test_a_ball_that_rolls_on_a_board_put_down_again_does_not_count(
+    bench: Stageplay, rolled: bool, steps: int, spoilt: bool
 ) -> None:
     bench.start(0)
-    bench.run_for(script, STEPS_TO_GRASP)
+    grasped(bench)
     on_table = bench.sim.save()
     bench.start(0)
-    assert bench.run_for(script, STEPS_TO_LIFT) == 2
+    lifted(bench)
     aloft = bench.sim.save()
     if rolled:
         bench.put(ball=on_board(bench, 0.0, 0.0))
@@ -153,20 +160,65 @@ def test_a_ball_that_moves_on_a_board_put_down_again_does_not_count(
     bench.sim.restore(on_table)
     assert bench.sim.contacts.between("board", "table")
     bench.put(ball=on_board(bench, 0.0, 0.0))
-    if bumped:
-        push_ball(bench, 0.1, 0.0)
+    push_ball(bench, 0.1, 0.0)
+    for _ in range(steps):
         bench.judge()
 
     bench.sim.restore(aloft)
     for cell in ((2, 2), GOAL):
         bench.put(ball=on_board(bench, *cell_centre(cell)))
-    assert bench.stage == (4 if not bumped else 3 if rolled else 2)
+    assert bench.stage == (4 if not spoilt else 3 if rolled else 2)
     assert solved_from_the_start(bench)
+
+
+def test_a_board_may_be_put_down_and_lifted_again(bench: Stageplay) -> None:
+    bench.start(0)
+    bench.reach(script, 3)
+
+    def rest(arms: Arms) -> Script:
+        board = arms.sim.pose("board")
+        x, y, _ = board.translation
+        for z in (0.07, BASE):
+            yield from carry(arms, "board", SE3.at(x, y, z, yaw=board.yaw), speed=0.1)
+            yield from wait(30)
+        yield from release(arms, *SIDES, opening=0.32)
+        up = {side: pose.moved(z=0.08) for side, pose in arms.targets.items()}
+        yield from move(arms, up, speed=0.1)
+        yield from script(arms)
+
+    assert bench.act(rest) == 4
+
+
+def test_a_ball_at_the_goal_of_a_board_on_the_table_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    grasped(bench)
+    on_table = bench.sim.save()
+    assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
+    aloft = bench.sim.save()
+    bench.put(ball=on_board(bench, 0.0, 0.0))
+    for state, stage in ((on_table, 3), (aloft, 4)):
+        bench.sim.restore(state)
+        bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+        assert bench.stage == stage
+
+
+@pytest.mark.parametrize(("above", "stage"), [(-0.001, 2), (0.001, 3)])
+def test_a_board_is_lifted_from_10_mm_on(bench: Stageplay, above: float, stage: int) -> None:
+    bench.start(0)
+    grasped(bench)
+    x, y, _ = bench.sim.position("board")
+    # The grips slide up between the pads.
+    bench.sim.place("board", SE3.at(x, y, BASE + RAISE + above, yaw=bench.sim.pose("board").yaw))
+    bench.sim.refresh()
+    for cell in (START, (2, 2)):
+        bench.put(ball=on_board(bench, *cell_centre(cell)))
+    assert all(bench.sim.contacts.pads(side, "board") for side in SIDES)
+    assert bench.stage == stage
 
 
 def test_a_board_that_leans_on_the_table_is_not_lifted(bench: Stageplay) -> None:
     bench.start(2)
-    bench.run_for(script, STEPS_TO_LIFT)
+    lifted(bench)
     pose = bench.sim.pose("board")
     apart = bench.arms.tool(Side.LEFT).translation - bench.arms.tool(Side.RIGHT).translation
     turn = SE3.about(np.cross((0.0, 0.0, 1.0), apart), 0.2)
@@ -182,7 +234,7 @@ def test_a_board_that_leans_on_the_table_is_not_lifted(bench: Stageplay) -> None
         bench.advance()
         bench.put(ball=on_board(bench, *at))
     assert bench.sim.contacts.between("board", "table")
-    assert bench.sim.position("board")[2] > BASE + TAKEN
+    assert bench.sim.position("board")[2] > BASE + RAISE
     bench.put(ball=on_board(bench, 0.0, 0.0))
     assert bench.stage == 2
 
@@ -194,17 +246,26 @@ def solved_from_the_start(bench: Stageplay) -> bool:
     return bench.stage == 4
 
 
-def touched(bench: Stageplay) -> None:
-    """Let a finger of the left gripper touch the ball."""
-    pad = bench.sim.model.body(pad_names(Side.LEFT)[0])
-    bench.put(ball=SE3.at(*bench.sim.data.geom_xpos[pad.geomadr[0]]))
-    assert bench.sim.contacts.gripper(Side.LEFT, "ball")
+def touched(bench: Stageplay, limb: Limb) -> None:
+    """For one step let a part of the left arm touch the ball, where it lies on the board."""
+    before = bench.sim.save()
+    owner = limb_owner(Side.LEFT, limb)
+    for point in bench.sim.data.geom_xpos.copy():
+        bench.sim.place("ball", SE3.at(*point))
+        bench.sim.place("board", SE3.at(*point).moved(z=-BALL_RADIUS))
+        bench.sim.refresh()
+        if owner in bench.sim.contacts.partners("ball") <= {owner, "board"}:
+            break
+    assert bench.sim.contacts.between("ball", owner)
+    bench.judge()
+    bench.sim.restore(before)
 
 
-def test_a_ball_that_a_finger_carried_does_not_count(bench: Stageplay) -> None:
+@pytest.mark.parametrize("limb", [Limb.HAND, Limb.ARM])
+def test_a_ball_that_the_robot_moved_does_not_count(bench: Stageplay, limb: Limb) -> None:
     bench.start(0)
-    assert bench.run_for(script, STEPS_TO_LIFT) == 2
-    touched(bench)
+    lifted(bench)
+    touched(bench, limb)
     for _ in range(2):
         bench.put(ball=on_board(bench, *cell_centre(GOAL)))
     assert bench.stage == 2
@@ -212,10 +273,27 @@ def test_a_ball_that_a_finger_carried_does_not_count(bench: Stageplay) -> None:
     for cell in (START, (2, 2)):
         bench.put(ball=on_board(bench, *cell_centre(cell)))
     assert bench.stage == 3
-    touched(bench)
+    touched(bench, limb)
     for _ in range(2):
         bench.put(ball=on_board(bench, *cell_centre(GOAL)))
     assert bench.stage == 3
+    assert solved_from_the_start(bench)
+
+
+@pytest.mark.parametrize(("above", "stages"), [(-0.001, (3, 4)), (0.001, (2, 3))])
+def test_a_ball_that_hops_higher_than_the_walls_does_not_count(
+    bench: Stageplay, above: float, stages: tuple[int, int]
+) -> None:
+    bench.start(0)
+    lifted(bench)
+    hop = on_board(bench, 0.0, 0.0, z=WALL_HEIGHT + above)
+    bench.put(ball=hop)
+    bench.put(ball=on_board(bench, 0.0, 0.0))
+    assert bench.stage == stages[0]
+    for pose in (on_board(bench, *cell_centre(START)), on_board(bench, 0.0, 0.0), hop):
+        bench.put(ball=pose)
+    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+    assert bench.stage == stages[1]
     assert solved_from_the_start(bench)
 
 
@@ -241,7 +319,9 @@ def test_a_touch_before_the_board_is_taken_up_does_no_harm(bench: Stageplay) -> 
 def test_the_ball_cannot_leave_a_level_board(bench: Stageplay, speed: float) -> None:
     for angle in np.linspace(0, 2 * math.pi, 8, endpoint=False):
         bench.start(0)
-        set_walls(bench.sim.model, "board", Maze(frozenset()))
+        for number in wall_numbers().values():
+            wall = bench.sim.model.geom(f"board:{number}")
+            wall.contype, wall.conaffinity = 0, 0
         bench.put(ball=on_board(bench, 0.0, 0.0))
         push_ball(bench, speed, angle)
         bench.hold(45)
@@ -252,20 +332,26 @@ def test_the_ball_cannot_leave_a_level_board(bench: Stageplay, speed: float) -> 
 
 def test_the_ball_stays_at_the_start_while_the_board_is_level(bench: Stageplay) -> None:
     bench.start(0)
-    assert bench.run_for(script, STEPS_TO_LIFT) == 2
+    lifted(bench)
     assert np.linalg.norm(ball(bench)[:2] - cell_centre(START)) < 0.012
 
 
 def test_the_walls_of_the_layouts_maze_stand_and_no_others(bench: Stageplay) -> None:
     model = bench.sim.model
+    pictures = {board: variant.without_pictures for board, variant in wall_variants().items()}
     for board in (9, 0, 4, 4, 1):
         bench.start(layout=layout_of(bench, seed=0, board=board))
-        assert standing_walls(model, "board") == MAZES[board]
         for segment, number in wall_numbers().items():
             geom = model.geom(f"board:{number}")
             stands = segment in MAZES[board].walls
             assert (geom.contype[0] > 0) == (geom.conaffinity[0] > 0) == stands
-            assert geom.rgba[3] == float(stands)
+        seen = {
+            number
+            for number in frozenset().union(*pictures.values())
+            if model.geom(f"board:picture{number}").rgba[3]
+        }
+        assert seen == frozenset().union(*pictures.values()) - pictures[str(board)]
+        assert len(seen) == 1
 
 
 def test_a_wall_stops_the_ball_and_a_passage_lets_it_through(bench: Stageplay) -> None:

@@ -4,13 +4,13 @@ from collections.abc import Callable
 import pytest
 
 from duobench.experts.bin_sort import script
-from duobench.experts.motion import Arms, Script, down, move, pick, release
+from duobench.experts.motion import Arms, Script, down, move, pick, pick_cube, release
 from duobench.scene.naming import TABLE
 from duobench.solids.blocks import CUBE_EDGE
 from duobench.solids.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.spatial import SE3
 from duobench.tasks.bin_sort import TASK
-from duobench.types import Side
+from duobench.types import SIDES, Side
 from tests.stageplay import Stageplay
 
 IN_BOWL = 0.004 + CUBE_EDGE / 2 + 0.0005
@@ -34,12 +34,107 @@ def test_the_expert_sorts_both_cubes(bench: Stageplay) -> None:
         assert 2 in bench.history
 
 
-def test_a_cube_in_its_bowl_counts_and_both_are_the_end(bench: Stageplay) -> None:
+def test_the_end_of_the_expert_stays(bench: Stageplay) -> None:
     bench.start(0)
-    bench.put(white_cube=_in(bench, "white_bowl"))
+    assert bench.run_for(script, TASK.horizon) == 5
+    for _ in range(10):
+        bench.hold(6)
+        assert bench.progress.final_holds
+
+
+@pytest.mark.parametrize(("one", "other"), [("white", "black"), ("black", "white")])
+def test_a_cube_in_its_bowl_counts_and_both_are_the_end(
+    bench: Stageplay, one: str, other: str
+) -> None:
+    bench.start(0)
+    bench.put(**{f"{one}_cube": _in(bench, f"{one}_bowl")})
     assert bench.hold(10) == 3
-    bench.put(black_cube=_in(bench, "black_bowl"))
+    bench.put(**{f"{other}_cube": _in(bench, f"{other}_bowl")})
     assert bench.hold(10) == 5
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_cube_in_its_bowl_and_the_other_one_lifted_are_stage_four(
+    bench: Stageplay, side: Side
+) -> None:
+    lifted, lying = ("white", "black") if side is Side.LEFT else ("black", "white")
+    bench.start(0)
+    bench.act(lambda arms: pick_cube(arms, side, f"{lifted}_cube", 0.028))
+    assert bench.stage == 1
+    bench.put(**{f"{lying}_cube": _in(bench, f"{lying}_bowl")})
+    assert bench.hold(10) == 4
+
+
+def test_both_cubes_lifted_together_are_stage_two(bench: Stageplay) -> None:
+    bench.start(0)
+    for side, cube in ((Side.LEFT, "white_cube"), (Side.RIGHT, "black_cube")):
+        bench.act(lambda arms, side=side, cube=cube: pick_cube(arms, side, cube, 0.028))
+        assert bench.stage == (1 if side is Side.LEFT else 2)
+
+
+@pytest.mark.parametrize("speed", [0.06, 0.5, 1.5])
+@pytest.mark.parametrize("direction", [0, 2])
+def test_a_cube_that_flies_through_its_bowl_does_not_count(
+    bench: Stageplay, speed: float, direction: int
+) -> None:
+    """It touches the bowl's floor, and moves."""
+    bench.start(0)
+    bench.sim.place("white_cube", _in(bench, "white_bowl").moved(z=-0.0007))
+    start = bench.sim.model.joint("white_cube").dofadr[0]
+    bench.sim.data.qvel[start + direction] = speed
+    bench.sim.refresh()
+    assert bench.sim.contacts.between("white_cube", "white_bowl")
+    assert bench.judge() == 0
+
+
+def test_a_cube_that_spins_in_its_bowl_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    bench.sim.place("white_cube", _in(bench, "white_bowl").moved(z=-0.0007))
+    start = bench.sim.model.joint("white_cube").dofadr[0]
+    bench.sim.data.qvel[start + 5] = 0.6
+    bench.sim.refresh()
+    assert bench.judge() == 0
+
+
+LYING = SE3.about((1, 0, 0), math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    "bowl",
+    [
+        SE3.at(0.45, 0.45, 0.10),
+        SE3.at(0.45, 0.45, -0.8094),
+        SE3.at(0.45, 0.45, RADIUS - 0.0001) @ LYING,
+        SE3.at(0.45, 0.45, RADIUS * math.sin(math.radians(25)) - 0.0001)
+        @ SE3.about((1, 0, 0), math.radians(25)),
+    ],
+    ids=["in the air", "on the floor", "on its side", "tipped"],
+)
+def test_a_bowl_that_does_not_stand_on_the_table_does_not_count(
+    bench: Stageplay, bowl: SE3
+) -> None:
+    bench.start(0)
+    for _ in range(3):
+        bench.put(white_bowl=bowl, white_cube=bowl @ SE3.at(z=IN_BOWL - 0.0007))
+        assert bench.sim.contacts.between("white_cube", "white_bowl")
+    assert bench.stage == 0
+
+
+def test_a_bowl_that_stands_elsewhere_on_the_table_counts(bench: Stageplay) -> None:
+    bench.start(0)
+    tilt = SE3.about((1, 0, 0), math.radians(15))
+    bowl = SE3.at(0.45, 0.45, RADIUS * math.sin(math.radians(15)) - 0.0001) @ tilt
+    bench.put(white_bowl=bowl, white_cube=bowl @ SE3.at(z=IN_BOWL - 0.0007))
+    assert bench.sim.contacts.between("white_bowl", TABLE)
+    assert bench.stage == 3
+
+
+def test_a_bowl_in_the_other_bowl_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    bowl = bench.sim.pose("black_bowl").moved(z=RIM_HEIGHT - 0.0001)
+    bench.put(white_bowl=bowl, white_cube=bowl @ SE3.at(z=IN_BOWL - 0.0007))
+    assert bench.sim.contacts.between("white_bowl", "black_bowl")
+    assert bench.stage == 0
 
 
 def test_cubes_in_each_others_bowls_do_not_count(bench: Stageplay) -> None:

@@ -1,5 +1,8 @@
 import math
+from dataclasses import replace
+from functools import lru_cache
 
+import manifold3d
 import numpy as np
 import pytest
 
@@ -14,15 +17,21 @@ from duobench.solids.solid import (
     printable,
 )
 from duobench.spatial import SE3
-from duobench.tasks.join_blocks import TASK
+from duobench.stages.joining import LOST_SECONDS
+from duobench.stages.predicates import grasped_apart
+from duobench.tasks.join_blocks import REST_SECONDS, TASK
+from duobench.types import CONTROL_HZ
 from tests.stageplay import Stageplay
 
-STEPS_TO_TAKE = 70
-"""Control steps in which the expert has taken both bars, and has not joined them yet."""
 GREY = (0.5, 0.5, 0.5, 1.0)
 AIR = SE3.at(0.45, 0.0, 0.25)
 """A place in the air where nothing else is."""
 LENGTH = bars.BAR[0]
+ASIDE = SE3.at(0.85, 0.35)
+"""A place for the wall where no arm is."""
+TURNED = SE3.about((0, 0, 1), math.pi)
+REST_STEPS = round(REST_SECONDS * CONTROL_HZ)
+LOST_STEPS = round(LOST_SECONDS * CONTROL_HZ)
 
 
 @pytest.fixture(scope="module")
@@ -30,123 +39,292 @@ def bench() -> Stageplay:
     return Stageplay(TASK)
 
 
-def _taken(bench: Stageplay) -> None:
-    bench.start(0)
-    assert bench.run_for(script, STEPS_TO_TAKE) == 1
+def tip_inside(bench: Stageplay) -> float:
+    """How deep the light block's peg is in the dark one's back socket, in metres."""
+    x, y, z = bench.sim.offset("light_block", "dark_block")
+    return x + LENGTH + bars.PEG_LENGTH if math.hypot(y, z) < bars.PEG_WIDTH / 2 else -1.0
 
 
-def _mounted(depth: float = bars.PEG_LENGTH) -> SE3:
-    """Pose of a dark bar that has the wall's peg this deep in its front socket."""
-    tip = 0.7 + bars.WALL_TIP.translation[0]
-    return SE3.at(tip + depth - LENGTH / 2, 0.0, bars.PEG_HEIGHT)
-
-
-def _joined(dark: SE3, depth: float = bars.PEG_LENGTH) -> SE3:
-    """Pose of a light bar whose peg is this deep in the dark bar's back socket."""
+def joined(dark: SE3, depth: float = bars.PEG_LENGTH) -> SE3:
+    """Pose of a light block whose peg is this deep in a dark block's back socket."""
     return dark @ SE3.at(-LENGTH - bars.PEG_LENGTH + depth)
 
 
-def test_the_expert_passes_the_stages_in_order(bench: Stageplay) -> None:
-    for seed in (3, 17):
-        bench.start(seed)
-        assert bench.run_for(script, TASK.horizon) == 3
-        assert sorted(set(bench.history)) == [0, 1, 2, 3]
-        assert bench.history == sorted(bench.history)
+def mounted(bench: Stageplay, depth: float = bars.PEG_LENGTH) -> SE3:
+    """Pose of a dark block that has the wall's peg this deep in its front socket."""
+    tip = bars.WALL_TIP.translation
+    return bench.sim.pose("wall") @ SE3.at(tip[0] + depth - LENGTH / 2, 0.0, tip[2])
 
 
-# --- what counts, and what must not ------------------------------------------------------------
+@lru_cache(maxsize=1)
+def plugged_state(bench: Stageplay) -> np.ndarray:
+    """The simulation where each arm holds its block, and the peg is 5 mm in."""
+    bench.start(0)
+    for _ in bench.steps(script):
+        if tip_inside(bench) > 0.005:
+            return bench.sim.save()
+    raise AssertionError("the peg never went in")
 
 
-@pytest.mark.parametrize(("depth", "stage"), [(0.0, 1), (0.009, 1), (0.011, 2), (0.018, 2)])
-def test_the_bars_are_joined_from_ten_millimetres_on(
+def plugging_in(bench: Stageplay) -> SE3:
+    """Each arm holds its block since before the peg went in; the pose of the dark block.
+
+    Moved by a few millimetres, within the planes of the pads, a block stays grasped.
+    """
+    bench.sim.restore(plugged_state(bench))
+    bench.progress.reset(bench.sim, {})
+    dark = bench.sim.pose("dark_block")
+    for depth in (-0.001, 0.005):
+        bench.put(light_block=joined(dark, depth))
+        assert both_grasped(bench)
+        assert bench.stage == 1
+    return dark
+
+
+def let_rest(bench: Stageplay, steps: int = REST_STEPS) -> int:
+    """Judge the same state for some time."""
+    for _ in range(steps):
+        bench.judge()
+    return bench.stage
+
+
+def both_grasped(bench: Stageplay) -> bool:
+    contacts = bench.sim.contacts
+    return contacts.pads("left", "light_block") and contacts.pads("right", "dark_block")
+
+
+@pytest.mark.parametrize("seed", [3, 17])
+def test_the_expert_passes_the_stages_and_the_pair_stays(bench: Stageplay, seed: int) -> None:
+    bench.start(seed)
+    assert bench.run_for(script, TASK.horizon) == 3
+    assert sorted(set(bench.history)) == [0, 1, 2, 3]
+    assert bench.history == sorted(bench.history)
+    before = {name: bench.sim.position(name).copy() for name in ("light_block", "dark_block")}
+    for _ in range(10):
+        bench.hold(30)
+        assert bench.progress.final_holds
+    for name, position in before.items():
+        assert np.linalg.norm(bench.sim.position(name) - position) < 0.0005
+
+
+# --- joined: what counts, and what must not ----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("depth", "stage"), [(-0.001, 1), (0.009, 1), (0.011, 2), (bars.PEG_LENGTH, 2)]
+)
+def test_the_blocks_are_joined_from_ten_millimetres_on(
     bench: Stageplay, depth: float, stage: int
 ) -> None:
-    _taken(bench)
-    bench.put(dark_block=AIR, light_block=_joined(AIR, depth))
+    dark = plugging_in(bench)
+    bench.put(light_block=joined(dark, depth))
+    assert both_grasped(bench)
+    assert bench.stage == stage
+
+
+@pytest.mark.parametrize(("beside", "stage"), [(0.0035, 2), (0.0045, 1)])
+def test_a_peg_beside_its_socket_does_not_count(
+    bench: Stageplay, beside: float, stage: int
+) -> None:
+    dark = plugging_in(bench)
+    bench.put(light_block=joined(dark, 0.015).moved(z=beside))
+    assert both_grasped(bench)
+    assert bench.stage == stage
+
+
+@pytest.mark.parametrize(("degrees", "stage"), [(8.0, 2), (12.0, 1)])
+def test_a_peg_askew_does_not_count(bench: Stageplay, degrees: float, stage: int) -> None:
+    dark = plugging_in(bench)
+    tip = SE3(np.eye(3), bars.LIGHT_TIP.translation)
+    turn = tip @ SE3.about((0, 1, 0), math.radians(degrees)) @ tip.inverse()
+    bench.put(light_block=joined(dark, 0.012) @ turn)
+    assert both_grasped(bench)
     assert bench.stage == stage
 
 
 def test_either_socket_counts(bench: Stageplay) -> None:
-    _taken(bench)
-    turned = AIR @ SE3.about((0, 0, 1), math.pi)
-    bench.put(dark_block=turned, light_block=AIR.moved(x=-LENGTH))
+    dark = plugging_in(bench)
+    bench.put(dark_block=dark @ TURNED, light_block=joined(dark))
     assert bench.stage == 2
 
 
 def test_blocks_side_by_side_do_not_count(bench: Stageplay) -> None:
-    _taken(bench)
-    bench.put(dark_block=AIR, light_block=AIR.moved(y=bars.BAR[1]))
-    assert bench.stage == 1
-    bench.put(light_block=AIR.moved(x=-LENGTH - bars.PEG_LENGTH))
+    dark = plugging_in(bench)
+    bench.put(light_block=dark.moved(y=bars.BAR[1] - 0.0001))
+    assert bench.sim.contacts.between("light_block", "dark_block")
+    bench.put(light_block=joined(dark, 0.0))
+    bench.put(light_block=dark @ SE3.at(-LENGTH + 0.0001) @ TURNED)
+    assert bench.sim.contacts.between("light_block", "dark_block")
     assert bench.stage == 1
 
 
-@pytest.mark.parametrize("gap", [0.0005, 0.1, 0.4])
-def test_a_peg_that_points_away_from_the_dark_block_does_not_count(
-    bench: Stageplay, gap: float
+def test_joined_with_no_arm_near_does_not_count(bench: Stageplay) -> None:
+    bench.start(0)
+    bench.put(dark_block=AIR, light_block=joined(AIR))
+    bench.put(wall=ASIDE)
+    dark = mounted(bench)
+    bench.put(dark_block=dark, light_block=joined(dark))
+    assert let_rest(bench) == 0
+    plugging_in(bench)
+    bench.put(dark_block=AIR, light_block=joined(AIR))
+    assert let_rest(bench) == 1
+
+
+def test_joined_on_the_wall_does_not_count(bench: Stageplay) -> None:
+    dark = plugging_in(bench)
+    wall = dark @ SE3.at(LENGTH / 2) @ SE3.at(-bars.WALL_TIP.translation[0] - 0.001)
+    bench.put(wall=wall.moved(z=-bars.PEG_HEIGHT), light_block=joined(dark))
+    assert both_grasped(bench)
+    assert bench.stage == 1
+    # Drawn off the wall, they are no better: the wall held the one while the other came in.
+    bench.put(wall=ASIDE)
+    assert bench.stage == 1
+    bench.put(light_block=joined(dark, -0.001))
+    bench.put(light_block=joined(dark, 0.011))
+    assert bench.stage == 2
+
+
+@pytest.mark.parametrize(("steps", "stage"), [(LOST_STEPS - 1, 2), (LOST_STEPS + 1, 1)])
+def test_a_grasp_may_flicker_and_not_be_lost_while_the_peg_goes_in(
+    bench: Stageplay, steps: int, stage: int
 ) -> None:
-    _taken(bench)
-    bench.put(dark_block=AIR, light_block=AIR.moved(x=LENGTH + gap))
-    assert bench.stage == 1
+    dark = plugging_in(bench)
+    away = dark.moved(y=0.1)
+    bench.put(dark_block=away, light_block=joined(away, 0.005))
+    assert not both_grasped(bench)
+    let_rest(bench, steps - 1)
+    bench.put(dark_block=dark, light_block=joined(dark, 0.011))
+    assert both_grasped(bench)
+    assert bench.stage == stage
+    # Taken apart and plugged in again, they count.
+    bench.put(light_block=joined(dark, -0.001))
+    bench.put(light_block=joined(dark, 0.011))
+    assert bench.stage == 2
 
 
-def test_a_peg_beside_its_socket_or_askew_does_not_count(bench: Stageplay) -> None:
-    _taken(bench)
-    bench.put(dark_block=AIR, light_block=_joined(AIR).moved(y=0.005))
-    assert bench.stage == 1
-    mouth = AIR @ SE3.at(-LENGTH / 2)
-    askew = mouth @ SE3.about((0, 0, 1), math.radians(12.0)) @ SE3.at(-LENGTH / 2)
-    bench.put(light_block=askew)
-    assert bench.stage == 1
+def test_blocks_are_grasped_before_the_peg_goes_in(bench: Stageplay) -> None:
+    dark = plugging_in(bench)
+    bench.progress.reset(bench.sim, {})
+    bench.put(light_block=AIR)
+    assert not both_grasped(bench)
+    bench.put(light_block=joined(dark, 0.011))
+    assert both_grasped(bench)
+    assert let_rest(bench) == 1
+
+
+def test_both_are_grasped_one_by_each_arm() -> None:
+    assert TASK.stages[0].holds.name == grasped_apart("light_block", "dark_block").name
+
+
+# --- on the wall: what counts, and what must not -----------------------------------------------
+
+
+def on_the_wall(bench: Stageplay) -> SE3:
+    """The blocks were joined; the wall stands where no arm is; the pose of the dark one on it."""
+    plugging_in(bench)
+    bench.put(light_block=joined(bench.sim.pose("dark_block")))
+    assert bench.stage == 2
+    bench.put(wall=ASIDE)
+    return mounted(bench)
+
+
+@pytest.mark.parametrize(
+    ("wall_depth", "light_depth", "stage"),
+    [(0.009, 0.02, 2), (0.02, 0.009, 2), (0.011, 0.011, 3), (0.024, 0.024, 3)],
+)
+def test_both_pegs_go_in_ten_millimetres(
+    bench: Stageplay, wall_depth: float, light_depth: float, stage: int
+) -> None:
+    on_the_wall(bench)
+    dark = mounted(bench, wall_depth)
+    bench.put(dark_block=dark, light_block=joined(dark, light_depth))
+    assert let_rest(bench) == stage
+
+
+def test_either_socket_goes_onto_the_wall(bench: Stageplay) -> None:
+    dark = on_the_wall(bench)
+    bench.put(dark_block=dark @ TURNED, light_block=joined(dark))
+    assert let_rest(bench) == 3
+
+
+def test_the_pair_is_at_rest_for_half_a_second(bench: Stageplay) -> None:
+    dark = on_the_wall(bench)
+    bench.put(dark_block=dark, light_block=joined(dark))
+    assert let_rest(bench, REST_STEPS - 2) == 2
+    assert let_rest(bench, 1) == 3
+
+
+@pytest.mark.parametrize("block", ["light_block", "dark_block"])
+def test_a_moving_pair_does_not_count(bench: Stageplay, block: str) -> None:
+    dark = on_the_wall(bench)
+    for name, pose in (("dark_block", dark), ("light_block", joined(dark))):
+        bench.sim.place(name, pose)
+    start = bench.sim.model.joint(block).dofadr[0]
+    bench.sim.data.qvel[start + 2] = -0.06
+    bench.sim.refresh()
+    assert let_rest(bench, 2 * REST_STEPS) == 2
+    bench.put(dark_block=dark, light_block=joined(dark))
+    assert let_rest(bench) == 3
+
+
+@pytest.mark.parametrize("block", ["light_block", "dark_block"])
+def test_a_pair_that_a_gripper_touches_does_not_count(bench: Stageplay, block: str) -> None:
+    """The wall comes to the arms, which are still closed around one of the blocks."""
+    plugging_in(bench)
+    held = bench.sim.pose(block)
+    dark = held if block == "dark_block" else held @ SE3.at(LENGTH)
+    bench.put(dark_block=dark, light_block=joined(dark))
+    assert bench.stage == 2
+    tip = bars.WALL_TIP.translation
+    wall = dark @ SE3.at(LENGTH / 2 - bars.PEG_LENGTH - tip[0], 0.0, -tip[2])
+    bench.put(wall=wall)
+    assert any(bench.sim.contacts.gripper(side, block) for side in ("left", "right"))
+    assert let_rest(bench, 2 * REST_STEPS) == 2
+
+
+@pytest.mark.parametrize(("depth", "stage"), [(0.004, 3), (0.002, 2)])
+def test_blocks_that_came_apart_are_joined_again(
+    bench: Stageplay, depth: float, stage: int
+) -> None:
+    dark = on_the_wall(bench)
+    bench.put(dark_block=AIR, light_block=joined(AIR, depth))
+    bench.put(dark_block=dark, light_block=joined(dark))
+    assert let_rest(bench, 2 * REST_STEPS) == stage
 
 
 def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
     bench: Stageplay,
 ) -> None:
-    _taken(bench)
-    bench.put(dark_block=_mounted())
-    assert bench.stage == 1
-    behind = SE3.at(0.80, 0.0, bars.PEG_HEIGHT)
-    for _ in range(2):
-        bench.put(light_block=behind)
-    assert bench.stage == 1
-    for _ in range(2):
-        bench.put(dark_block=behind.moved(x=0.1), light_block=behind)
-    assert bench.stage == 1
-    bench.put(dark_block=_mounted(), light_block=AIR)
-    # Nor does it after the two were joined and came apart again.
-    bench.put(dark_block=AIR, light_block=_joined(AIR))
-    assert bench.stage == 2
-    bench.put(dark_block=_mounted(), light_block=AIR)
-    assert bench.stage == 2
-    bench.put(light_block=_joined(_mounted()))
-    assert bench.stage == 3
-
-
-def test_joining_without_both_hands_does_not_count(bench: Stageplay) -> None:
-    bench.start(0)
-    bench.put(dark_block=AIR, light_block=_joined(AIR))
-    bench.put(dark_block=_mounted(), light_block=_joined(_mounted()))
-    assert bench.stage == 0
+    dark = on_the_wall(bench)
+    bench.put(dark_block=dark, light_block=AIR)
+    assert let_rest(bench) == 2
+    # Nor with the light one where it would be without a dark one between.
+    bench.put(dark_block=AIR, light_block=joined(dark).moved(x=LENGTH))
+    assert let_rest(bench) == 2
 
 
 # --- physics -----------------------------------------------------------------------------------
 
 
-def test_a_mounted_pair_carries_itself_without_overlap(bench: Stageplay) -> None:
-    bench.start(0)
-    dark = _mounted(0.0175)
-    bench.put(dark_block=dark, light_block=_joined(dark, 0.0175))
+@pytest.mark.parametrize("short", [0.0005, 0.003])
+def test_a_mounted_pair_stays_for_good(bench: Stageplay, short: float) -> None:
+    """From the moment in which it is let go, straight, it droops into its play and stays."""
+    on_the_wall(bench)
+    dark = mounted(bench, bars.PEG_LENGTH - short)
+    bench.put(dark_block=dark, light_block=joined(dark, bars.PEG_LENGTH - short))
     assert not bench.sim.contacts.deepest(0.0002)
-    bench.hold(60)
-    # The play of a millimetre a side lets the pair sag, not fall.
-    assert bench.sim.position("dark_block")[2] > bars.PEG_HEIGHT - 0.012
-    assert not bench.sim.contacts.between("dark_block", "table")
+    assert bench.hold(30) == 3
+    drooped = bench.sim.position("light_block").copy()
+    assert drooped[2] > bars.PEG_HEIGHT - 0.010
+    bench.hold(270)
+    assert bench.progress.final_holds
+    assert np.linalg.norm(bench.sim.position("light_block") - drooped) < 0.0005
+    assert not bench.sim.contacts.deepest(0.0001)
 
 
 def test_a_peg_does_not_pass_through_a_bar(bench: Stageplay) -> None:
     bench.start(0)
-    bench.put(dark_block=AIR, light_block=_joined(AIR).moved(y=0.008))
+    bench.put(dark_block=AIR, light_block=joined(AIR).moved(y=0.008))
     assert bench.sim.contacts.between("dark_block", "light_block")
 
 
@@ -167,6 +345,24 @@ def test_picture_and_collision_are_one_shape(make) -> None:
     corners = mesh_of(union).vertices
     assert corners.min(0) == pytest.approx(exact.vertices.min(0))
     assert corners.max(0) == pytest.approx(exact.vertices.max(0))
+
+
+def test_a_peg_fits_its_socket_with_a_printers_play() -> None:
+    """The exact solids: straight in without overlap, none left when moved by more than the play."""
+
+    def overlap(depth: float, aside: float) -> float:
+        pose, volume = joined(SE3(), depth).moved(y=aside), 0.0
+        light = manifold3d.Manifold()
+        for shape in bars.light_bar(GREY).shapes:
+            light += manifold_of(replace(shape, pose=pose @ shape.pose))
+        for shape in bars.dark_bar(GREY).shapes:
+            volume += (light ^ manifold_of(shape)).volume()
+        return volume
+
+    full = bars.PEG_LENGTH - 1e-6
+    for depth in np.linspace(0.0, full, 7):
+        assert overlap(depth, 0.9 * bars.CLEARANCE) == pytest.approx(0.0, abs=1e-15)
+    assert overlap(full, 1.1 * bars.CLEARANCE) > 1e-10
 
 
 def test_a_reset_leaves_everything_apart_and_at_rest(bench: Stageplay) -> None:

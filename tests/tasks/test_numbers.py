@@ -22,10 +22,11 @@ from duobench.tasks import catalog
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where an object starts: the middle of a rectangle, and how far it reaches to either side."""
+    """Where an object starts: the middle of its positions and turns, and how far they reach."""
 
     at: tuple[float, float]
     within: tuple[float, float] = (0.0, 0.0)
+    turned_deg: float = 0.0
     yaw_deg: float = 0.0
 
 
@@ -47,6 +48,11 @@ class Page:
 ANY = 180.0
 CUBE = {"solids.blocks.CUBE_EDGE": 0.032}
 LONG_BLOCK = CUBE | {"solids.blocks.LONG_BLOCK": 0.096}
+SUPPORT = {
+    "stages.support.UNSUPPORTED_TIME": 0.6,
+    "stages.support.GRAZE_TIME": 0.1,
+    "stages.support.SLIP_TIME": 0.2,
+}
 BOWL = {"solids.bowl.RADIUS": 0.085, "solids.bowl.RIM_HEIGHT": 0.030}
 
 PAGES = {
@@ -54,11 +60,11 @@ PAGES = {
         stages=3,
         horizon=441,
         numbers=CUBE
+        | SUPPORT
         | {
             "solids.chest.CAVITY": (0.130, 0.230, 0.060),
             "solids.chest.WALL": 0.006,
-            "solids.chest.LID_LIMITS": (0.0, 1.55),
-            "solids.chest.LID_STIFFNESS": 0.5,
+            "solids.chest.LID_LIMITS": (0.0, math.radians(80)),
             "tasks.hinge_chest.OPEN_ANGLE": 0.8,
         },
         layout={
@@ -71,6 +77,7 @@ PAGES = {
         stages=3,
         horizon=807,
         numbers=CUBE
+        | SUPPORT
         | {
             "solids.microwave.WIDTH": 0.55,
             "solids.microwave.DEPTH": 0.32,
@@ -96,8 +103,9 @@ PAGES = {
             "solids.cup.MARBLE_RADIUS": 0.005,
             "tasks.pour_marbles.RAISE": 0.020,
             "tasks.pour_marbles.HALF_SQUARE": 0.05,
+            "stages.pouring.LYING_SPEED": 0.25,
         },
-        angles_deg={"tasks.pour_marbles.UPRIGHT": 20},
+        angles_deg={"tasks.pour_marbles.UPRIGHT": 20, "stages.pouring.MAX_TILT": 45},
         layout={
             "left_cup": Place(at=(0.5, 0.3), within=(0.05, 0.05)),
             "right_cup": Place(at=(0.5, -0.3), within=(0.05, 0.05)),
@@ -117,6 +125,9 @@ PAGES = {
             "solids.mazes.CELLS": 5,
             "tasks.ball_maze.LEFT_START": 0.020,
             "tasks.ball_maze.AT_GOAL": 0.015,
+            "tasks.ball_maze.RAISE": 0.010,
+            "stages.rolling.MIN_SPEED": 0.02,
+            "stages.rolling.MAX_SLIP": 0.1,
         },
         layout={"board": Place(at=(0.5, 0.0), within=(0.1, 0.1), yaw_deg=ANY)},
     ),
@@ -126,7 +137,7 @@ PAGES = {
         numbers={
             "solids.pot.RADIUS": 0.11,
             "solids.pot.HEIGHT": 0.11,
-            "solids.pot.MASS": 1.2,
+            "solids.pot.MASS": 2.5,
             "solids.pot.PLATE": (0.35, 0.28, 0.02),
             "tasks.carry_pot.LIFT": 0.030,
             "tasks.carry_pot.OFF_CENTRE": (0.10, 0.08),
@@ -134,7 +145,7 @@ PAGES = {
         angles_deg={"tasks.carry_pot.TILT": 10},
         layout={
             "pot": Place(at=(0.5, -0.1), within=(0.08, 0.08), yaw_deg=10),
-            "stove": Place(at=(0.5, 0.3), within=(0.04, 0.04)),
+            "stove": Place(at=(0.5, 0.3), within=(0.04, 0.04), turned_deg=90),
         },
         constraints=("pot is raised by 30 mm", "pot is upright within 10 degrees"),
     ),
@@ -147,9 +158,13 @@ PAGES = {
             "tasks.block_balance.BLOCK": (0.030, 0.030, 0.090),
             "tasks.block_balance.STILL_SECONDS": 0.5,
         },
-        angles_deg={"tasks.block_balance.LEVEL": 12},
+        angles_deg={"tasks.block_balance.LEVEL": 12, "tasks.block_balance.STANDING": 20},
         layout={},  # The page leaves the places open; see below.
-        constraints=("beam is raised by 10 mm", "beam is upright within 12 degrees"),
+        constraints=(
+            "beam is raised by 10 mm",
+            "beam is upright within 12 degrees",
+            "left_block is upright within 20 degrees",
+        ),
     ),
     "join_blocks": Page(
         stages=3,
@@ -157,10 +172,13 @@ PAGES = {
         numbers={
             "solids.joint_blocks.BAR": (0.075, 0.030, 0.025),
             "solids.joint_blocks.PEG_WIDTH": 0.014,
-            "solids.joint_blocks.PEG_LENGTH": 0.018,
-            "solids.joint_blocks.CLEARANCE": 0.001,
+            "solids.joint_blocks.PEG_LENGTH": 0.024,
+            "solids.joint_blocks.CLEARANCE": 0.0003,
             "solids.joint_blocks.PEG_HEIGHT": 0.060,
             "tasks.join_blocks.DEPTH": 0.010,
+            "tasks.join_blocks.REST_SECONDS": 0.5,
+            "stages.joining.KEPT_DEPTH": 0.003,
+            "stages.joining.LOST_SECONDS": 0.2,
         },
         layout={
             "light_block": Place(at=(0.5, 0.2), within=(0.05, 0.075), yaw_deg=15),
@@ -170,6 +188,11 @@ PAGES = {
         constraints=(
             "peg of light_block is 10 mm inside dark_block",
             "peg of wall is 10 mm inside dark_block",
+            "left grasps light_block",
+            "light_block is still",
+            "dark_block is still",
+            "light_block is released",
+            "dark_block is released",
         ),
     ),
     "transfer_cube": Page(
@@ -180,7 +203,7 @@ PAGES = {
             "cube": Place(at=(0.5, -0.2), within=(0.175, 0.175), yaw_deg=ANY),
             "bowl": Place(at=(0.6, 0.3), within=(0.05, 0.05)),
         },
-        constraints=("cube is raised by 10 mm",),
+        constraints=("cube is raised by 10 mm", "bowl is upright within 20 degrees"),
     ),
     "transfer_gate": Page(
         stages=4,
@@ -199,7 +222,11 @@ PAGES = {
             "gate": Place(at=(0.4, 0.0), within=(0.025, 0.05)),
             "mat": Place(at=(0.5, 0.3), within=(0.05, 0.05)),
         },
-        constraints=("block is raised by 10 mm",),
+        constraints=(
+            "block is raised by 10 mm",
+            "block is within 100 mm of the axis of gate",
+            "block is within 115 mm of the axis of gate",
+        ),
     ),
     "transfer_reorient": Page(
         stages=4,
@@ -220,13 +247,21 @@ PAGES = {
         stages=5,
         horizon=216,
         numbers=CUBE | BOWL | {"tasks.bin_sort.BOWL_MARGIN": 0.10},
+        angles_deg={"stages.vessels.MAX_TILT": 20},
         layout={
             "white_cube": Place(at=(0.5, 0.2), within=(0.175, 0.125), yaw_deg=ANY),
             "black_cube": Place(at=(0.5, -0.2), within=(0.175, 0.125), yaw_deg=ANY),
             "white_bowl": Place(at=(0.6, 0.4), within=(0.05, 0.05)),
             "black_bowl": Place(at=(0.6, -0.4), within=(0.05, 0.05)),
         },
-        constraints=("white_cube is raised by 10 mm", "black_cube is raised by 10 mm"),
+        constraints=(
+            "white_cube is raised by 10 mm",
+            "black_cube is raised by 10 mm",
+            "white_cube is still",
+            "black_cube is released",
+            "white_bowl is upright within 20 degrees",
+            "black_bowl touches table",
+        ),
     ),
 }
 
@@ -297,7 +332,8 @@ def test_layouts_are_drawn_from_these_ranges(name: str) -> None:
             (placements[prop].x, placements[prop].y), place.at, place.within, strict=True
         ):
             assert low_high(drawn) == ends(middle, half), prop
-        assert low_high(placements[prop].yaw) == ends(0.0, math.radians(place.yaw_deg)), prop
+        yaw = ends(math.radians(place.turned_deg), math.radians(place.yaw_deg))
+        assert low_high(placements[prop].yaw) == yaw, prop
 
 
 def test_the_layout_of_block_balance_keeps_things_apart() -> None:

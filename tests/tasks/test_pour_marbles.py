@@ -23,11 +23,13 @@ from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
 from duobench.types import SIDES, Side
 from tests.stageplay import Stageplay
 
-STEPS_TO_RAISE = 90
-"""Control steps in which the expert has raised both cups, and has not poured yet."""
 IN_CUP = SE3.at(z=0.001)
 BESIDE_CUP = SE3.at(x=OUTER_RADIUS + MARBLE_RADIUS, z=MARBLE_RADIUS)
 OVER_RIM = SE3.at(z=HEIGHT + 0.001)
+BELOW_RIM = SE3.at(z=HEIGHT - MARBLE_RADIUS)
+NEAR_FLOOR = SE3.at(z=WALL + 2 * MARBLE_RADIUS)
+SUNK = SE3.at(z=-0.0001)
+"""As deep as things stand in the table."""
 
 
 @pytest.fixture(scope="module")
@@ -41,19 +43,19 @@ def _sides(bench: Stageplay, seed: int) -> tuple[Side, Side]:
     return full, full.other
 
 
-def _raised(bench: Stageplay, seed: int = 0) -> tuple[Side, Side]:
-    """An episode in which both arms have raised their cups."""
-    sides = _sides(bench, seed)
-    assert bench.run_for(script, STEPS_TO_RAISE) == 3
+def _lifted(bench: Stageplay) -> tuple[Side, Side]:
+    """An episode in which both arms have lifted their cups and have not poured yet."""
+    sides = _sides(bench, 0)
+    bench.reach(script, 3)
+    bench.hold(10)
     return sides
 
 
-def _let_go(bench: Stageplay) -> None:
-    def away(arms: Arms) -> Script:
-        arms.openings[:] = 1.0
-        yield from move(arms, {side: arms.targets[side].moved(z=0.25) for side in SIDES})
-
-    bench.act(away)
+def _poured(bench: Stageplay) -> Side:
+    """An episode in which all marbles are poured, with the cups still in the air: the target."""
+    _, target = _sides(bench, 0)
+    bench.reach(script, 5)
+    return target
 
 
 def _marbles(base: SE3) -> dict[str, SE3]:
@@ -61,11 +63,24 @@ def _marbles(base: SE3) -> dict[str, SE3]:
 
 
 def _home(bench: Stageplay) -> dict[str, SE3]:
-    return {CUPS[side]: SE3(np.eye(3), bench.sim.position(SQUARES[side])) for side in SIDES}
+    return {CUPS[side]: SE3.at(*bench.sim.position(SQUARES[side])) @ SUNK for side in SIDES}
 
 
 def _with_marbles(cups: dict[str, SE3], side: Side) -> dict[str, SE3]:
     return {**cups, **_marbles(cups[CUPS[side]] @ IN_CUP)}
+
+
+def _into(bench: Stageplay, side: Side) -> dict[str, SE3]:
+    """Marbles that lie in a cup where it is now."""
+    return _marbles(bench.sim.pose(CUPS[side]) @ IN_CUP)
+
+
+def _put_moving(bench: Stageplay, speed: float, prop: str, pose: SE3) -> int:
+    """Build a state in which a prop moves, upwards where the speed is positive."""
+    bench.sim.place(prop, pose)
+    bench.sim.data.qvel[bench.sim.model.joint(prop).dofadr[0] + 2] = speed
+    bench.sim.refresh()
+    return bench.judge()
 
 
 def _in_cup(bench: Stageplay, side: Side) -> int:
@@ -114,11 +129,17 @@ def test_the_instruction_names_source_and_target(bench: Stageplay) -> None:
 # --- what must not count -----------------------------------------------------------------------
 
 
-def test_a_cup_in_the_hand_of_the_other_side_does_not_count(bench: Stageplay) -> None:
+def _afresh(bench: Stageplay) -> dict[str, SE3]:
+    """Both cups in the grippers, in an episode that has seen nothing of it: their poses."""
     layout = bench.start(0)
-    bench.run_for(script, STEPS_TO_RAISE)
-    left, right = (bench.sim.pose(CUPS[side]) for side in SIDES)
+    bench.reach(script, 3)
+    bench.hold(10)
     bench.progress.reset(bench.sim, layout.variants)
+    return {CUPS[side]: bench.sim.pose(CUPS[side]) for side in SIDES}
+
+
+def test_a_cup_in_the_gripper_of_the_other_arm_does_not_count(bench: Stageplay) -> None:
+    left, right = _afresh(bench).values()
     bench.put(left_cup=right, right_cup=left)
     assert all(bench.sim.contacts.pads(side, CUPS[side.other]) for side in SIDES)
     assert bench.stage == 0
@@ -128,70 +149,109 @@ def test_a_cup_in_the_hand_of_the_other_side_does_not_count(bench: Stageplay) ->
     assert bench.stage == 2
 
 
-def test_both_cups_count_as_raised_from_20_mm_on(bench: Stageplay) -> None:
-    layout = bench.start(0)
-    bench.run_for(script, STEPS_TO_RAISE)
-    held = {CUPS[side]: bench.sim.pose(CUPS[side]) for side in SIDES}
-    bench.progress.reset(bench.sim, layout.variants)
+def test_both_cups_count_as_lifted_from_20_mm_on(bench: Stageplay) -> None:
+    held = _afresh(bench)
     bench.put(**{name: pose.moved(x=-0.2, z=0.025) for name, pose in held.items()})
     assert bench.stage == 0
     for left, right, stage in ((15, 15, 2), (25, 15, 2), (15, 25, 2), (25, 25, 3)):
-        # The cups slide up between the pads: the hands hold them all the time.
+        # The cups slide up between the pads: the grippers hold them all the time.
         heights = zip(held.items(), (left, right), strict=True)
         bench.put(**{name: pose.moved(z=mm / 1000) for (name, pose), mm in heights})
         assert all(bench.sim.contacts.pads(side, CUPS[side]) for side in SIDES)
         assert bench.stage == stage
 
 
-@pytest.mark.parametrize("outside", [BESIDE_CUP, OVER_RIM], ids=["on the table", "in the air"])
-def test_marbles_outside_the_target_do_not_count(bench: Stageplay, outside: SE3) -> None:
-    _, target = _raised(bench)
-    _let_go(bench)
-    home = _home(bench)
-    stray = home[CUPS[target]] @ outside
+@pytest.mark.parametrize("outside", [BESIDE_CUP, OVER_RIM, BELOW_RIM])
+def test_marbles_beside_and_above_the_target_do_not_count(bench: Stageplay, outside: SE3) -> None:
+    _, target = _lifted(bench)
+    stray = bench.sim.pose(CUPS[target]) @ outside
     column = {name: stray.moved(z=0.011 * k) for k, name in enumerate(MARBLES)}
-    poured = _with_marbles(home, target)
-    for inside, stage in ((0, 3), (1, 4), (len(MARBLES) - 1, 4), (len(MARBLES), 6)):
+    for inside, stage in ((0, 3), (1, 4), (len(MARBLES) - 1, 4), (len(MARBLES), 5)):
         rest = {name: column[name] for name in MARBLES[inside:]}
-        bench.put(**{**poured, **rest})
+        bench.put(**{**_into(bench, target), **rest})
         assert bench.stage == stage
 
 
+def test_a_marble_in_the_air_between_the_walls_does_not_count(bench: Stageplay) -> None:
+    _, target = _lifted(bench)
+    above = bench.sim.pose(CUPS[target]) @ NEAR_FLOOR
+    for speed, stage in ((-1.0, 3), (0.0, 4)):
+        assert _put_moving(bench, speed, MARBLES[0], above) == stage
+
+
 def test_marbles_that_fell_into_the_target_count(bench: Stageplay) -> None:
-    _, target = _raised(bench)
-    bench.put(**_marbles(bench.sim.pose(CUPS[target]) @ IN_CUP))
+    _, target = _lifted(bench)
+    bench.put(**_into(bench, target))
     assert bench.hold(5) == 5
+
+
+@pytest.mark.parametrize(("degrees", "stage"), [(35, 5), (55, 3), (90, 3)])
+def test_marbles_in_a_cup_on_its_side_do_not_count(
+    bench: Stageplay, degrees: float, stage: int
+) -> None:
+    _, target = _lifted(bench)
+    tool = bench.arms.targets[target].moved(z=0.1)
+    turn = SE3.about(tool.rotation[:, 1], math.radians(degrees))
+    turned = SE3(turn.rotation @ tool.rotation, tool.translation)
+    bench.act(lambda arms: move(arms, {target: turned}, turn_speed=1.0))
+    bench.put(**_into(bench, target))
+    assert bench.stage == stage
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_marbles_count_only_while_both_cups_are_held_up(bench: Stageplay, side: Side) -> None:
+    _, target = _lifted(bench)
+    held = {name: bench.sim.pose(name) for name in CUPS.values()}
+    moved = {**held, CUPS[side]: held[CUPS[side]].moved(x=-0.2)}
+    for cups, stage in ((moved, 3), (held, 5)):
+        bench.put(**_with_marbles(cups, target))
+        assert bench.stage == stage
+
+
+def test_a_target_that_stood_with_marbles_must_be_emptied_first(bench: Stageplay) -> None:
+    source, target = _lifted(bench)
+    held, filled = bench.sim.pose(CUPS[target]), _into(bench, target)
+    bench.put(**_with_marbles({CUPS[target]: _home(bench)[CUPS[target]]}, target))
+    bench.put(**{CUPS[target]: held, **filled})
+    assert bench.stage == 3
+    for marbles in (_into(bench, source), filled):
+        bench.put(**marbles)
+    assert bench.stage == 5
 
 
 def test_pouring_into_a_cup_that_stands_does_not_count(bench: Stageplay) -> None:
     _, target = _sides(bench, 0)
-    bench.put(**_marbles(bench.sim.pose(CUPS[target]) @ IN_CUP))
+    bench.put(**_into(bench, target))
     assert bench.hold(5) == 0
 
 
 def test_cups_put_back_without_pouring_do_not_count(bench: Stageplay) -> None:
-    source, _ = _raised(bench)
-    _let_go(bench)
+    source, _ = _lifted(bench)
     bench.put(**_with_marbles(_home(bench), source))
-    assert bench.hold(20) == 3
-    assert _in_cup(bench, source) == len(MARBLES)
+    assert bench.stage == 3
 
 
 @pytest.mark.parametrize("side", SIDES)
 def test_full_marks_need_both_cups_upright_at_home_and_still(bench: Stageplay, side: Side) -> None:
-    _, target = _raised(bench)
-    _let_go(bench)
+    target = _poured(bench)
     home, cup = _home(bench), CUPS[side]
     tilt = SE3.about((1, 0, 0), math.radians(25))
-    for change in (tilt, SE3.at(x=0.06), SE3.at(y=-0.06)):
+    for change in (tilt, SE3.at(x=0.06), SE3.at(y=-0.06), SE3.at(z=0.03)):
         bench.put(**_with_marbles({**home, cup: home[cup] @ change}, target))
         assert bench.stage == 5
     for speed, stage in ((0.1, 5), (0.0, 6)):
         for name, pose in _with_marbles(home, target).items():
             bench.sim.place(name, pose)
-        bench.sim.data.qvel[bench.sim.model.joint(cup).dofadr[0]] = speed
-        bench.sim.refresh()
-        assert bench.judge() == stage
+        assert _put_moving(bench, speed, cup, home[cup]) == stage
+
+
+def test_full_marks_need_every_marble_to_stay_in_the_target(bench: Stageplay) -> None:
+    target = _poured(bench)
+    home = _home(bench)
+    poured, outside = _with_marbles(home, target), home[CUPS[target]] @ BESIDE_CUP
+    for last in (outside, poured[MARBLES[-1]]):
+        bench.put(**{**poured, MARBLES[-1]: last})
+        assert bench.stage == 5
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -202,14 +262,14 @@ def test_full_marks_need_both_cups_released(bench: Stageplay, side: Side) -> Non
         yield from release(arms, side)
         yield from move(arms, {side: arms.targets[side] @ SE3.at(z=-0.1)})
 
-    def raise_and_lower(arms: Arms) -> Script:
-        yield from together(*(take(arms, s) for s in SIDES))
+    def lower(arms: Arms) -> Script:
         yield from move(arms, {s: arms.targets[s].moved(z=-0.06) for s in SIDES})
         yield from leave(arms, side.other)
 
-    assert bench.act(raise_and_lower) == 3
-    bench.put(**_marbles(bench.sim.pose(CUPS[target]) @ IN_CUP))
-    assert bench.hold(10) == 5
+    assert bench.act(lambda arms: together(*(take(arms, s) for s in SIDES))) == 3
+    bench.put(**_into(bench, target))
+    assert bench.stage == 5
+    assert bench.act(lower) == 5
     assert bench.act(lambda arms: leave(arms, side)) == 6
 
 

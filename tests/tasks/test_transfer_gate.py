@@ -3,26 +3,25 @@ import numpy as np
 import pytest
 
 from duobench.experts.handover import clasp, let_go, pick_bar, present, receive_pose
-from duobench.experts.motion import Arms, Script, move, wait
+from duobench.experts.motion import Arms, Script, down, grip, move, wait
 from duobench.experts.transfer_gate import (
     BAR,
     RECEIVER_GRIP,
     RISE,
-    leave,
     lower_onto_mat,
     reach_through,
-    ring,
     script,
 )
-from duobench.sim.placement import Layout
+from duobench.sim import placement
+from duobench.sim.layout import Layout
 from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.solids.gate import (
+    BASE,
     MAT_EDGE,
     MAT_THICKNESS,
     RING_HEIGHT,
     RING_RADIUS,
     RING_THICKNESS,
-    STAND_MASS,
     gate,
 )
 from duobench.solids.shapes import cylinder
@@ -30,7 +29,8 @@ from duobench.solids.solid import PLA_DENSITY, manifold_of
 from duobench.spatial import SE3
 from duobench.tasks.transfer_gate import CROSSING_RADIUS, TASK
 from duobench.types import Side
-from tests.handovers import bring, drop
+from tests.adversaries.transfer_gate import hand_over, let_fall, onto_mat, take
+from tests.handovers import drop, pick_lying
 from tests.stageplay import Stageplay
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -45,8 +45,8 @@ LAYOUT = Layout(
         "mat": SE3.at(*MAT),
     }
 )
-AROUND = np.array([0.66, 0.03, 0.375])
-"""On the left side, beyond the ring: where it can be handed over around the ring."""
+GATE_AWAY = SE3.at(0.2, 0.5)
+"""So far on the left that everything happens on its near side."""
 
 
 @pytest.fixture(scope="module")
@@ -60,52 +60,27 @@ def table(bench: Stageplay) -> Stageplay:
     return bench
 
 
-def take(arms: Arms) -> Script:
-    """The left arm takes over where the right one presents the block."""
-    yield from clasp(arms, LEFT, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
-    yield from let_go(arms, RIGHT)
-    yield from leave(arms, RIGHT)
-
-
-def hand_over(arms: Arms) -> Script:
-    yield from pick_bar(arms, BAR)
-    yield from reach_through(arms)
-    yield from take(arms)
-
-
-def let_fall(arms: Arms) -> Script:
-    """The left arm takes over and drops the block onto the mat from a hand's breadth above."""
-    yield from hand_over(arms)
-    yield from bring(arms, LEFT, "block", (MAT[0], MAT[1], 0.12))
-    yield from drop(arms, LEFT)
-
-
-def pull_back(arms: Arms) -> Script:
-    before = present(BAR, ring(arms) + np.array([0.0, -0.16, 0.0]), RISE)
-    yield from move(arms, {RIGHT: before}, speed=0.3)
-
-
-def go_around(arms: Arms) -> Script:
-    for y in (-0.16, AROUND[1]):
-        goal = present(BAR, np.array([AROUND[0], y, AROUND[2]]), RISE)
-        yield from move(arms, {RIGHT: goal})
-
-
-def slide_gate_over_block(bench: Stageplay) -> None:
+def slide_gate_over_block(bench: Stageplay, *, aside: float = 0.0) -> None:
     """Let the block cross the ring, in whatever hand, by moving the ring."""
     x, y, z = bench.sim.position("block")
     for beyond in (-0.02, 0.02):
-        bench.put(gate=SE3.at(x, y - beyond, z - RING_HEIGHT))
-
-
-def on_mat_in_hand(bench: Stageplay) -> bool:
-    pinched = bench.sim.contacts.pads(LEFT, "block")
-    return pinched and bench.sim.contacts.between("block", "mat")
+        bench.put(gate=SE3.at(x - aside, y - beyond, z - RING_HEIGHT))
 
 
 def on_mat(bench: Stageplay) -> bool:
     """Whether the block ended up on the mat, so that a refused stage says something."""
     return bench.sim.contacts.partners("block") == {"mat"}
+
+
+def on_mat_in_hand(bench: Stageplay) -> bool:
+    contacts = bench.sim.contacts
+    return contacts.pads(LEFT, "block") and contacts.between("block", "mat")
+
+
+def both_hold(arms: Arms) -> Script:
+    yield from pick_bar(arms, BAR)
+    yield from reach_through(arms)
+    yield from clasp(arms, LEFT, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
 
 
 @pytest.mark.parametrize("seed", [3, 17])
@@ -118,7 +93,7 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> N
     assert on_mat(bench)
 
 
-# --- what must not count -------------------------------------------------------------------------
+# --- what must not count; what two arms can do of it is in tests/adversaries ---------------------
 
 
 def test_a_block_on_the_mat_that_nobody_handed_over_does_not_count(table: Stageplay) -> None:
@@ -128,91 +103,79 @@ def test_a_block_on_the_mat_that_nobody_handed_over_does_not_count(table: Stagep
 
 
 @pytest.mark.parametrize(
-    ("offset", "stage"),
-    [(0.0, 2), (CROSSING_RADIUS - 0.002, 2), (CROSSING_RADIUS + 0.002, 0), (0.2, 0)],
+    ("aside", "stage"),
+    [(0.0, 2), (CROSSING_RADIUS - 0.002, 2), (CROSSING_RADIUS + 0.002, 1), (0.2, 1)],
 )
 def test_the_plane_must_be_crossed_inside_the_ring(
-    table: Stageplay, offset: float, stage: int
+    table: Stageplay, aside: float, stage: int
 ) -> None:
-    for y in (-0.02, 0.02):
-        table.put(block=SE3.at(0.4 + offset, y, RING_HEIGHT))
+    assert table.act(lambda arms: pick_bar(arms, BAR)) == 1
+    slide_gate_over_block(table, aside=aside)
     assert table.stage == stage
 
 
 def test_crossing_on_the_table_does_not_count(table: Stageplay) -> None:
-    fallen = SE3.at(0.4, 0.0, RING_RADIUS) @ SE3.about((0, 1, 0), np.pi / 2)
-    sunk = fallen @ SE3.at(z=-RING_HEIGHT)
-    for y in (-0.02, 0.02):
-        table.put(gate=sunk, block=SE3.at(0.4, y, CUBE_EDGE / 2))
-        assert table.sim.contacts.between("block", "table")
+    def grasp(arms: Arms) -> Script:
+        x, y, z = arms.sim.position("block")
+        yield from move(arms, {RIGHT: down(x, y, z + 0.1, yaw=0.3)})
+        yield from move(arms, {RIGHT: down(x, y, z + 0.012, yaw=0.3)})
+        yield from grip(arms, RIGHT)
+
+    table.act(grasp)
+    assert table.sim.contacts.pads(RIGHT, "block")
+    assert table.sim.contacts.between("block", "table")
+    slide_gate_over_block(table)
     assert table.stage == 0
 
 
-def test_handing_over_around_the_ring_does_not_count(table: Stageplay) -> None:
-    def around(arms: Arms) -> Script:
+def test_flying_through_the_ring_does_not_count(table: Stageplay) -> None:
+    for y in (-0.03, -0.01, 0.01, 0.03):
+        table.put(block=SE3.at(0.4, y, RING_HEIGHT))
+    assert table.stage == 0
+
+
+def test_taking_it_on_the_near_side_does_not_count(table: Stageplay) -> None:
+    def on_the_near_side(arms: Arms) -> Script:
         yield from pick_bar(arms, BAR)
-        yield from go_around(arms)
+        yield from move(arms, {RIGHT: present(BAR, (0.55, 0.03, RING_HEIGHT), RISE)})
         yield from take(arms)
-        yield from lower_onto_mat(arms, LEFT)
-        yield from drop(arms, LEFT)
 
-    assert table.act(around) == 1
+    table.put(gate=GATE_AWAY)
+    table.act(on_the_near_side)
+    assert table.stage == 1
+    slide_gate_over_block(table)
+    assert table.stage == 2
+    assert table.sim.contacts.pads(LEFT, "block")
+    assert table.act(lambda arms: lower_onto_mat(arms, LEFT)) == 2
+    table.act(lambda arms: drop(arms, LEFT))
+    assert table.stage == 2
     assert on_mat(table)
 
 
-def test_handing_over_around_the_ring_after_a_crossing_does_not_count(table: Stageplay) -> None:
-    def back_and_around(arms: Arms) -> Script:
-        yield from pick_bar(arms, BAR)
-        yield from reach_through(arms)
-        yield from pull_back(arms)
-        yield from go_around(arms)
-        yield from take(arms)
-        yield from lower_onto_mat(arms, LEFT)
-        yield from drop(arms, LEFT)
-
-    assert table.act(back_and_around) == 2
-    assert on_mat(table)
+def test_a_block_that_goes_back_before_it_is_taken_does_not_count(table: Stageplay) -> None:
+    assert table.act(both_hold) == 2
+    table.put(gate=GATE_AWAY)
+    assert table.act(lambda arms: let_go(arms, RIGHT)) == 2
+    slide_gate_over_block(table)
+    assert table.stage == 2
 
 
-def test_the_arm_that_picked_it_up_may_not_put_it_down(table: Stageplay) -> None:
-    def alone(arms: Arms) -> Script:
-        yield from pick_bar(arms, BAR)
-        yield from reach_through(arms)
-        yield from pull_back(arms)
-        yield from go_around(arms)
-        yield from bring(arms, RIGHT, "block", (MAT[0], MAT[1], LYING_HEIGHT + 0.02))
-        yield from drop(arms, RIGHT)
-
-    assert table.act(alone) == 2
-    assert on_mat(table)
+def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(table: Stageplay) -> None:
+    assert table.act(both_hold) == 2
+    assert table.hold(15) == 2
+    assert table.act(lambda arms: let_go(arms, RIGHT)) == 3
 
 
-def test_a_block_that_falls_behind_the_ring_was_not_handed_over(table: Stageplay) -> None:
-    def throw(arms: Arms) -> Script:
-        yield from pick_bar(arms, BAR)
-        yield from reach_through(arms)
-        yield from drop(arms, RIGHT)
-
-    assert table.act(throw) == 2
-    table.put(block=SE3.at(MAT[0], MAT[1], LYING_HEIGHT))
-    assert table.hold(20) == 2
-
-
-def test_a_block_released_before_it_rests_does_not_count(table: Stageplay) -> None:
-    assert table.act(let_fall) == 3
-    assert table.hold(20) == 3
-    assert on_mat(table)
-
-
-def test_touching_the_mat_once_before_a_fall_is_not_enough(table: Stageplay) -> None:
-    def dip(arms: Arms) -> Script:
-        yield from hand_over(arms)
-        yield from lower_onto_mat(arms, LEFT)
-        yield from move(arms, {LEFT: arms.targets[LEFT].moved(z=0.15)})
-        yield from drop(arms, LEFT)
-
-    assert table.act(dip) == 3
-    assert table.hold(20) == 3
+def test_a_block_that_was_handed_back_does_not_count(table: Stageplay) -> None:
+    table.act(lambda arms: pick_bar(arms, BAR))
+    in_right_hand = table.sim.save()
+    table.start(layout=LAYOUT)
+    assert table.act(hand_over) == 3
+    assert table.act(lambda arms: lower_onto_mat(arms, LEFT)) == 3
+    table.sim.restore(in_right_hand)
+    table.put(gate=GATE_AWAY)
+    table.arms = Arms(table.sim)
+    assert table.act(lambda arms: onto_mat(arms, RIGHT)) == 3
     assert on_mat(table)
 
 
@@ -227,62 +190,42 @@ def test_a_block_that_is_still_held_on_the_mat_does_not_count(table: Stageplay) 
     assert table.act(lambda arms: drop(arms, LEFT)) == 4
 
 
-def test_taking_it_on_the_near_side_does_not_count(table: Stageplay) -> None:
-    def on_the_near_side(arms: Arms) -> Script:
-        yield from pick_bar(arms, BAR)
-        yield from go_around(arms)
-        yield from take(arms)
-
-    table.put(gate=SE3.at(0.2, 0.5))
-    assert table.act(on_the_near_side) == 1
-    slide_gate_over_block(table)
-    assert table.stage == 2
-    assert table.sim.contacts.pads(LEFT, "block")
-
-
-def test_a_block_that_goes_back_before_it_is_taken_does_not_count(table: Stageplay) -> None:
-    def both_hold(arms: Arms) -> Script:
-        yield from pick_bar(arms, BAR)
-        yield from reach_through(arms)
-        yield from clasp(arms, LEFT, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
-
-    assert table.act(both_hold) == 2
-    table.put(gate=SE3.at(0.2, 0.5))
-    assert table.act(lambda arms: let_go(arms, RIGHT)) == 2
-    slide_gate_over_block(table)
-    assert table.stage == 3
-
-
-def test_a_block_that_was_handed_back_does_not_count(table: Stageplay) -> None:
-    def lay_down(arms: Arms) -> Script:
-        yield from bring(arms, RIGHT, "block", (MAT[0], MAT[1], LYING_HEIGHT))
-        yield from drop(arms, RIGHT)
-
-    table.act(lambda arms: pick_bar(arms, BAR))
-    in_right_hand = table.sim.save()
-    table.start(layout=LAYOUT)
-    assert table.act(hand_over) == 3
-    assert table.act(lambda arms: lower_onto_mat(arms, LEFT)) == 3
-    table.sim.restore(in_right_hand)
-    assert table.judge() == 3
-    table.arms = Arms(table.sim)
-    assert table.act(lay_down) == 3
-    assert on_mat(table)
-
-
-def test_having_touched_the_mat_before_the_handover_is_not_enough(table: Stageplay) -> None:
+def test_a_block_released_before_it_rests_does_not_count(table: Stageplay) -> None:
+    """Not even from a few millimetres."""
     table.act(hand_over)
-    table.act(lambda arms: lower_onto_mat(arms, LEFT))
-    left_on_mat = table.sim.save()
-    table.start(layout=LAYOUT)
-    fresh = table.sim.save()
-    table.sim.restore(left_on_mat)
-    table.judge()
-    assert on_mat_in_hand(table)
-    table.sim.restore(fresh)
-    assert table.act(let_fall) == 3
+    for _ in table.steps(lambda arms: lower_onto_mat(arms, LEFT)):
+        if table.sim.lowest("block") < MAT_THICKNESS + 0.008:
+            break
+    table.arms.targets[LEFT] = table.arms.tool(LEFT)
+    assert not table.sim.contacts.between("block", "mat")
+    assert table.act(lambda arms: drop(arms, LEFT)) == 3
     assert table.hold(20) == 3
     assert on_mat(table)
+
+
+def test_a_block_that_was_let_go_on_the_far_side_must_come_through_again(table: Stageplay) -> None:
+    assert table.act(both_hold) == 2
+    both = table.sim.save()
+    assert table.act(lambda arms: let_go(arms, RIGHT)) == 3
+    left = table.sim.save()
+    table.start(layout=LAYOUT)
+    table.act(lambda arms: pick_bar(arms, BAR))
+    assert table.act(reach_through) == 2
+    fallen = SE3.at(0.7, 0.2, CUBE_EDGE / 2)
+    table.put(block=fallen)
+    for state in (both, left):
+        table.sim.restore(state)
+        assert table.judge() == 2
+
+
+def test_a_block_that_fell_onto_the_mat_may_be_picked_up_and_put_down(table: Stageplay) -> None:
+    assert table.act(let_fall) == 3
+
+    def again(arms: Arms) -> Script:
+        yield from pick_lying(arms, LEFT, "block")
+        yield from onto_mat(arms, LEFT, height=-0.006)
+
+    assert table.act(again) == 4
 
 
 def test_only_a_block_that_rests_on_the_mat_counts(table: Stageplay) -> None:
@@ -304,10 +247,9 @@ def test_only_a_block_that_rests_on_the_mat_counts(table: Stageplay) -> None:
 # --- objects -------------------------------------------------------------------------------------
 
 
-def test_the_stand_is_heavy_and_the_block_is_not(bench: Stageplay) -> None:
-    mass = {name: bench.sim.model.body(name).mass[0] for name in ("gate", "block")}
-    assert mass["gate"] == pytest.approx(STAND_MASS)
-    assert mass["block"] == pytest.approx(LONG_BLOCK * CUBE_EDGE**2 * PLA_DENSITY)
+def test_the_block_weighs_what_it_is_made_of(bench: Stageplay) -> None:
+    mass = bench.sim.model.body("block").mass[0]
+    assert mass == pytest.approx(LONG_BLOCK * CUBE_EDGE**2 * PLA_DENSITY)
 
 
 def test_the_ring_is_as_wide_as_the_task_says() -> None:
@@ -325,12 +267,35 @@ def test_the_ring_is_as_wide_as_the_task_says() -> None:
 def test_objects_rest_apart_at_reset(bench: Stageplay, seed: int) -> None:
     layout = bench.start(seed)
     assert bench.sim.contacts.deepest(0.0005) == []
-    for name in ("block", "gate"):
-        assert bench.sim.contacts.partners(name) == {"table"}
-        moved, turned = bench.sim.pose(name).distance(layout.poses[name])
-        assert moved < 0.001
-        assert turned < 0.01
-        assert max(bench.sim.speed(name)) < 0.005
+    assert bench.sim.contacts.partners("block") == {"table"}
+    moved, turned = bench.sim.pose("block").distance(layout.poses["block"])
+    assert moved < 0.001
+    assert turned < 0.01
     assert bench.hold(10) == 0
+    assert max(bench.sim.speed("block")) < 0.005
+    for fixed in ("gate", "mat"):
+        assert bench.sim.pose(fixed).distance(layout.poses[fixed]) == pytest.approx((0, 0))
     block, mat = bench.sim.position("block"), bench.sim.position("mat")
     assert block[1] < bench.sim.position("gate")[1] < mat[1]
+
+
+@pytest.mark.parametrize(
+    ("moved", "problem"),
+    [
+        ({"block": SE3.at(0.4, 0.07, CUBE_EDGE / 2)}, "overlap"),
+        ({"gate": SE3.at(0.5, 0.25, 0.06)}, "touches the robot"),
+        ({"gate": SE3.at(0.1, -0.5)}, "out of reach"),
+    ],
+    ids=["on the stand", "in the hand", "too close"],
+)
+def test_a_bad_place_for_the_fixed_ring_is_found(
+    bench: Stageplay, moved: dict[str, SE3], problem: str
+) -> None:
+    layout = Layout(poses={**LAYOUT.poses, **moved})
+    assert any(problem in found for found in placement.problems(bench.sim, layout))
+
+
+def test_ring_and_mat_stay_apart() -> None:
+    """What is fixed does not collide with what is fixed: only the ranges keep them apart."""
+    ring, mat = TASK.placements["gate"].y, TASK.placements["mat"].y
+    assert ring.high + BASE[1] / 2 <= mat.low - MAT_EDGE / 2 + 1e-9

@@ -1,14 +1,25 @@
 import math
+from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
 import pytest
 import trimesh
 
-from duobench.experts.handover import Bar, clasp, let_go, pick_bar
+from duobench.experts.handover import let_go, pick_bar
 from duobench.experts.motion import Arms, Script, wait
-from duobench.experts.transfer_reorient import BAR, MEETING_POINT, RECEIVER_GRIP, insert, script
-from duobench.sim.placement import Layout
+from duobench.experts.transfer_reorient import (
+    BAR,
+    MEETING_POINT,
+    OVER_BOARD,
+    RECEIVER_GRIP,
+    RISE,
+    insert,
+    lead,
+    script,
+)
+from duobench.sim.layout import Layout
+from duobench.sim.simulation import STILL_SPEED
 from duobench.solids.blocks import WHITE
 from duobench.solids.hexagon_peg import (
     ACROSS_FLATS,
@@ -28,7 +39,7 @@ from duobench.solids.solid import PLA_DENSITY, Solid, manifold_of, mass_properti
 from duobench.spatial import SE3
 from duobench.tasks.transfer_reorient import BLUE, DEPTH, TASK
 from duobench.types import Side
-from tests.handovers import bring, drop, meet
+from tests.handovers import meet
 from tests.stageplay import Stageplay
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -52,13 +63,56 @@ def table(bench: Stageplay) -> Stageplay:
     return bench
 
 
-def both_hold(arms: Arms) -> Script:
-    yield from meet(arms, BAR, MEETING_POINT, grip_at=RECEIVER_GRIP, slant=0.0)
+@pytest.fixture(scope="module")
+def moments(bench: Stageplay) -> dict[str, np.ndarray]:
+    """States by letter: held by (r)ight, (b)oth, (l)eft alone, by left (i)n the hole, by left and
+    almost (o)ut of it, (f)ree in the hole.
+    """
+    saved = {}
+
+    def whole_way(arms: Arms) -> Script:
+        yield from pick_bar(arms, BAR)
+        saved["r"] = bench.sim.save()
+        yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP)
+        saved["b"] = bench.sim.save()
+        yield from let_go(arms, RIGHT)
+        saved["l"] = bench.sim.save()
+        arms.posture[LEFT.index] = OVER_BOARD
+        yield from insert(arms, LEFT, mouth(HEXAGON))
+        saved["i"] = bench.sim.save()
+        yield from lead(arms, LEFT, mouth(HEXAGON), -0.008, speed=0.06)
+        saved["o"] = bench.sim.save()
+        yield from insert(arms, LEFT, mouth(HEXAGON))
+        yield from let_go(arms, LEFT)
+        saved["f"] = bench.sim.save()
+
+    bench.start(layout=LAYOUT)
+    bench.act(whole_way)
+    return saved
 
 
-def hand_over(arms: Arms) -> Script:
-    yield from both_hold(arms)
-    yield from let_go(arms, RIGHT)
+@dataclass(frozen=True)
+class Replay:
+    """Moments, one after another."""
+
+    table: Stageplay
+    moments: dict[str, np.ndarray]
+
+    def stage_after(self, letters: str, **peg: SE3) -> int:
+        """The stage after moments, and then with the peg free at a pose."""
+        for letter in letters:
+            self.table.sim.restore(self.moments[letter])
+            self.table.judge()
+        if peg:
+            self.table.sim.restore(self.moments["f"])
+            self.table.put(**peg)
+        return self.table.stage
+
+
+@pytest.fixture
+def replay(table: Stageplay, moments: dict[str, np.ndarray]) -> Replay:
+    table.start(layout=LAYOUT)
+    return Replay(table, moments)
 
 
 def mouth(hole: Hole) -> SE3:
@@ -81,100 +135,88 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> N
     assert bench.sim.position("peg")[2] < BOARD_HEIGHT - DEPTH + PEG_LENGTH / 2
 
 
-# --- what must not count -------------------------------------------------------------------------
+# --- what must not count; what two arms can do of it is in tests/adversaries ---------------------
 
 
-def test_a_peg_in_the_hole_that_nobody_handed_over_does_not_count(table: Stageplay) -> None:
-    table.put(peg=standing(HEXAGON, 0.020))
-    assert table.hold(20) == 0
-    assert table.sim.contacts.partners("peg") == {"board"}
+@pytest.mark.parametrize(
+    ("letters", "stage"),
+    [
+        ("r", 1),
+        ("rb", 2),
+        ("rbl", 3),
+        ("rbli", 3),
+        ("rblif", 4),
+        ("rblliiff", 4),
+        ("rbliff", 4),
+        ("rblf", 3),  # dropped in from above
+        ("rblof", 3),
+        ("rbliof", 3),  # on its way out
+        ("rbliloif", 4),  # and in again
+        ("rblffffif", 3),  # dropped in, and pinched there
+        ("rif", 1),  # nobody handed it over
+        ("rlif", 1),
+        ("f", 0),
+    ],
+)
+def test_a_peg_counts_where_it_was_led_in_and_let_go(
+    replay: Replay, letters: str, stage: int
+) -> None:
+    assert replay.stage_after(letters) == stage
 
 
-def test_depth_offset_and_angle_are_those_of_the_task(table: Stageplay) -> None:
-    assert table.act(hand_over) == 3
-    table.put(peg=standing(HEXAGON, DEPTH - 0.001))
-    table.put(peg=standing(HEXAGON, DEPTH + 0.001, aside=0.005))
-    table.put(peg=standing(HEXAGON, DEPTH + 0.001, lean=math.radians(11)))
-    assert table.stage == 3
-    table.put(peg=standing(HEXAGON, DEPTH + 0.001))
-    assert table.stage == 4
+@pytest.mark.parametrize(
+    ("pose", "stage"),
+    [
+        (standing(HEXAGON, DEPTH + 0.001), 4),
+        (standing(HEXAGON, DEPTH - 0.001), 3),
+        (standing(HEXAGON, DEPTH + 0.001, aside=0.005), 3),
+        (standing(HEXAGON, DEPTH + 0.001, lean=math.radians(11)), 3),
+        (standing(HEXAGON, 0.020) @ SE3.about((0, 0, 1), math.pi), 4),
+        (standing(SQUARE, 0.020), 3),
+        (standing(TRIANGLE, 0.020), 3),
+        (standing(Hole(corners=6, apothem=0.0, x=(SQUARE.x + TRIANGLE.x) / 2, phase=0.0), 0.0), 3),
+    ],
+    ids=["in", "too high", "aside", "leaning", "other end", "square", "triangle", "on the board"],
+)
+def test_depth_offset_and_angle_are_those_of_the_task(
+    replay: Replay, pose: SE3, stage: int
+) -> None:
+    assert replay.stage_after("rbli", peg=pose) == stage
 
 
-@pytest.mark.parametrize("end", [1, -1])
-def test_either_end_may_go_in(table: Stageplay, end: int) -> None:
-    assert table.act(hand_over) == 3
-    table.put(peg=standing(HEXAGON, 0.020) @ SE3.about((0, 0, 1), (1 - end) * math.pi / 2))
-    assert table.stage == 4
+def test_a_peg_that_moves_does_not_count(replay: Replay) -> None:
+    replay.stage_after("rbli")
+    sim = replay.table.sim
+    sim.restore(replay.moments["f"])
+    start = sim.model.joint("peg").dofadr[0]
+    for speed in (STILL_SPEED + 0.01, 0.0):
+        sim.data.qvel[start] = speed
+        sim.refresh()
+        replay.table.judge()
+        assert replay.table.stage == (3 if speed else 4)
+
+
+def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(replay: Replay) -> None:
+    table = replay.table
+    assert replay.stage_after("rb") == 2
+    table.arms = Arms(table.sim)
+    assert table.hold(15) == 2
+    assert table.act(lambda arms: let_go(arms, RIGHT)) == 3
 
 
 @pytest.mark.parametrize("hole", [SQUARE, TRIANGLE], ids=["square", "triangle"])
-def test_the_peg_does_not_go_into_another_hole(table: Stageplay, hole: Hole) -> None:
+def test_the_peg_does_not_go_into_another_hole(replay: Replay, hole: Hole) -> None:
     def into(arms: Arms) -> Script:
-        yield from hand_over(arms)
+        arms.posture[LEFT.index] = OVER_BOARD
         yield from insert(arms, LEFT, mouth(hole))
         yield from wait(10)
 
+    table = replay.table
+    assert replay.stage_after("rbl") == 3
+    table.arms = Arms(table.sim)
     assert table.act(into) == 3
     assert table.sim.contacts.between("peg", "board")
     assert table.sim.lowest("peg") > BOARD_HEIGHT - TILTED_IN[hole]
-    table.put(peg=standing(hole, 0.020))
-    assert table.stage == 3
-
-
-def test_a_peg_that_stands_on_the_board_does_not_count(table: Stageplay) -> None:
-    assert table.act(hand_over) == 3
-    table.act(lambda arms: drop(arms, LEFT))
-    between = Hole(corners=6, apothem=0.0, x=(SQUARE.x + TRIANGLE.x) / 2, phase=0.0)
-    table.put(peg=standing(between, 0.0))
-    assert table.hold(10) == 3
-    assert table.sim.contacts.partners("peg") == {"board"}
-
-
-def test_the_arm_that_picked_it_up_may_not_insert_it(table: Stageplay) -> None:
-    assert table.act(lambda arms: pick_bar(arms, BAR)) == 1
-    table.act(lambda arms: drop(arms, RIGHT))
-    table.put(peg=standing(HEXAGON, 0.020))
-    assert table.hold(20) == 1
-
-
-def test_an_arm_that_takes_part_and_lets_go_again_has_not_received(table: Stageplay) -> None:
-    def keep(arms: Arms) -> Script:
-        yield from both_hold(arms)
-        yield from let_go(arms, LEFT)
-
-    assert table.act(keep) == 2
-    table.act(lambda arms: drop(arms, RIGHT))
-    table.put(peg=standing(HEXAGON, 0.020))
-    assert table.hold(20) == 2
-
-
-def test_putting_it_down_for_the_other_arm_is_no_handover(table: Stageplay) -> None:
-    def by_table(arms: Arms) -> Script:
-        yield from pick_bar(arms, BAR)
-        yield from bring(arms, RIGHT, "peg", (0.5, -0.05, ACROSS_FLATS / 2 + 0.002))
-        yield from drop(arms, RIGHT)
-        yield from pick_bar(arms, Bar(body="peg", giver=LEFT, grip=BAR.grip, height=BAR.height))
-
-    assert table.act(by_table) == 1
-    assert table.sim.contacts.pads(LEFT, "peg")
-    table.act(lambda arms: drop(arms, LEFT))
-    table.put(peg=standing(HEXAGON, 0.020))
-    assert table.hold(20) == 1
-
-
-def test_a_peg_that_was_handed_back_does_not_count(table: Stageplay) -> None:
-    def back(arms: Arms) -> Script:
-        yield from both_hold(arms)
-        held_here = arms.targets[RIGHT]
-        yield from let_go(arms, RIGHT)
-        yield from clasp(arms, RIGHT, held_here)
-        yield from let_go(arms, LEFT)
-
-    assert table.act(back) == 3
-    assert table.sim.contacts.pads(RIGHT, "peg")
-    table.act(lambda arms: drop(arms, RIGHT))
-    table.put(peg=standing(HEXAGON, 0.020))
-    assert table.hold(20) == 3
 
 
 # --- objects -------------------------------------------------------------------------------------

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable
 from statistics import median
-from typing import TYPE_CHECKING
 
 from duobench.cli.console import console
 from duobench.cli.engine import load_engine
 from duobench.errors import DuoBenchError
-
-if TYPE_CHECKING:
-    from duobench.assets.meshes import FileStatus
 
 FRAMES = 20
 """Pictures that are timed; their median is told."""
@@ -23,10 +18,10 @@ IMAGE_SIZE = (224, 224)
 
 
 def doctor() -> None:
-    """Show versions, meshes and graphics, with the time of a picture; exit code 1 if one fails."""
+    """Show versions and graphics, with the time of a picture; exit code 1 if one fails."""
     screen = console()
     is_well = True
-    for heading, examine in (("Versions", _versions), ("Meshes", _meshes), ("Graphics", _graphics)):
+    for heading, examine in (("Versions", _versions), ("Graphics", _graphics)):
         screen.print(heading, style="bold")
         try:
             for name, value in examine().items():
@@ -47,34 +42,15 @@ def _versions() -> dict[str, str]:
     return {**found, "suite version": SUITE_VERSION}
 
 
-def _meshes() -> dict[str, str]:
-    """What is on disk of the robot's meshes, once what is missing has been fetched."""
-    from duobench.assets import meshes
-
-    meshes.prepare()
-    files = meshes.status()
-    counts = Counter(file.state for file in files)
-    found = {state: _counted(count, len(files)) for state, count in counts.items()}
-    return found | {file.name: f"{file.state}, {file.path}" for file in files if _is_odd(file)}
-
-
-def _counted(count: int, total: int) -> str:
-    return f"{count} of {total}"
-
-
-def _is_odd(file: FileStatus) -> bool:
-    return file.state in {"damaged", "different"}
-
-
 def _graphics() -> dict[str, str]:
     """What draws, and how long a picture takes."""
     load_engine()
-    from duobench.envs.duo_env import DuoEnv
+    from duobench.envs.sim_env import SimEnv
     from duobench.scene.cameras import HEAD, POLICY_CAMERAS
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog
 
-    base = DuoEnv(catalog.get(catalog.names()[0]))
+    base = SimEnv(catalog.get(catalog.names()[0]))
     base.reset()
     data = base.simulation.data
     height, width = IMAGE_SIZE

@@ -31,7 +31,7 @@ def render(
     from PIL import Image
 
     from duobench.envs.config import checked_seed
-    from duobench.envs.duo_env import DuoEnv
+    from duobench.envs.sim_env import SimEnv
     from duobench.envs.wrappers import RandomizedReset
     from duobench.evaluation.suite import find_tasks
     from duobench.files import make_folder, writing
@@ -42,7 +42,7 @@ def render(
     checked_seed(seed)
     (info,) = find_tasks([task])
     height, width = size
-    base = DuoEnv(catalog.get(info.reference))
+    base = SimEnv(catalog.get(info.reference))
     make_folder(out)
     RandomizedReset(base).reset(seed=seed)
     simulation = base.simulation

@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium as gym
 
 from duobench.envs.config import EnvConfig
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.sim_env import SimEnv
 from duobench.envs.wrappers.action_chunks import ActionChunks
 from duobench.envs.wrappers.binary_gripper import BinaryGripper
 from duobench.envs.wrappers.cameras import Cameras
@@ -72,7 +72,7 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
     definition = catalog.get(task) if isinstance(task, str) else task
     if config.horizon is not None:
         definition = replace(definition, horizon=config.horizon)
-    base = DuoEnv(definition, render_mode=config.render_mode, render_size=config.render_size)
+    base = SimEnv(definition, render_mode=config.render_mode, render_size=config.render_size)
     base.config = config
     env: gym.Env = TimeLimit(TaskStages(RandomizedReset(base)), definition.horizon)
     env = _WRAP[config.action_mode](env)

@@ -13,9 +13,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
+from duobench.backend import DuoLimits
 from duobench.errors import ActionError
-from duobench.scene.fr3 import VELOCITY_LIMITS
-from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, real_array
+from duobench.types import ARM_JOINTS, SIDES, Array, real_array
 
 JOINT_MARGIN = 0.5
 """How far a measured joint may be outside its range, in radians; the engine's limits are soft."""
@@ -57,15 +57,17 @@ def box(low: ArrayLike, high: ArrayLike) -> gym.spaces.Box:
     return gym.spaces.Box(low32, high32, dtype=np.float32)
 
 
-def joint_actions(low: Array, high: Array) -> gym.spaces.Box:
-    """Absolute joint targets in radians and openings 0..1: both (16,) limits of a command."""
-    return box(low, high)
+def joint_actions(limits: DuoLimits) -> gym.spaces.Box:
+    """Absolute joint targets in radians and openings 0..1."""
+    return box(limits.low, limits.high)
 
 
-def relative_joint_actions() -> gym.spaces.Box:
+def relative_joint_actions(limits: DuoLimits) -> gym.spaces.Box:
     """Joint displacements within the velocity limits; the openings stay absolute."""
-    reach = np.array(VELOCITY_LIMITS) / CONTROL_HZ
-    return box(np.tile([*-reach, 0.0], 2), np.tile([*reach, 1.0], 2))
+    low, high = -limits.max_change, limits.max_change.copy()
+    slots = opening_slots(len(low))
+    low[slots], high[slots] = 0.0, 1.0
+    return box(low, high)
 
 
 def pose_actions() -> gym.spaces.Box:
@@ -80,12 +82,11 @@ def relative_pose_actions() -> gym.spaces.Box:
     return box(np.tile([*np.negative(high), 0.0], 2), np.tile([*high, 1.0], 2))
 
 
-def observations(low: Array, high: Array) -> gym.spaces.Dict:
+def observations(limits: DuoLimits) -> gym.spaces.Dict:
     """What the robot reports about itself.
 
     Args:
-        low: Lower limits (16,) of a command.
-        high: Upper limits (16,) of a command.
+        limits: What the arms obey.
 
     Returns:
         Dict of `agent_pos` (16,), measured joints and openings in the order of an action, and
@@ -95,7 +96,9 @@ def observations(low: Array, high: Array) -> gym.spaces.Dict:
     pose = np.tile([*[REACH] * 3, *[1.0] * 4], len(SIDES))
     return gym.spaces.Dict(
         agent_pos=gym.spaces.Box(
-            (low - margin).astype(np.float32), (high + margin).astype(np.float32), dtype=np.float32
+            (limits.low - margin).astype(np.float32),
+            (limits.high + margin).astype(np.float32),
+            dtype=np.float32,
         ),
         tool_pose=gym.spaces.Box(
             (-pose).astype(np.float32), pose.astype(np.float32), dtype=np.float32

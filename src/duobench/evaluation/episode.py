@@ -12,8 +12,8 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
-from duobench.envs.duo_env import base_of
 from duobench.envs.registration import make
+from duobench.envs.sim_env import sim_of
 from duobench.errors import (
     DuoBenchError,
     EvaluationError,
@@ -174,7 +174,7 @@ class EpisodeRunner:
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:
         """A video of the simulation that is being played, from the camera for people."""
-        simulation = base_of(env).simulation
+        simulation = sim_of(env).simulation
         if self._renderer is None:
             height, width = VIDEO_SIZE
             self._renderer = Renderer(simulation.model, height=height, width=width)

@@ -13,7 +13,7 @@ import gymnasium as gym
 from numpy.typing import ArrayLike
 
 from duobench import policy
-from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation.suite import TaskInfo
 from duobench.experts.registry import find_script, make_expert
@@ -50,7 +50,7 @@ class ExpertPolicy:
         Raises:
             PolicyError: If the task has no expert.
         """
-        duo = base_of(env)
+        duo = sim_of(env)
         reference = "" if duo.spec is None else duo.spec.kwargs.get("task", "")
         self._expert = make_expert(duo.task, duo.simulation, reference)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -16,9 +17,8 @@ from duobench.experts.motion import (
     grip,
     nearest_turn,
 )
-from duobench.scene.maze_walls import standing_walls
 from duobench.solids.maze_board import GRIP_OFFSET, cell_at, cell_centre
-from duobench.solids.mazes import Cell, Direction, Maze
+from duobench.solids.mazes import MAZES, Cell, Direction, Maze
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 
@@ -44,40 +44,59 @@ _AT_REST = 0.02
 
 
 def script(arms: Arms) -> Script:
-    """Lift the board and let the ball run to the goal."""
+    """Lift the board and let the ball roll to the goal."""
     while not all(arms.grasps(side, "board") for side in SIDES):
-        yield from _grasp(arms)
-    yield from carry(arms, "board", arms.sim.pose("board").moved(z=_LIFT), speed=0.2)
-    hand = _Tilt(arms)
-    maze = standing_walls(arms.sim.model, "board")
-    while plan := maze.plan(cell := cell_at(*_ball(arms))):
-        yield from _run(hand, maze, cell, plan[0])
+        yield from grasp(arms, *SIDES)
+    yield from lift(arms, *SIDES)
+    yield from solve(arms, *SIDES)
 
 
-def _grasp(arms: Arms) -> Script:
-    """Close both grippers around the two opposite grips that lie nearest to the arms' sides."""
+def grip_poses(arms: Arms, *sides: Side) -> dict[Side, SE3]:
+    """Tool poses around grips: around two opposite ones that lie nearest to the arms' sides."""
     board = arms.sim.pose("board")
     yaw = nearest_turn(board.yaw, math.pi / 2)
     x, y, _ = board.translation
-    grasps = {}
-    for side in SIDES:
-        reach = side.sign * GRIP_OFFSET
-        grasps[side] = down(
-            x - reach * math.sin(yaw), y + reach * math.cos(yaw), _GRASP_HEIGHT, yaw=yaw
+    return {
+        side: down(
+            x - side.sign * GRIP_OFFSET * math.sin(yaw),
+            y + side.sign * GRIP_OFFSET * math.cos(yaw),
+            _GRASP_HEIGHT,
+            yaw=yaw,
         )
-    yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH)
+        for side in sides
+    }
+
+
+def grasp(arms: Arms, *sides: Side) -> Script:
+    """Close grippers around grips of the board."""
+    poses = grip_poses(arms, *sides)
+    yield from come_down(arms, poses, opening=_OPENING, above=_APPROACH)
     # One after the other: the first grip brings the board into line with its gripper.
-    yield from grip(arms, Side.LEFT)
-    yield from grip(arms, Side.RIGHT)
+    for side in sides:
+        yield from grip(arms, side)
+
+
+def lift(arms: Arms, *sides: Side) -> Script:
+    """Lift the board, level."""
+    high = arms.sim.pose("board").moved(z=_LIFT)
+    yield from carry(arms, "board", high, *sides, speed=0.2)
+
+
+def solve(arms: Arms, *sides: Side) -> Script:
+    """Tilt the board, run by run, until the ball is in the goal's cell."""
+    tilt = _Tilt(arms, sides)
+    maze = MAZES[int(arms.sim.variants["board"])]
+    while plan := maze.plan(cell := cell_at(*_ball(arms))):
+        yield from _run(tilt, maze, cell, plan[0])
 
 
 class _Tilt:
-    """The grasped board as a platform that both arms tilt about its middle."""
+    """The grasped board as a platform that arms tilt about its middle."""
 
-    def __init__(self, arms: Arms) -> None:
+    def __init__(self, arms: Arms, sides: Iterable[Side]) -> None:
         self.arms = arms
         board = arms.sim.pose("board")
-        self._grasps = {side: board.inverse() @ arms.targets[side] for side in SIDES}
+        self._grasps = {side: board.inverse() @ arms.targets[side] for side in sides}
         self._level = SE3.at(*board.translation, yaw=board.yaw)
         self.slope = np.zeros(2)
         """Downward slope along the board's x and y, in radians."""
@@ -92,17 +111,17 @@ class _Tilt:
             self.arms.targets[side] = board @ grasp
 
 
-def _run(hand: _Tilt, maze: Maze, cell: Cell, direction: Direction) -> Script:
+def _run(tilt: _Tilt, maze: Maze, cell: Cell, direction: Direction) -> Script:
     """Tilt until the ball has come to rest at the end of a run."""
     end = np.array(cell_centre(maze.run(cell, direction)))
     along = np.array(direction.value, dtype=float)
     across = 1.0 - np.abs(along)
-    last = _ball(hand.arms)
+    last = _ball(tilt.arms)
     for _ in range(_MAX_RUN_STEPS):
         yield
-        ball = _ball(hand.arms)
+        ball = _ball(tilt.arms)
         velocity, last = (ball - last) / CONTROL_STEP, ball
-        hand.towards(_TILT * along + across * (_CENTRING * (end - ball) - _DAMPING * velocity))
+        tilt.towards(_TILT * along + across * (_CENTRING * (end - ball) - _DAMPING * velocity))
         if along @ (ball - end) > 0.0 and np.abs(velocity).max() < _AT_REST:
             return
 

@@ -36,30 +36,38 @@ _OUTWARD = {Side.LEFT: math.pi / 2, Side.RIGHT: -math.pi / 2}
 
 def script(arms: Arms) -> Script:
     """Lay the beam, take both blocks, put them down together, let go together."""
-    yield from _lay_beam(arms)
-    yield from together(*(_take_block(arms, side) for side in SIDES))
+    yield from lay_beam(arms)
+    yield from together(*(take_block(arms, side) for side in SIDES))
     yield from lower(arms)
     yield from release(arms, *SIDES)
     yield from wait(4)
     yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
 
 
-def lower(arms: Arms) -> Script:
-    """Carry both held blocks over the ends of the beam and lower them together."""
+def lower(arms: Arms, *sides: Side, reach: float = _REACH) -> Script:
+    """Carry held blocks over the beam and lower them together; both where no side is given.
+
+    Args:
+        arms: The arms.
+        sides: The arms that put their blocks down.
+        reach: Distance of a block from the middle of the beam, in metres.
+    """
+    sides = sides or SIDES
     beam = arms.sim.pose("beam")
     goals: dict[Side, SE3] = {}
-    for side in SIDES:
-        end = beam.apply([0.0, side.sign * _REACH, 0.0])
+    for side in sides:
+        end = beam.apply([0.0, side.sign * reach, 0.0])
         height = beam.translation[2] + BEAM[2] / 2 + BLOCK[2] / 2 - _PRESS
         goal = SE3.at(end[0], end[1], height, yaw=beam.yaw)
         goals[side] = tool_for(arms, side, _block(side), goal)
     yield from move(arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3)
     yield from wait(8)
     yield from move(arms, goals, speed=0.06)
-    yield from wait_until(lambda: all(_landed(arms, side) for side in SIDES), 15)
+    yield from wait_until(lambda: all(_landed(arms, side) for side in sides), 15)
 
 
-def _lay_beam(arms: Arms) -> Script:
+def lay_beam(arms: Arms) -> Script:
+    """Put the beam across the cube."""
     side = _BEAM_SIDE
     beam = arms.sim.pose("beam")
     x, y, z = beam.translation
@@ -69,7 +77,8 @@ def _lay_beam(arms: Arms) -> Script:
     yield from place(arms, side, goal, above=0.06, retreat=0.15, speed=0.3)
 
 
-def _take_block(arms: Arms, side: Side) -> Script:
+def take_block(arms: Arms, side: Side) -> Script:
+    """Pick up the block on an arm's side."""
     pose = arms.sim.pose(_block(side))
     x, y, z = pose.translation
     grasp = down(x, y, z + _BLOCK_GRASP, yaw=_OUTWARD[side])

@@ -6,13 +6,13 @@ from duobench.experts.motion import (
     CAREFUL,
     Arms,
     Script,
-    both,
     carry,
     come_down,
     down,
     grip,
     move,
     release,
+    wait,
 )
 from duobench.solids.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.spatial import SE3
@@ -27,27 +27,68 @@ _FINGER_DEPTH = 0.004
 _LIFT = 0.06
 _CLEARANCE = 0.04
 """Height in metres of the pot above the table, and above the plate, while it is carried."""
+_LANDING_SPEED = 0.06
+_BELOW = 0.01
+"""How fast (m/s) the pot is lowered onto the plate, and how far below the plate's top, in metres,
+it would be led if it did not touch it."""
 
 
 def script(arms: Arms) -> Script:
     """Carry the pot to the middle of the stove plate."""
+    yield from lift(arms)
+    x, y, _ = arms.sim.position("stove")
+    yield from carry_over(arms, x, y)
+    yield from land(arms)
+    yield from let_go(arms)
+
+
+def lift(arms: Arms) -> Script:
+    """Take the pot by both handles, and lift it."""
     while not all(arms.grasps(side, _handle(side)) for side in SIDES):
-        yield from _grasp(arms)
+        yield from grasp(arms)
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=_LIFT), speed=0.15)
-    stove = arms.sim.pose("stove")
-    goal = stove @ SE3.at(z=PLATE[2] + HEIGHT / 2)
-    yield from carry(arms, "pot", goal.moved(z=_CLEARANCE), speed=CAREFUL)
-    yield from carry(arms, "pot", goal, speed=0.12)
-    yield from release(arms, *SIDES, opening=_OPENING)
-    yield from move(arms, both(lambda side: arms.targets[side].moved(z=_APPROACH)), arrive=False)
 
 
-def _grasp(arms: Arms) -> Script:
-    """Close both grippers around the handles, from above."""
+def carry_over(arms: Arms, x: float, y: float, *sides: Side, height: float = _CLEARANCE) -> Script:
+    """Carry the pot to a place above the plate; its yaw stays, whatever the plate's."""
+    goal = _level(arms, x, y, height)
+    yield from carry(arms, "pot", goal, *sides, speed=CAREFUL)
+
+
+def land(arms: Arms, *sides: Side) -> Script:
+    """Lower the pot until it touches the plate; both arms hold it where none is given."""
+    x, y, _ = arms.sim.position("pot")
+    low = _level(arms, x, y, -_BELOW)
+    for _ in carry(arms, "pot", low, *sides, speed=_LANDING_SPEED):
+        if arms.sim.contacts.between("pot", "stove"):
+            break
+        yield
+    # The servos lag behind: from here on they shall not press the pot down.
+    arms.targets.update({side: arms.tool(side) for side in sides or SIDES})
+    yield from wait(3)
+
+
+def _level(arms: Arms, x: float, y: float, height: float) -> SE3:
+    """Where the pot stands level above the plate, turned as it is now."""
+    yaw = arms.sim.pose("pot").yaw
+    return SE3.at(x, y, PLATE[2] + HEIGHT / 2 + height, yaw=yaw)
+
+
+def let_go(arms: Arms, *sides: Side) -> Script:
+    """Open the grippers, of both arms where none is given, and move up."""
+    sides = sides or SIDES
+    yield from release(arms, *sides, opening=_OPENING)
+    goals = {side: arms.targets[side].moved(z=_APPROACH) for side in sides}
+    yield from move(arms, goals, arrive=False)
+
+
+def grasp(arms: Arms, *sides: Side) -> Script:
+    """Close grippers around the handles, from above; both where none is given."""
+    sides = sides or SIDES
     pot = arms.sim.pose("pot")
-    grasps = {side: _grasp_pose(pot, side) for side in SIDES}
+    grasps = {side: _grasp_pose(pot, side) for side in sides}
     yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH)
-    yield from grip(arms, *SIDES)
+    yield from grip(arms, *sides)
 
 
 def _grasp_pose(pot: SE3, side: Side) -> SE3:

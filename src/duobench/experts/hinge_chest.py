@@ -30,7 +30,7 @@ from duobench.solids.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X
 from duobench.spatial import SE3
 from duobench.types import Side
 
-_HOLDER, _INSERTER = Side.RIGHT, Side.LEFT
+HOLDER, INSERTER = Side.RIGHT, Side.LEFT
 _SLOPE = 0.9
 """Angle in radians between the lifting fingers and the vertical."""
 _ROD_Y = -0.112
@@ -42,9 +42,9 @@ _SLIDE = 0.035
 """How much further in under the lid the rod ends, in metres."""
 _START = (-OUTER_X / 2 - _OVER_FRONT, 0.044)
 """Rod under the lip: x and z in the chest's frame."""
-_OPEN_ANGLE = 1.4
-"""How far the lid is opened, in radians."""
-_ENOUGH = 1.3
+_OPEN_ANGLE = 1.32
+"""How far the lid is opened, in radians: clear of its stop."""
+_ENOUGH = 1.22
 """Angle in radians from which on the other arm goes in."""
 _ROD_DEPTH = 0.016
 """From the lid's underside to the rod's axis, in metres."""
@@ -61,13 +61,21 @@ _CARRY_HEIGHT, _ABOVE_RIM, _DROP_HEIGHT = 0.20, 0.15, 0.045
 _TILT = SE3.about((1, 0, 0), -0.25)
 """The inserting hand leans to its own side, away from the hand that holds the lid."""
 _GRASP_HEIGHT = 0.028
-_LET_GO = 0.75
+LET_GO = 0.75
 """Opening that frees the cube and still fits between the walls."""
 
 
 def script(arms: Arms) -> Script:
     """Open the chest, hold it open, put the cube in."""
-    yield from together(_open(arms), _insert(arms))
+    yield from together(open_lid(arms), bring(arms))
+
+
+def bring(arms: Arms) -> Script:
+    """The left arm puts the cube in as soon as the lid is open."""
+    yield from fetch(arms)
+    yield from wait_until(lambda: arms.sim.angle("chest/lid") >= _ENOUGH, 300)
+    yield from lower(arms)
+    yield from release(arms, INSERTER, opening=LET_GO)
 
 
 def _lifting(chest: SE3, x: float, z: float) -> SE3:
@@ -82,31 +90,35 @@ def _under_lid(chest: SE3, angle: float) -> SE3:
     return _lifting(chest, HINGE[0] + lid[0], HINGE[2] + lid[2])
 
 
-def _open(arms: Arms) -> Script:
+def open_lid(arms: Arms) -> Script:
+    """The right arm lifts the lid and holds it."""
     chest = arms.sim.pose("chest")
     start = _lifting(chest, *_START)
     back = start @ SE3.at(0.0, 0.0, -0.13)
-    arms.openings[_HOLDER.index] = CLOSED
-    yield from move(arms, {_HOLDER: back}, tolerance=NEAR)
-    yield from grip(arms, _HOLDER)
-    yield from move(arms, {_HOLDER: start}, speed=0.2)
-    yield from move(arms, {_HOLDER: _under_lid(chest, 0.0)}, speed=0.1, arrive=False)
-    yield from follow(arms, lambda f: {_HOLDER: _under_lid(chest, f * _OPEN_ANGLE)}, _LIFT_SECONDS)
+    arms.openings[HOLDER.index] = CLOSED
+    yield from move(arms, {HOLDER: back}, tolerance=NEAR)
+    yield from grip(arms, HOLDER)
+    yield from move(arms, {HOLDER: start}, speed=0.2)
+    yield from move(arms, {HOLDER: _under_lid(chest, 0.0)}, speed=0.1, arrive=False)
+    yield from follow(arms, lambda f: {HOLDER: _under_lid(chest, f * _OPEN_ANGLE)}, _LIFT_SECONDS)
 
 
-def _insert(arms: Arms) -> Script:
-    side = _INSERTER
+def fetch(arms: Arms) -> Script:
+    """The left arm picks up the cube and waits beside the chest."""
+    yield from pick_cube(arms, INSERTER, "cube", _GRASP_HEIGHT)
+    y = arms.sim.position("chest")[1] + _WAIT_BESIDE
+    yield from move(arms, {INSERTER: over(arms, y, _CARRY_HEIGHT)}, tolerance=0.02)
+
+
+def lower(arms: Arms) -> Script:
+    """The left arm brings the cube over the open chest, and down."""
+    y = arms.sim.pose("chest").apply([*_DROP, 0.0])[1]
+    yield from move(arms, {INSERTER: over(arms, y, _ABOVE_RIM)}, tolerance=0.01)
+    yield from move(arms, {INSERTER: over(arms, y, _DROP_HEIGHT)}, speed=CAREFUL)
+
+
+def over(arms: Arms, y: float, height: float) -> SE3:
+    """Tool pose of the inserting arm, at a place across the table and a height in metres."""
     chest = arms.sim.pose("chest")
-    yield from pick_cube(arms, side, "cube", _GRASP_HEIGHT)
-    x, y, _ = chest.apply([_DROP[0], _DROP[1], 0.0])
     turn = _TILT @ down(0.0, 0.0, 0.0, yaw=chest.yaw, lean=_LEAN)
-
-    def at(y: float, height: float) -> SE3:
-        return SE3(turn.rotation, np.array([x, y, height]))
-
-    beside = at(chest.translation[1] + _WAIT_BESIDE, _CARRY_HEIGHT)
-    yield from move(arms, {side: beside}, tolerance=0.02)
-    yield from wait_until(lambda: arms.sim.angle("chest/lid") >= _ENOUGH, 300)
-    yield from move(arms, {side: at(y, _ABOVE_RIM)}, tolerance=0.01)
-    yield from move(arms, {side: at(y, _DROP_HEIGHT)}, speed=CAREFUL)
-    yield from release(arms, side, opening=_LET_GO)
+    return SE3(turn.rotation, np.array([chest.apply([*_DROP, 0.0])[0], y, height]))

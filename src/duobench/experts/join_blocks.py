@@ -17,13 +17,14 @@ from duobench.experts.motion import (
     down,
     move,
     pick,
+    release,
     together,
     tool_for,
     wait,
 )
 from duobench.solids.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
 from duobench.spatial import SE3
-from duobench.types import Side
+from duobench.types import SIDES, Side
 
 _BARS = {Side.LEFT: "light_block", Side.RIGHT: "dark_block"}
 _LEANS = {Side.LEFT: math.radians(20.0), Side.RIGHT: math.radians(-20.0)}
@@ -41,11 +42,13 @@ _TOUCHING = 0.0005
 _BEFORE_WALL = 0.012
 """Distance between the wall's peg and the socket before they meet, in metres."""
 _SLOW = 0.05
+_RETREAT = 0.10
+"""How far each hand backs out after letting go, in metres."""
 _CORRECTIONS = 3
 
 
 def script(arms: Arms) -> Script:
-    """Take both bars, plug them together, push them onto the wall."""
+    """Take both bars, plug them together, push them onto the wall, let go of them."""
     yield from together(*(_take(arms, side) for side in Side))
     dark = SE3.at(_MEETING_X, 0.0, PEG_HEIGHT)
     light = dark.moved(x=-BAR[0] - PEG_LENGTH - _APART)
@@ -59,7 +62,9 @@ def script(arms: Arms) -> Script:
     for goal, speed in ((before, 0.10), (front, _SLOW)):
         both = {Side.RIGHT: goal, Side.LEFT: goal.moved(x=-BAR[0] - _TOUCHING)}
         yield from _lead(arms, both, speed=speed)
-    yield from wait(15)
+    yield from release(arms, *SIDES)
+    away = {side: arms.targets[side] @ SE3.at(z=-_RETREAT) for side in SIDES}
+    yield from move(arms, away, speed=CAREFUL, arrive=False)
 
 
 def _take(arms: Arms, side: Side) -> Script:

@@ -1,6 +1,6 @@
 """Pour-Marbles: one arm holds the empty cup, the other pours into it.
 
-Both hands come from behind and outside, at right angles to each other. The pouring one turns its
+Both grippers come from behind and outside, at right angles to each other. The pouring one turns its
 cup about the axis in which its fingers open, so that it rises over the cup and ends ahead of it;
 the holding one keeps low, out of its way. The lip of the pouring cup stays over the other's mouth,
 on the near side, from which the marbles fly to the middle.
@@ -9,6 +9,7 @@ on the near side, from which the marbles fly to the middle.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from duobench.experts.motion import (
     move,
     release,
     together,
+    tool_for,
     wait_until,
 )
 from duobench.solids.cup import HEIGHT, INNER_RADIUS
@@ -34,8 +36,8 @@ _SHORT = 0.003
 against the finger linkage, at 5 mm it turns in the pads by 10 degrees."""
 HOLD_LEAN = math.radians(59.0)
 POUR_LEAN = math.radians(50.0)
-"""How far the hands are from the vertical when they grasp, in radians. The holding one leans out of
-the way of the pouring cup; leaning further, its elbow would touch the table."""
+"""How far the grippers are from the vertical when they grasp, in radians. The holding one leans out
+of the way of the pouring cup; leaning further, its elbow would touch the table."""
 _POUR_ANGLE = math.radians(106.0)
 _POUR_SECONDS = 3.2
 _RIGHT_SECONDS = 1.9
@@ -47,8 +49,8 @@ _LIP_REACH = 0.028
 """How far the pouring lip stays short of the middle of the mouth, in metres: the marbles fly about
 as far until they fall through the mouth, so they fall through its middle."""
 _LIP_ASIDE = 0.006
-"""How far the pouring lip is from the middle of the mouth, away from the holding hand, in metres;
-with the lean and the clearance, it keeps the tilted cup 5 mm from that hand's camera."""
+"""How far the pouring lip is from the middle of the mouth, away from the holding gripper, in
+metres; with the lean and the clearance, it keeps the tilted cup 5 mm from that arm's camera."""
 _MEETING = (0.50, 0.0, 0.09)
 """Where the holding cup's underside waits for the marbles."""
 
@@ -59,48 +61,49 @@ def script(arms: Arms) -> Script:
     hold = source.other
     starts = {side: arms.sim.pose(_cup(side)) for side in Side}
     yield from together(take(arms, hold, lean=HOLD_LEAN), take(arms, source, lean=POUR_LEAN))
-    cup_from_tool = _grasps(arms)
-
-    def tools(cups: dict[Side, SE3]) -> dict[Side, SE3]:
-        return {side: cup @ cup_from_tool[side] for side, cup in cups.items()}
-
     meeting = SE3(starts[hold].rotation, np.array(_MEETING))
-    yield from move(
-        arms, tools({hold: meeting, source: _pouring(source, meeting, 0.0)}), speed=CAREFUL
-    )
-    yield from follow(
-        arms,
-        lambda f: tools({source: _pouring(source, meeting, f * _POUR_ANGLE)}),
-        _POUR_SECONDS,
-    )
-    yield from wait_until(lambda: _marbles_in(arms, source) == 0, 60)
-    aside = 0.07 * (np.array([0.0, 0.0, 1.0]) - _inward(source))
-    yield from follow(
-        arms,
-        lambda f: tools(
-            {
-                source: _pouring(source, meeting, (1 - f) * _POUR_ANGLE).moved(
-                    *(min(1, 2 * f) * aside)
-                )
-            }
-        ),
-        _RIGHT_SECONDS,
-    )
-    # Each cup goes to the middle of its square; some start near its edge. It has turned a little
-    # in its hand, and would come down on an edge.
-    cup_from_tool = _grasps(arms)
+    meet = {hold: meeting, source: _pouring(source, meeting, 0.0)}
+    yield from move(arms, _tools(arms, meet), speed=CAREFUL)
+    yield from pour(arms, source, meeting)
+    # Each cup goes to the middle of its square; some start near its edge.
     squares = {side: arms.sim.position(f"{side}_square") for side in Side}
-    backs = {side: SE3(starts[side].rotation, squares[side]) @ cup_from_tool[side] for side in Side}
-    yield from together(*(_put_back(arms, side, backs[side]) for side in Side))
+    back = {side: SE3(starts[side].rotation, squares[side]) for side in Side}
+    yield from together(*(put_back(arms, side, back[side]) for side in Side))
+
+
+def pour(arms: Arms, source: Side, target: SE3) -> Script:
+    """Pour all marbles from the cup in an arm into the one at a pose, and turn it upright again."""
+    cup_from_tool = arms.sim.pose(_cup(source)).inverse() @ arms.tool(source)
+
+    def turn(fraction: float, aside: float = 0.0) -> dict[Side, SE3]:
+        away = aside * 0.07 * (np.array([0.0, 0.0, 1.0]) - _inward(source))
+        pose = _pouring(source, target, fraction * _POUR_ANGLE).moved(*away)
+        return {source: pose @ cup_from_tool}
+
+    yield from move(arms, turn(0.0), speed=CAREFUL)
+    yield from follow(arms, turn, _POUR_SECONDS)
+    yield from wait_until(lambda: _marbles_in(arms, source) == 0, 60)
+    yield from follow(arms, lambda f: turn(1.0 - f, aside=min(1.0, 2.0 * f)), _RIGHT_SECONDS)
+
+
+def put_back(arms: Arms, side: Side, cup: SE3) -> Script:
+    """Set the cup in an arm down at a pose, let go, and move away."""
+    # It has turned a little in its gripper, and would come down on an edge.
+    tool = _tools(arms, {side: cup})[side]
+    yield from move(arms, {side: tool.moved(z=0.08)}, speed=0.3, tolerance=0.01)
+    yield from move(arms, {side: tool.moved(z=0.002)}, speed=0.2)
+    yield from release(arms, side)
+    away = tool @ SE3(np.eye(3), np.array([0.0, 0.0, -0.10]))
+    yield from move(arms, {side: away}, speed=0.3, arrive=False)
 
 
 def _cup(side: Side) -> str:
     return f"{side}_cup"
 
 
-def _grasps(arms: Arms) -> dict[Side, SE3]:
-    """Pose of each tool in the frame of the cup that it holds."""
-    return {side: arms.sim.pose(_cup(side)).inverse() @ arms.tool(side) for side in Side}
+def _tools(arms: Arms, cups: Mapping[Side, SE3]) -> dict[Side, SE3]:
+    """Tool poses at which cups, as they lie in the grippers now, have poses in the table frame."""
+    return {side: tool_for(arms, side, _cup(side), pose) for side, pose in cups.items()}
 
 
 def _marbles_in(arms: Arms, side: Side) -> int:
@@ -146,11 +149,3 @@ def _pouring(side: Side, other: SE3, angle: float) -> SE3:
     aside = _LIP_ASIDE * _inward(side.other)
     lip = other.translation + reach * ahead + aside + (HEIGHT + _LIP_CLEARANCE) * up
     return SE3(rotation, lip - rotation @ (INNER_RADIUS * ahead + HEIGHT * up))
-
-
-def _put_back(arms: Arms, side: Side, tool: SE3) -> Script:
-    yield from move(arms, {side: tool.moved(z=0.08)}, speed=0.3, tolerance=0.01)
-    yield from move(arms, {side: tool.moved(z=0.002)}, speed=0.2)
-    yield from release(arms, side)
-    away = tool @ SE3(np.eye(3), np.array([0.0, 0.0, -0.10]))
-    yield from move(arms, {side: away}, speed=0.3, arrive=False)

@@ -29,10 +29,10 @@ from duobench.solids.microwave import BAR, FLOOR, FRONT, HEIGHT, HINGE
 from duobench.spatial import SE3
 from duobench.types import Side
 
-_HOLDER, _INSERTER = Side.LEFT, Side.RIGHT
+HOLDER, INSERTER = Side.LEFT, Side.RIGHT
 _POSTURE = (1.5, 0.7, -0.3, -2.3, -1.2, 1.9, 0.4)
 """Joints of the left arm with a low forearm, far from its limits along the door's whole way."""
-_REACH_POSTURE = (-0.1, 0.8, -0.4, -2.2, -2.3, 2.3, 1.9)
+REACH_POSTURE = (-0.1, 0.8, -0.4, -2.2, -2.3, 2.3, 1.9)
 """Joints of the right arm with which it reaches into the oven."""
 _ASLANT, _FROM_BELOW = -0.5, 1.85
 """Direction of the pulling tool: against the shut door's normal, and against straight down."""
@@ -55,16 +55,24 @@ _INSIDE = (FRONT + 0.054, 0.068, FLOOR + 0.042)
 """Tool where it lets the cube go, in the oven's frame."""
 _BEFORE = 0.10
 """How far the inserting tool stops ahead of where it lets go, along itself, in metres."""
-_LET_GO = 0.75
+LET_GO = 0.75
 """Opening that frees the cube."""
 
 
 def script(arms: Arms) -> Script:
     """Open the door, hold it open, put the cube in."""
-    yield from together(_open(arms), _insert(arms))
+    yield from together(open_door(arms), bring(arms))
 
 
-def _at_bar(oven: SE3, angle: float) -> SE3:
+def bring(arms: Arms) -> Script:
+    """The right arm puts the cube in as soon as the door is open."""
+    yield from fetch(arms)
+    yield from wait_until(lambda: arms.sim.angle("microwave/door") >= _ENOUGH, 500)
+    yield from reach_in(arms)
+    yield from release(arms, INSERTER, opening=LET_GO)
+
+
+def at_bar(oven: SE3, angle: float) -> SE3:
     """Tool pose around the bar of the door, open by `angle` radians, camera downwards."""
     door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
     aslant = down(0.0, 0.0, 0.0, yaw=_ASLANT, lean=_FROM_BELOW) @ SE3.at(yaw=math.pi)
@@ -72,25 +80,31 @@ def _at_bar(oven: SE3, angle: float) -> SE3:
     return door @ SE3(aslant.rotation, np.array([*BAR, height]))
 
 
-def _open(arms: Arms) -> Script:
+def open_door(arms: Arms) -> Script:
+    """The left arm pulls the door open by its bar and holds it."""
     oven = arms.sim.pose("microwave")
-    side = _HOLDER
-    arms.posture = np.array([_POSTURE, _REACH_POSTURE])
-    arms.openings[side.index] = _AROUND_BAR
-    shut = _at_bar(oven, 0.0)
-    yield from move(arms, {side: shut @ SE3.at(z=-0.12)}, tolerance=NEAR)
-    yield from move(arms, {side: shut}, speed=0.2)
-    yield from grip(arms, side)
-    yield from follow(arms, lambda f: {side: _at_bar(oven, f * _OPEN_ANGLE)}, _PULL_SECONDS)
+    arms.posture = np.array([_POSTURE, REACH_POSTURE])
+    arms.openings[HOLDER.index] = _AROUND_BAR
+    shut = at_bar(oven, 0.0)
+    yield from move(arms, {HOLDER: shut @ SE3.at(z=-0.12)}, tolerance=NEAR)
+    yield from move(arms, {HOLDER: shut}, speed=0.2)
+    yield from grip(arms, HOLDER)
+    yield from follow(arms, lambda f: {HOLDER: at_bar(oven, f * _OPEN_ANGLE)}, _PULL_SECONDS)
 
 
-def _insert(arms: Arms) -> Script:
-    side = _INSERTER
-    oven = arms.sim.pose("microwave")
-    yield from pick_cube(arms, side, "cube", _GRASP_HEIGHT, lean=_GRASP_LEAN)
-    inside = oven @ down(*_INSIDE, yaw=_AZIMUTH, lean=_SLOPE)
-    before = inside @ SE3.at(z=-_BEFORE)
-    yield from wait_until(lambda: arms.sim.angle("microwave/door") >= _ENOUGH, 500)
-    yield from move(arms, {side: before}, tolerance=NEAR)
-    yield from move(arms, {side: inside}, speed=CAREFUL)
-    yield from release(arms, side, opening=_LET_GO)
+def fetch(arms: Arms) -> Script:
+    """The right arm picks up the cube."""
+    yield from pick_cube(arms, INSERTER, "cube", _GRASP_HEIGHT, lean=_GRASP_LEAN)
+
+
+def reach_in(arms: Arms, *, depth: float = 0.0) -> Script:
+    """The right arm brings the cube into the cavity, by `depth` metres further than it needs."""
+    inside = in_oven(arms, depth)
+    yield from move(arms, {INSERTER: inside @ SE3.at(z=-_BEFORE)}, tolerance=NEAR)
+    yield from move(arms, {INSERTER: inside}, speed=CAREFUL)
+
+
+def in_oven(arms: Arms, depth: float = 0.0) -> SE3:
+    """Tool pose at which the inserting arm lets the cube go, moved by `depth` metres inwards."""
+    x, y, z = _INSIDE
+    return arms.sim.pose("microwave") @ down(x + depth, y, z, yaw=_AZIMUTH, lean=_SLOPE)

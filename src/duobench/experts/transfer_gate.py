@@ -33,7 +33,7 @@ from duobench.types import Side
 
 BAR = Bar(body="block", giver=Side.RIGHT, grip=0.026, height=0.028)
 RISE = math.radians(45)
-RECEIVER_GRIP = 0.020
+RECEIVER_GRIP = 0.030
 _BEFORE, _BEYOND = -0.14, 0.020
 """Where the block's centre waits before the ring and where it is handed over, along its axis."""
 _READY = tool((0.42, 0.30, 0.55), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))

@@ -22,11 +22,11 @@ from duobench.spatial import SE3
 from duobench.types import Side
 
 BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027)
-MEETING_POINT = np.array([0.50, 0.0, 0.34])
-RISE = math.radians(25)
+MEETING_POINT = np.array([0.50, 0.0, 0.38])
+RISE = math.radians(60)
 RECEIVER_GRIP = 0.032
 _READY = tool((0.50, 0.25, 0.45), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
-_OVER_BOARD = (0.9, 0.0, 0.0, -2.5, 1.6, 2.45, 0.5)
+OVER_BOARD = (0.9, 0.0, 0.0, -2.5, 1.6, 2.45, 0.5)
 """Joints in radians that the left arm is drawn to over the board."""
 _ABOVE = (0.16, 0.06)
 """Heights of the peg above the board on its way, in metres. The elbow changes sides; lower down it
@@ -44,7 +44,7 @@ def script(arms: Arms) -> Script:
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
     yield from let_go(arms, giver)
     hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
-    arms.posture[receiver.index] = _OVER_BOARD
+    arms.posture[receiver.index] = OVER_BOARD
     yield from insert(arms, receiver, hole)
     yield from let_go(arms, receiver)
 

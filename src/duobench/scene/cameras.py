@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from duobench.errors import RenderingError
 from duobench.scene.filters import Group, collide_as, distal, visual_only
 from duobench.scene.surfaces import set_metal
 from duobench.spatial import SE3
@@ -19,6 +20,21 @@ from duobench.types import SIDES, Side
 
 NATIVE_HEIGHT, NATIVE_WIDTH = 720, 1280
 """Native image size of all three cameras in pixels."""
+
+
+def check_image_size(height: int, width: int) -> None:
+    """Check that a camera can give images of a size, in pixels.
+
+    Raises:
+        RenderingError: The size is larger than the native one, or not positive.
+    """
+    if not (0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH):
+        raise RenderingError(
+            f"An image of {width}x{height} cannot be rendered: the cameras have "
+            f"{NATIVE_WIDTH}x{NATIVE_HEIGHT} pixels, so width must be 1 to {NATIVE_WIDTH} "
+            f"and height 1 to {NATIVE_HEIGHT}."
+        )
+
 
 HEAD = "head"
 OVERVIEW = "overview"

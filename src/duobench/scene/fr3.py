@@ -7,14 +7,13 @@ the ones that Menagerie publishes for position control.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from duobench.assets import meshes
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, proximal, visual_only
+from duobench.scene.meshes import add_robot_mesh
 from duobench.scene.naming import arm_joint_names, flange_name
 from duobench.scene.surfaces import set_metal
 from duobench.spatial import SE3
@@ -90,7 +89,7 @@ class Link:
 
 
 # The published model has eleven more pictures: buttons, plugs and lettering, less than a pixel in
-# any camera. The mesh store leaves them out.
+# any camera. `tools/meshes` leaves them out.
 LINKS = (
     Link(
         visuals=(
@@ -267,14 +266,14 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
         for name, rgba in link.visuals:
             geom = body.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_MESH,
-                meshname=add_mesh(spec, f"fr3/{name}", meshes.visual),
+                meshname=add_robot_mesh(spec, f"fr3/{name}:visual"),
                 rgba=rgba,
             )
             visual_only(geom, shadow=rgba == WHITE or name in _STOPPERS)
         hull = body.add_geom(
             name=f"{side}/link{number}_hull",
             type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=add_mesh(spec, f"fr3/link{number}", meshes.hull, suffix="hull"),
+            meshname=add_robot_mesh(spec, f"fr3/link{number}:hull"),
             density=0.0,
             group=COLLISION_GEOM_GROUP,
         )
@@ -283,20 +282,3 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
     # The forearm and the wrist two joints on share space by design; the range of joint 6 keeps
     # them apart.
     spec.add_exclude(bodyname1=f"{side}/link5", bodyname2=f"{side}/link{ARM_JOINTS}")
-
-
-def add_mesh(
-    spec: mujoco.MjSpec, name: str, source: Callable[[str], meshes.Mesh], suffix: str = "visual"
-) -> str:
-    """Add a mesh of the store to the model, once, and return its name there."""
-    full = f"{name}:{suffix}"
-    if spec.mesh(full) is None:
-        mesh = source(name)
-        spec.add_mesh(
-            name=full,
-            uservert=mesh.vertices.ravel(),
-            userface=mesh.faces.ravel(),
-            # Decimated pictures need not be watertight; none of them carries mass.
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-    return full

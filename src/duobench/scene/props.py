@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import mujoco
 import numpy as np
 
@@ -15,17 +13,11 @@ from duobench.scene.filters import (
     visual_only,
 )
 from duobench.scene.shading import add_drawn_mesh
+from duobench.scene.shadows import add_ribs
 from duobench.scene.surfaces import CONTACT_SOLIMP, CONTACT_SOLREF, stiffen
 from duobench.solids.prop import Hinge, Prop
 from duobench.solids.shapes import Shape, ShapeKind
-from duobench.solids.solid import (
-    Solid,
-    SolidMesh,
-    manifold_of,
-    mass_properties,
-    mesh_of,
-    printable,
-)
+from duobench.solids.solid import Picture, Solid, mass_properties, pictures_of
 
 _GEOM_TYPES = {
     ShapeKind.BOX: mujoco.mjtGeom.mjGEOM_BOX,
@@ -78,39 +70,43 @@ def _fill(
     i = properties.inertia
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     group = Group.FIXTURE if prop.fixed and not moving else Group.OBJECT
+    drawn_alone = _drawn_alone(solid)
     for number, shape in enumerate(solid.shapes):
-        name = f"{body.name}:{number}"
-        geom = _add_shape(spec, body, name, shape)
+        geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
         geom.rgba = shape.rgba or solid.rgba
         geom.friction = solid.friction
         geom.condim = solid.condim
         stiffen(geom)
-        drawn = solid.mesh is None and shape.kind in _DRAWN_WELL
-        geom.group = VISUAL_GEOM_GROUP if drawn else COLLISION_GEOM_GROUP
+        geom.group = VISUAL_GEOM_GROUP if drawn_alone else COLLISION_GEOM_GROUP
         collide_as(geom, group)
-        if solid.mesh is None and not drawn:
-            mesh = mesh_of(manifold_of(shape))
-            _add_picture(spec, body, f"{name}:picture", mesh, geom.rgba, shadow=shape.shadow)
+    if not drawn_alone:
+        for number, picture in enumerate(_pictures(solid)):
+            _add_picture(spec, body, f"{body.name}:picture{number}", picture)
+
+
+def _drawn_alone(solid: Solid) -> bool:
+    """Whether a solid is one box or ball, which is drawn as it collides."""
+    kinds = [shape.kind for shape in solid.shapes]
+    return solid.mesh is None and len(kinds) == 1 and kinds[0] in _DRAWN_WELL
+
+
+def _pictures(solid: Solid) -> tuple[Picture, ...]:
+    if solid.pictures:
+        return solid.pictures
     if solid.mesh is not None:
-        _add_picture(spec, body, f"{body.name}:picture", printable(solid), solid.rgba)
+        return (Picture(mesh=solid.mesh, rgba=solid.rgba),)
+    return pictures_of(solid.shapes, solid.rgba)
 
 
-def _add_picture(
-    spec: mujoco.MjSpec,
-    body: mujoco.MjsBody,
-    name: str,
-    mesh: SolidMesh,
-    rgba: Sequence[float],
-    *,
-    shadow: bool = True,
-) -> None:
-    picture = body.add_geom(
+def _add_picture(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, picture: Picture) -> None:
+    mesh = add_ribs(picture.mesh) if picture.shadow else picture.mesh
+    geom = body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=add_drawn_mesh(spec, name, mesh.vertices, mesh.faces),
-        rgba=rgba,
+        rgba=picture.rgba,
     )
-    visual_only(picture, shadow=shadow)
+    visual_only(geom, shadow=picture.shadow)
 
 
 def _add_shape(

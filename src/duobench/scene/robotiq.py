@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from duobench.assets import meshes
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
-from duobench.scene.fr3 import Inertial, Vector, add_mesh
+from duobench.scene.fr3 import Inertial, Vector
+from duobench.scene.meshes import add_robot_mesh
 from duobench.scene.naming import gripper_name
 from duobench.scene.surfaces import ROLLING, TORSION, set_metal
 from duobench.spatial import SE3
@@ -289,7 +289,7 @@ def _add_visual(
 ) -> None:
     geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_mesh(spec, f"robotiq_2f85/{name}", meshes.visual),
+        meshname=add_robot_mesh(spec, f"robotiq_2f85/{name}:visual"),
         pos=position,
         quat=wxyz,
         rgba=rgba,
@@ -308,7 +308,7 @@ def _add_hull(
 ) -> None:
     geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_mesh(spec, f"robotiq_2f85/{name}", meshes.hull, suffix="hull"),
+        meshname=add_robot_mesh(spec, f"robotiq_2f85/{name}:hull"),
         pos=position,
         quat=wxyz,
         density=0.0,

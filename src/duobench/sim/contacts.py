@@ -8,6 +8,7 @@ pairs of owners that touch; every question after that is a look-up.
 from __future__ import annotations
 
 import math
+import operator
 from enum import StrEnum
 
 import mujoco
@@ -65,6 +66,8 @@ class Contacts:
         # A pair of owners is one number, lower row first, so that one set holds all contacts.
         self._stride = len(self._index)
         self._touching: set[int] = set()
+        self._pairs: list[list[int]] = []
+        self._distances: list[float] = []
         self._fingers = {
             side: (
                 self._index[limb_owner(side, Limb.LEFT_PAD)],
@@ -90,9 +93,8 @@ class Contacts:
         owners, stride = self._owners, self._stride
         touching = set()
         # Plain numbers: for a few dozen contacts they are several times faster than arrays.
-        for (first, second), distance in zip(
-            contact.geom.tolist(), contact.dist.tolist(), strict=True
-        ):
+        self._pairs, self._distances = contact.geom.tolist(), contact.dist.tolist()
+        for (first, second), distance in zip(self._pairs, self._distances, strict=True):
             if distance <= 0.0:
                 one, other = owners[first], owners[second]
                 touching.add(one * stride + other if one < other else other * stride + one)
@@ -155,13 +157,8 @@ class Contacts:
 
     def _presses(self, pad: int, row: int, across: list[float], sign: float) -> bool:
         """Whether a contact of a pad with an owner points along a direction, or against it."""
-        contact, owners = self._data.contact, self._owners
-        x, y, z = across
-        for (first, second), distance, frame in zip(
-            contact.geom.tolist(), contact.dist.tolist(), contact.frame.tolist(), strict=True
-        ):
-            if distance > 0.0:
-                continue
+        owners, frames = self._owners, self._data.contact.frame
+        for number, (first, second) in enumerate(self._pairs):
             # The engine's normal points from the first geom to the second.
             if owners[first] == pad and owners[second] == row:
                 outwards = sign
@@ -169,8 +166,10 @@ class Contacts:
                 outwards = -sign
             else:
                 continue
-            if outwards * (frame[0] * x + frame[1] * y + frame[2] * z) > _MIN_PRESS_COSINE:
-                return True
+            if self._distances[number] <= 0.0:
+                cosine = outwards * sum(map(operator.mul, frames[number, :3].tolist(), across))
+                if cosine > _MIN_PRESS_COSINE:
+                    return True
         return False
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.backend import DuoLimits
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED
@@ -31,6 +32,15 @@ HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 _OPENING_SLOTS = np.array(OPENING_SLOTS)
 
 
+def _limits(model: mujoco.MjModel, handles: DuoHandles) -> DuoLimits:
+    joints = np.delete(np.arange(FLAT_SIZE), _OPENING_SLOTS)
+    low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
+    low[joints], high[joints] = model.jnt_range[handles.joints.ravel()].T
+    max_change = np.full(FLAT_SIZE, np.inf)
+    max_change[joints] = np.tile(VELOCITY_LIMITS, len(SIDES)) / CONTROL_HZ
+    return DuoLimits(low=low, high=high, max_change=max_change)
+
+
 class Duo:
     """Translates between flat commands and the engine's arrays of one model."""
 
@@ -49,26 +59,8 @@ class Duo:
         self._row_bytes = [row.data.cast("B") for row in self._rows]
         self._ctrl_bytes = data.ctrl[self.handles.actuators].data.cast("B")
         self._fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
-        ranges = np.zeros((FLAT_SIZE, 2))
-        joints = np.delete(np.arange(FLAT_SIZE), _OPENING_SLOTS)
-        ranges[joints] = model.jnt_range[self.handles.joints.ravel()]
-        ranges[_OPENING_SLOTS] = 0.0, 1.0
-        self.low, self.high = ranges.T
-        """Limits of a flat command, (16,) each."""
-        self.max_change = np.full(FLAT_SIZE, np.inf)
-        """Largest change of a flat command in one control step (16,): joints move at their speed
-        limits at most, and grippers obey any opening at the speed of their motor."""
-        self.max_change[joints] = np.tile(VELOCITY_LIMITS, len(SIDES)) / CONTROL_HZ
-
-    def limit(self, targets: Array) -> Array:
-        """The command nearest to targets (16,) that the robot obeys, within ranges and speeds.
-
-        Speeds are limited with respect to the last command, as on the real robot.
-        """
-        last = self._ctrl[self.handles.actuators]
-        low = np.maximum(self.low, last - self.max_change)
-        high = np.minimum(self.high, last + self.max_change)
-        return np.minimum(np.maximum(targets, low), high)
+        self.limits = _limits(model, self.handles)
+        """What the arms obey."""
 
     def ramp(self, command: DuoCommand) -> Iterator[None]:
         """Lead the controls linearly from where they are to a command.

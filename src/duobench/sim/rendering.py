@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import RenderingError, UnknownNameError
-from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.scene.cameras import check_image_size
 from duobench.sim.opengl import RenderingInfo, Thread, choose, info_of, open_context
 from duobench.sim.painting import Image, Painter
 
@@ -86,12 +86,7 @@ class Renderer:
         Raises:
             RenderingError: The size is larger than the native one, or not positive.
         """
-        if not (0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH):
-            raise RenderingError(
-                f"A picture of {width}x{height} cannot be drawn: the cameras have "
-                f"{NATIVE_WIDTH}x{NATIVE_HEIGHT} pixels, so width must be 1 to {NATIVE_WIDTH} "
-                f"and height 1 to {NATIVE_HEIGHT}."
-            )
+        check_image_size(height, width)
         if not 1 <= samples <= MAX_SAMPLES:
             raise RenderingError(f"Samples must be 1 to {MAX_SAMPLES}, got {samples}.")
         self._model = model

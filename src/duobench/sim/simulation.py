@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import SimulationError, UnknownNameError
+from duobench.errors import LayoutError, SimulationError, UnknownNameError
 from duobench.scene.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
 from duobench.sim.contacts import Contacts
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.handles import resolve
+from duobench.sim.layout import Layout
+from duobench.sim.variants import Variants
 from duobench.solids.prop import Prop
 from duobench.solids.solid import corner_points
 from duobench.spatial import SE3
@@ -50,6 +52,9 @@ class Simulation:
         self.model: mujoco.MjModel = compose(props, overview).compile()
         self.props = {prop.name: prop for prop in props}
         self.data = mujoco.MjData(self.model)
+        self.variants: Mapping[str, str] = {}
+        """The variants of the layout that was applied last."""
+        self._variants = Variants(self.model)
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
         # Views of the engine's memory; they live as long as its data.
@@ -117,6 +122,11 @@ class Simulation:
     # --- motion --------------------------------------------------------------------------------
 
     def step(self, command: DuoCommand) -> DuoState:
+        """Advance one control step towards a command, and read the state; see `advance`."""
+        self.advance(command)
+        return self.duo.read()
+
+    def advance(self, command: DuoCommand) -> None:
         """Advance one control step (1/30 s, 16 physics steps) towards a command.
 
         The targets move linearly over the step. Afterwards poses, velocities and contacts are those
@@ -133,7 +143,6 @@ class Simulation:
             begin(model, data)
         self._raise_on_warning()
         self.contacts.update()
-        return self.duo.read()
 
     def settle(self) -> int:
         """Hold the arms still until every object is at rest.
@@ -166,6 +175,27 @@ class Simulation:
         )
 
     # --- props ---------------------------------------------------------------------------------
+
+    def apply(self, layout: Layout) -> None:
+        """Put every prop where a layout says, at rest, and choose the variants of its shapes.
+
+        Raises:
+            LayoutError: The layout does not name exactly the props of the simulation, or a variant
+                is missing or unknown.
+        """
+        given, needed = set(layout.poses), set(self.props)
+        if given != needed:
+            raise LayoutError(
+                f"The layout must place exactly {sorted(needed)}: missing "
+                f"{sorted(needed - given)}, unknown {sorted(given - needed)}."
+            )
+        for prop in self.props.values():
+            if prop.choice is not None:
+                self._variants.choose(prop, layout.variants.get(prop.choice))
+        self.variants = dict(layout.variants)
+        for name, pose in layout.poses.items():
+            self.place(name, pose)
+        self.refresh()
 
     def place(self, name: str, pose: SE3) -> None:
         """Put a prop at a pose in the table frame, at rest; call `refresh` after the last one."""
@@ -220,11 +250,26 @@ class Simulation:
 
     def speed(self, prop: str) -> tuple[float, float]:
         """Linear (m/s) and angular (rad/s) speed of a free prop; zero for a fixed one."""
-        start = self._dofs.get(prop)
-        if start is None:
-            return 0.0, 0.0
-        x, y, z, turn_x, turn_y, turn_z = self.data.qvel[start : start + 6].tolist()
+        x, y, z, turn_x, turn_y, turn_z = self._velocity(prop)
         return math.hypot(x, y, z), math.hypot(turn_x, turn_y, turn_z)
+
+    def relative_speed(self, prop: str, frame: str) -> float:
+        """Speed in m/s of a prop's origin, seen from the frame of another prop that may move."""
+        px, py, pz = self.offset(prop, frame)
+        x, y, z = self._velocity(prop)[:3]
+        ox, oy, oz, turn_x, turn_y, turn_z = self._velocity(frame)
+        x, y, z = x - ox, y - oy, z - oz
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[self.body_id(frame)].tolist()
+        return math.hypot(
+            xx * x + yx * y + zx * z - (turn_y * pz - turn_z * py),
+            xy * x + yy * y + zy * z - (turn_z * px - turn_x * pz),
+            xz * x + yz * y + zz * z - (turn_x * py - turn_y * px),
+        )
+
+    def _velocity(self, prop: str) -> list[float]:
+        """Linear velocity in the table frame and angular velocity in the prop's own, 3 each."""
+        start = self._dofs.get(prop)
+        return [0.0] * 6 if start is None else self.data.qvel[start : start + 6].tolist()
 
     def angle(self, hinge: str) -> float:
         """Angle of a hinge in radians."""

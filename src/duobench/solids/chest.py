@@ -1,16 +1,20 @@
-"""A small chest with a lid that a spring shuts, screwed to the table.
+"""A small chest with a lid that its own weight shuts, screwed to the table.
 
 The chest's frame is at the middle of its underside: x towards the hinge, z up. The lid's frame is
 on the hinge's axis, so that the shut lid reaches towards -x; the hinge turns about +y to open.
+
+Two posts behind the hinge stop the lid short of upright, so that its weight always has a lever.
 """
 
 from __future__ import annotations
+
+import math
 
 import manifold3d
 import numpy as np
 
 from duobench.solids.prop import Hinge, Part, Prop
-from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder
+from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder, prism
 from duobench.solids.solid import Solid, manifold_of, mesh_of
 from duobench.spatial import SE3
 
@@ -20,12 +24,11 @@ WALL = 0.006
 """Thickness of walls, floor and lid in metres [task definitions]."""
 RIM_HEIGHT = WALL + CAVITY[2]
 """Height of the rim above the table in metres."""
-LID_LIMITS = (0.0, 1.55)
-"""Range of the lid in radians [task definitions]."""
-LID_STIFFNESS = 0.5
-"""Spring that shuts the lid in N·m/rad [task definitions]."""
-LID_DAMPING = 0.1
-"""Damping of the lid in N·m·s/rad: it falls shut in about a third of a second, without a bang."""
+LID_LIMITS = (0.0, math.radians(80.0))
+"""Range of the lid in radians; the posts stop it there in print [task definitions]."""
+LID_DAMPING = 0.03
+"""Damping of the lid in N·m·s/rad: screws in printed holes. There is no spring [task definitions];
+let go at its stop, the lid is shut in half a second, without a bang."""
 
 GAP = 0.001
 """Play between the shut lid and the rim, and between lid and lugs, in metres."""
@@ -39,6 +42,17 @@ Closed fingertips are 32 mm thick, but the linkage behind them is 126 mm wide, s
 reaches in from the side needs the tab near the lid's end."""
 LUG = (0.016, 0.012)
 """Length along x of a lug that carries the hinge, and how far it reaches above the rim."""
+POST_WIDTH, POST_DEPTH = 0.012, 0.020
+"""Width of a post that stops the lid, and how far it stands out at the back, in metres."""
+POST_Y = 0.080
+"""Distance of the posts from the middle, in metres."""
+POST_PLAY = 0.0002
+"""Play between a post and the lid at its stop, in metres: the hinge's limit acts first."""
+POST_REACH = (0.022, 0.034)
+"""Where the posts meet the lid, in metres from the hinge's axis: above the barrel, and far enough
+from the axis for a print to bear a push at the lip."""
+POST_FOOT = 0.009
+"""How far behind the hinge's axis the posts pass the barrel, in metres."""
 
 OUTER_X, OUTER_Y = CAVITY[0] + 2 * WALL, CAVITY[1] + 2 * WALL
 """Outer depth and width in metres."""
@@ -56,7 +70,6 @@ def chest(name: str, *, body: Colour, lid: Colour) -> Prop:
     hinge = Hinge(
         axis=(0.0, 1.0, 0.0),
         limits=LID_LIMITS,
-        stiffness=LID_STIFFNESS,
         damping=LID_DAMPING,
     )
     return Prop(
@@ -68,7 +81,7 @@ def chest(name: str, *, body: Colour, lid: Colour) -> Prop:
 
 
 def chest_box(rgba: Colour) -> Solid:
-    """The open box with two lugs for the hinge's pin."""
+    """The open box with two lugs for the hinge's pin and two posts that stop the lid."""
     depth, width, height = CAVITY
     wall_z = WALL + height / 2
     lug_height = RIM_HEIGHT + LUG[1]
@@ -83,14 +96,33 @@ def chest_box(rgba: Colour) -> Solid:
                 lug_height,
                 at=SE3.at(HINGE[0], sign * (width + WALL) / 2, lug_height / 2),
             ),
+            *_post(sign * POST_Y),
         ]
     return _drilled(tuple(shapes), rgba, SE3.at(*HINGE))
+
+
+def _post(y: float) -> tuple[Shape, Shape]:
+    """A post behind the back wall: its head leans over the barrel as the open lid leans to it."""
+    stop = SE3.about((0, 1, 0), LID_LIMITS[1])
+    low, high = (stop.apply([-s, 0.0, LID_UNDERSIDE + WALL + POST_PLAY]) for s in POST_REACH)
+    rim = RIM_HEIGHT - HINGE[2]
+    outline = (
+        (POST_FOOT, rim),
+        (low[0], low[2]),
+        (high[0], high[2]),
+        (POST_DEPTH, high[2]),
+        (POST_DEPTH, rim),
+    )
+    along_y = SE3.at(HINGE[0], y, HINGE[2]) @ SE3.about((1, 0, 0), math.pi / 2)
+    depth = POST_DEPTH + WALL
+    foot = SE3.at(HINGE[0] - WALL + depth / 2, y, RIM_HEIGHT / 2)
+    return box(depth, POST_WIDTH, RIM_HEIGHT, at=foot), prism(outline, POST_WIDTH, at=along_y)
 
 
 def chest_lid(rgba: Colour) -> Solid:
     """The lid with the barrel of its hinge and the lip at its front."""
     length = LID_LENGTH + LIP
-    along_y = SE3.about((1, 0, 0), np.pi / 2)
+    along_y = SE3.about((1, 0, 0), math.pi / 2)
     shapes = (
         box(length, LID_WIDTH, WALL, at=SE3.at(-length / 2, 0, LID_UNDERSIDE + WALL / 2)),
         cylinder(BARREL_RADIUS, LID_WIDTH, at=along_y),
@@ -106,6 +138,6 @@ def _drilled(shapes: tuple[Shape, ...], rgba: Colour, axis: SE3) -> Solid:
     pin = manifold3d.Manifold.cylinder(
         2 * OUTER_Y, PIN_RADIUS, PIN_RADIUS, CIRCLE_SEGMENTS // 2, True
     )
-    turn = axis @ SE3.about((1, 0, 0), np.pi / 2)
+    turn = axis @ SE3.about((1, 0, 0), math.pi / 2)
     hole = pin.transform(np.column_stack([turn.rotation, turn.translation]))
     return Solid(shapes=shapes, rgba=rgba, mesh=mesh_of(whole - hole))

@@ -3,26 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
-import manifold3d
 import numpy as np
 
 from duobench.solids.shapes import Colour, Shape, box, hull
-from duobench.solids.solid import Solid, mesh_of
+from duobench.solids.solid import Solid, manifold_of, mesh_of
 from duobench.spatial import SE3
 
 BAR = (0.075, 0.030, 0.025)
 """Length (along x), width and height of both bars in metres [task definitions]."""
 PEG_WIDTH = 0.014
-PEG_LENGTH = 0.018
-"""Square peg and how far it stands out, in metres [task definitions]."""
-CHAMFER_LENGTH = 0.005
-CHAMFER_TAPER = 0.5
-"""The tip narrows to half over its last 5 mm, so a peg a few millimetres off still finds in."""
-CLEARANCE = 0.001
-"""Play on each side of a peg in its socket, in metres [task definitions]."""
+PEG_LENGTH = 0.024
+"""Square peg and how far it stands out, in metres: long enough for what hangs on it."""
+CHAMFER_LENGTH = 0.004
+CHAMFER_TAPER = 0.55
+"""The tip narrows by 3 mm a side over its last 4 mm, so a peg that is off by as much finds in."""
+CLEARANCE = 0.0003
+"""Play on each side of a peg in its socket, in metres, as a printer can [task definitions]: the
+finished pair droops by about two degrees a joint, and friction keeps it on the wall (measured)."""
+MOUTH = 0.001
+"""Width and depth in metres of the chamfer around a socket's mouth."""
 SOCKET_WIDTH = PEG_WIDTH + 2 * CLEARANCE
-SOCKET_DEPTH = 0.020
+SOCKET_DEPTH = PEG_LENGTH + 0.002
 """Two millimetres deeper than the peg is long, so that the bars' faces meet first."""
 
 WALL_PLATE = (0.020, 0.100, 0.085)
@@ -63,22 +66,57 @@ def light_bar(rgba: Colour) -> Solid:
 
 
 def dark_bar(rgba: Colour) -> Solid:
-    """The bar with a square socket at either end; its frame is at its middle."""
-    length, width, height = BAR
-    side, floor = (width - SOCKET_WIDTH) / 2, (height - SOCKET_WIDTH) / 2
-    middle = length - 2 * SOCKET_DEPTH
-    shapes = [box(middle, width, height)]
-    for end in (-1, 1):
-        x = end * (length - SOCKET_DEPTH) / 2
-        for sign in (-1, 1):
-            y, z = sign * (width - side) / 2, sign * (height - floor) / 2
-            shapes.append(box(SOCKET_DEPTH, side, height, at=SE3.at(x, y, 0.0)))
-            shapes.append(box(SOCKET_DEPTH, SOCKET_WIDTH, floor, at=SE3.at(x, 0.0, z)))
-    exact = manifold3d.Manifold.cube(BAR, True)
-    for end in (-1, 1):
-        hole = manifold3d.Manifold.cube((SOCKET_DEPTH, SOCKET_WIDTH, SOCKET_WIDTH), True)
-        exact -= hole.translate((end * (length - SOCKET_DEPTH) / 2, 0.0, 0.0))
-    return Solid(shapes=tuple(shapes), rgba=rgba, mesh=mesh_of(exact))
+    """The bar with a square socket, chamfered at its mouth, at either end; frame at its middle."""
+    ends = (SE3(), SE3.at(yaw=math.pi))
+    exact = manifold_of(box(*BAR))
+    for end in ends:
+        for hole in _hole(end):
+            exact -= manifold_of(hole)
+    middle = box(BAR[0] - 2 * SOCKET_DEPTH, BAR[1], BAR[2])
+    walls = (wall for end in ends for wall in _walls(end))
+    return Solid(shapes=(middle, *walls), rgba=rgba, mesh=mesh_of(exact))
+
+
+def _hole(end: SE3) -> tuple[Shape, Shape]:
+    """A socket as a solid: its shaft, and its mouth, at +x of `end`."""
+    shaft = box(
+        SOCKET_DEPTH, SOCKET_WIDTH, SOCKET_WIDTH, at=end @ SE3.at((BAR[0] - SOCKET_DEPTH) / 2)
+    )
+    rims = ((BAR[0] / 2 - MOUTH, SOCKET_WIDTH / 2), (BAR[0] / 2, SOCKET_WIDTH / 2 + MOUTH))
+    corners = [(x, i * half, j * half) for x, half in rims for i in (-1, 1) for j in (-1, 1)]
+    return shaft, hull(corners, at=end)
+
+
+def _walls(end: SE3) -> Iterator[Shape]:
+    """The bar around a socket at +x of `end`: a box on each side, a wedge where it has a chamfer.
+
+    Those at the sides are as high as the bar, those above and below lie between them.
+    """
+    _, width, height = BAR
+    shaft, face = BAR[0] / 2 - MOUTH, BAR[0] / 2
+    half = SOCKET_WIDTH / 2
+    length = SOCKET_DEPTH - MOUTH
+    side, floor = width / 2 - half, height / 2 - half
+    for sign in (-1, 1):
+        y, z = sign * (half + side / 2), sign * (half + floor / 2)
+        x = shaft - length / 2
+        yield box(length, side, height, at=end @ SE3.at(x, y, 0.0))
+        yield box(length, SOCKET_WIDTH, floor, at=end @ SE3.at(x, 0.0, z))
+        rims = ((shaft, half), (face, half + MOUTH))
+        sides = [
+            (x, sign * y, j * height / 2)
+            for x, inner in rims
+            for y in (inner, width / 2)
+            for j in (-1, 1)
+        ]
+        floors = [
+            (x, j * inner, sign * z)
+            for x, inner in rims
+            for z in (inner, height / 2)
+            for j in (-1, 1)
+        ]
+        yield hull(sides, at=end)
+        yield hull(floors, at=end)
 
 
 def wall(rgba: Colour) -> Solid:

@@ -11,8 +11,9 @@ import math
 from collections.abc import Iterable
 
 from duobench.solids.mazes import CELLS, GOAL, MAZES, SEGMENTS, START, Cell, Maze, Segment
+from duobench.solids.prop import Variant
 from duobench.solids.shapes import Shape, box, sphere
-from duobench.solids.solid import Solid, mass_properties
+from duobench.solids.solid import Picture, Solid, mass_properties, pictures_of
 from duobench.spatial import SE3
 
 PITCH = 0.040
@@ -75,12 +76,15 @@ def ball() -> Solid:
 
 
 def board() -> Solid:
-    """The board for a simulation: shapes `wall_numbers()` are the walls, of which a maze has some.
+    """The board for a simulation: it has all walls, of which `wall_variants()` leaves some out.
+
+    The walls of each maze have a picture of their own.
 
     Its mass is that of any of the printed boards, which all weigh the same.
     """
     return Solid(
         shapes=(*_frame(), *map(_wall, SEGMENTS)),
+        pictures=(*pictures_of(_frame(), _FLOOR_COLOUR), *map(_walls_picture, MAZES)),
         rgba=_FLOOR_COLOUR,
         mass=mass_properties(printable_board(MAZES[0])).mass,
     )
@@ -89,6 +93,21 @@ def board() -> Solid:
 def wall_numbers() -> dict[Segment, int]:
     """Number of each wall among the shapes of `board()`."""
     return {segment: number for number, segment in enumerate(SEGMENTS, len(_frame()))}
+
+
+def wall_variants() -> dict[str, Variant]:
+    """What of `board()` each maze leaves out, by the maze's number: other walls and images."""
+    numbers = wall_numbers()
+    first = len(board().pictures) - len(MAZES)
+    return {
+        str(index): Variant(
+            without_shapes=frozenset(numbers[s] for s in SEGMENTS if s not in maze.walls),
+            without_pictures=frozenset(
+                first + other for other in range(len(MAZES)) if other != index
+            ),
+        )
+        for index, maze in enumerate(MAZES)
+    }
 
 
 def printable_board(maze: Maze) -> Solid:
@@ -146,6 +165,12 @@ def _wall(segment: Segment) -> Shape:
     size = (along, across) if segment.along_x else (across, along)
     middle = SE3.at(*centre, (WALL_HEIGHT - ROOT) / 2)
     return box(*size, WALL_HEIGHT + ROOT, at=middle, rgba=_WALL_COLOUR)
+
+
+def _walls_picture(maze: Maze) -> Picture:
+    """The walls of a maze in one picture, without their ends in the rim."""
+    walls = (_wall(segment) for segment in SEGMENTS if segment in maze.walls)
+    return pictures_of((*_rim(), *walls), _WALL_COLOUR)[-1]
 
 
 def _quarter_turns() -> tuple[SE3, ...]:

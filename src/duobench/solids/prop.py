@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from duobench.solids.solid import Solid
@@ -36,6 +37,16 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Variant:
+    """What one variant of a prop leaves out of its root part."""
+
+    without_shapes: frozenset[int] = frozenset()
+    """Numbers of the solid's shapes that cannot be felt."""
+    without_pictures: frozenset[int] = frozenset()
+    """Numbers of the solid's pictures that cannot be seen."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Prop:
     """A named object of a task."""
 
@@ -47,6 +58,10 @@ class Prop:
     """Further parts, each carried by the root."""
     fixed: bool = False
     """Whether it stands still wherever the layout puts it, as if screwed to the table."""
+    choice: str | None = None
+    """Name of the layout's variant that decides which of its shapes are there, if any does."""
+    variants: Mapping[str, Variant] = field(default_factory=dict)
+    """What is left out for each value of that variant."""
 
     def part_name(self, part: str) -> str:
         """Full name of a part's body and hinge."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -31,6 +32,18 @@ class SolidMesh:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Picture:
+    """A part of what is drawn, in one colour."""
+
+    mesh: SolidMesh
+    """What is drawn."""
+    rgba: Colour
+    """Colour."""
+    shadow: bool = True
+    """Whether it casts one."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Solid:
     """One rigid body's description."""
 
@@ -39,7 +52,9 @@ class Solid:
     rgba: Colour
     """Colour."""
     mesh: SolidMesh | None = None
-    """What is drawn and printed; the union of the shapes where it is not given."""
+    """What is printed; the union of the shapes where it is not given."""
+    pictures: tuple[Picture, ...] = ()
+    """What is drawn: the mesh, or the shapes, where none are given."""
     density: float = PLA_DENSITY
     """Density in kg/m³."""
     mass: float | None = None
@@ -97,6 +112,32 @@ def printable(solid: Solid) -> SolidMesh:
             [manifold_of(shape) for shape in solid.shapes], manifold3d.OpType.Add
         )
     )
+
+
+def manifold_from(mesh: SolidMesh) -> manifold3d.Manifold:
+    """The exact solid within a watertight mesh."""
+    return manifold3d.Manifold(
+        manifold3d.Mesh64(
+            vert_properties=mesh.vertices, tri_verts=mesh.faces.astype(np.uint64, copy=False)
+        )
+    )
+
+
+def pictures_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Picture, ...]:
+    """What is drawn of overlapping shapes: the union of those of one colour, without the others.
+
+    No two faces lie in one place: the renderer adds the lamp's light once for each of them, and
+    shows bright dashes there.
+    """
+    groups: dict[tuple[Colour, bool], list[manifold3d.Manifold]] = {}
+    for shape in shapes:
+        groups.setdefault((shape.rgba or rgba, shape.shadow), []).append(manifold_of(shape))
+    drawn, before = [], manifold3d.Manifold()
+    for (colour, shadow), parts in groups.items():
+        union = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
+        drawn.append(Picture(mesh=mesh_of(union - before), rgba=colour, shadow=shadow))
+        before += union
+    return tuple(drawn)
 
 
 @lru_cache(maxsize=256)

@@ -1,8 +1,8 @@
-"""From hand to hand: what counts as handing an object over, for the tasks of sequential handoff.
+"""From arm to arm: what counts as handing an object over, for the tasks of sequential handoff.
 
-A handover is three moments in order: one gripper has the object alone, both have it in the air, the
-other one has it alone. The object has not stood anywhere between the last two, so that putting it
-down and picking it up with the other arm is none.
+A handover is three moments in order: one arm holds the object alone, both hold it, the other one
+holds it alone. Between the last two it is neither put down nor let go, so that laying it down for
+the other arm is none. Nothing is remembered of a handover once the giver carries the object again.
 """
 
 from __future__ import annotations
@@ -11,12 +11,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
+from duobench.stages.passage import Passage
 from duobench.stages.predicates import (
     Predicate,
     all_of,
+    any_of,
     grasped,
+    held_for,
     lifted,
     off_table,
+    released,
     since,
     touches,
     touching,
@@ -25,51 +29,84 @@ from duobench.types import SIDES, Side
 
 BySide = Mapping[Side, Predicate]
 
+LOOSE_SECONDS = 0.1
+"""For how long no gripper touches an object that has been let go: when an arm jerks, contacts may
+be lost for a step."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Handover:
-    """Predicates about one object on its way from hand to hand; made by `handover`."""
+    """Predicates about one object on its way from arm to arm; made by `handover`."""
 
-    carried: BySide
-    """Held by that arm, and the other gripper is not in contact with it."""
     shared: Predicate
-    """Both grippers pinch it, clear of table and supports."""
-    last_carried: BySide
-    """That arm was the last to carry it alone, at an earlier step."""
+    """Both arms hold it."""
     received: BySide
-    """That arm carries it, handed over by the other one. The first handover decides which arm gives
-    and which one receives, until it is put down: what is handed back is not received."""
-    delivered: BySide
-    """That arm received it at an earlier step, and since that arm last carried it neither the other
-    gripper nor the table has touched it."""
+    """That arm holds it alone, handed over by the giver; the giver never receives."""
+    brought: BySide
+    """That arm grasps what it has received, and has not let go of it since it last held it alone:
+    in the air, or put down and still in its grasp."""
+    disturbed: BySide
+    """The other gripper or the table touches it."""
+
+    @property
+    def handed_over(self) -> Predicate:
+        """An arm holds it alone, handed over by the other one."""
+        return any_of(*self.received.values())
+
+    def put(self, there: Predicate, *, until: Predicate) -> Predicate:
+        """The arm that received it has brought it to its place, at an earlier step.
+
+        Args:
+            there: Holds where the object is at its place, in the arm's grasp.
+            until: What makes it forgotten that it was: the object is not at its place any more.
+        """
+        return any_of(
+            *(
+                since(self.brought[side] & there, reset=until | self.disturbed[side])
+                for side in SIDES
+            )
+        )
 
 
-def handover(prop: str, *supports: str, where: Predicate | None = None) -> Handover:
+def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
     """The predicates for an object.
+
+    Without a way, the giver is the arm that has picked the object up: the first to hold it alone
+    since it was last put down or let go.
 
     Args:
         prop: The object.
         supports: Where it may be put down, beside the table: on none of them it is in the air.
-        where: What must hold, beside both arms holding it, when it is handed over.
+        way: The way that the object takes. The giver is the arm that brings it through, and it is
+            handed over on the far side.
     """
-    carried = {side: lifted(side, prop, *supports) & ~touches(side.other, prop) for side in SIDES}
-    shared = all_of(*(grasped(side, prop) for side in SIDES), off_table(prop, *supports))
-    given = shared if where is None else shared & where
-    last_carried = {side: since(carried[side], reset=carried[side.other]) for side in SIDES}
-    grounded = ~off_table(prop, *supports)
-    handed = {
-        side: carried[side] & since(given & last_carried[side.other], reset=grounded)
+    held = {side: lifted(side, prop, *supports) for side in SIDES}
+    alone = {side: held[side] & ~touches(side.other, prop) for side in SIDES}
+    shared = all_of(*held.values())
+    loose = held_for(released(prop), LOOSE_SECONDS)
+    put_down = loose | ~off_table(prop, *supports)
+    if way is None:
+        giver = {
+            side: since(alone[side] & ~since(alone[side.other], reset=put_down), reset=put_down)
+            for side in SIDES
+        }
+    else:
+        # Whoever was the last to hold it alone brings it through.
+        last = {side: since(alone[side], reset=alone[side.other]) for side in SIDES}
+        giver = {
+            side: since(way.crossing & last[side], reset=put_down | ~way.through) for side in SIDES
+        }
+    received = {
+        side: all_of(alone[side], giver[side.other], since(shared, reset=alone[side.other]))
         for side in SIDES
     }
-    received = {side: handed[side] & ~since(handed[side.other], reset=grounded) for side in SIDES}
+    disturbed = {side: touches(side.other, prop) | touching(prop, TABLE) for side in SIDES}
     brought = {
-        side: since(carried[side], reset=touches(side.other, prop) | touching(prop, TABLE))
+        side: all_of(
+            grasped(side, prop),
+            alone[side] | since(alone[side], reset=loose | disturbed[side]),
+            received[side] | since(received[side], reset=alone[side.other]),
+        )
         for side in SIDES
     }
-    return Handover(
-        carried=carried,
-        shared=shared,
-        last_carried=last_carried,
-        received=received,
-        delivered={side: since(received[side]) & brought[side] for side in SIDES},
-    )
+    return Handover(shared=shared, received=received, brought=brought, disturbed=disturbed)

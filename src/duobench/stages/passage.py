@@ -1,7 +1,8 @@
 """Through a ring: which way an object came from one side of a gate to the other.
 
-The gate is a plane that is fixed to a body, with a hole in it. An object that reaches the far side
-is at first either in front of the hole or beside it: that tells the two ways apart.
+The gate is a plane that is fixed to a body, with a hole in it. An object that has just changed
+sides is in front of the hole or beside it: that tells the ways apart. What was led around the gate
+and backwards through the hole has not come through when it is drawn out again.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from dataclasses import dataclass
 from duobench.stages.predicates import Moment, Predicate, all_of, since
 
 EXIT_DEPTH = 0.05
-"""How far beyond the plane, in metres, an object is still in front of the hole. It is more than an
-object moves in one control step at 1.5 m/s."""
+"""How far from the plane, in metres, an object is still in front of the hole. It is more than an
+object moves in one control step at 1.4 m/s."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -25,7 +26,9 @@ class Hole:
     height: float
     """Height of the hole's centre in the body's frame, in metres."""
     radius: float
-    """How far from the centre an object's own centre may be, in metres."""
+    """How far from the centre an object's own centre may pass for it to count, in metres."""
+    rim: float
+    """How far from the centre the hole's edge is, in metres: beyond it, the way leads around."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -33,30 +36,46 @@ class Passage:
     """Predicates about an object and a hole; made by `passage`."""
 
     crossing: Predicate
-    """It has just come through the hole, and is still in front of it."""
+    """It comes through the hole, at this step, held."""
     through: Predicate
-    """It is on the far side, and came there through the hole, not around."""
+    """It is on the far side, and came there through the hole, held, not around."""
 
 
-def passage(prop: str, hole: Hole) -> Passage:
-    """The predicates for an object that starts on the near side (negative y) of a hole."""
+def passage(prop: str, hole: Hole, *, held: Predicate) -> Passage:
+    """The predicates for an object that starts on the near side (negative y) of a hole.
+
+    Args:
+        prop: The object.
+        hole: The hole.
+        held: What must hold when the object comes through, at that step or at the one before.
+    """
 
     def where(m: Moment) -> tuple[float, float]:
         """Distance beyond the plane, and from the hole's axis, in metres."""
         x, y, z = m.simulation.offset(prop, hole.body)
         return y, math.hypot(x, z - hole.height)
 
-    def in_front(m: Moment) -> bool:
-        beyond, off_axis = where(m)
-        return beyond <= EXIT_DEPTH and off_axis <= hole.radius
+    def in_front(radius: float) -> Predicate:
+        def test(m: Moment) -> bool:
+            beyond, off_axis = where(m)
+            return abs(beyond) <= EXIT_DEPTH and off_axis <= radius
+
+        return Predicate(
+            f"{prop} is within {radius * 1000:.0f} mm of the axis of {hole.body}", test
+        )
 
     near = Predicate(f"{prop} is on the near side of {hole.body}", lambda m: where(m)[0] < 0)
-    at_exit = ~near & Predicate(f"{prop} is in front of the hole of {hole.body}", in_front)
-    beside = ~near & ~at_exit
-    crossing = at_exit & since(near, reset=beside)
-    around = beside & since(near, reset=at_exit)
-    came_through = since(crossing, reset=around)
+    # Forgotten at the step after: what held at the step before this one.
+    was_near, was_far = since(near, reset=~near), since(~near, reset=near)
+    was_held = since(held, reset=~held)
+    in_hole = in_front(hole.rim)
+    led_around = since(
+        all_of(~near, was_near, ~in_hole),
+        reset=all_of(near, was_far, ~in_hole),
+    )
+    crossing = all_of(~near, was_near, in_front(hole.radius), ~led_around, held | was_held)
+    came_through = since(crossing, reset=near)
     return Passage(
         crossing=Predicate(f"{prop} crosses {hole.body}", crossing.test, crossing.parts),
-        through=all_of(~near, ~around, crossing | came_through),
+        through=all_of(~near, crossing | came_through),
     )

@@ -8,8 +8,8 @@ step and q has not held since, and `held_for(p, seconds)`, whether p has held wi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import cast
+from dataclasses import asdict, dataclass
+from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
 from duobench.stages.predicates import HeldFor, Memory, Moment, Predicate, Since
@@ -45,6 +45,48 @@ def recalled(memories: Sequence[Memory], moment: Moment) -> frozenset[Memory]:
         elif predicate.ask(moment) and not (reset and reset[0].ask(moment)):
             new.append(memory)
     return before.union(new).difference(gone) if new or gone else before
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ProgressState:
+    """The stage of an episode, and all that its constraints remember."""
+
+    stage: int
+    """The highest stage so far."""
+    final_holds: bool = False
+    """Whether the last stage's constraints hold."""
+    remembered: tuple[bool, ...] = ()
+    """For each `since`, in the order of the stages, whether it holds."""
+    lasted: tuple[int, ...] = ()
+    """For each `held_for`, in the same order, for how many control steps in a row."""
+    start_lowest: tuple[tuple[str, float], ...] = ()
+    """Height of each prop's lowest point when the episode began, in metres."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As plain data."""
+        return asdict(self)
+
+
+def check_names(
+    stages: Sequence[Stage], simulation: Simulation, variants: Mapping[str, str]
+) -> None:
+    """Ask every predicate once, so that a misspelt object is an error before the first episode.
+
+    Args:
+        stages: The stages.
+        simulation: As compiled, before anything touches anything.
+        variants: The named choices of any layout.
+
+    Raises:
+        UnknownNameError: A predicate names what is not there; near misses are listed.
+    """
+    lowest = {name: simulation.lowest(name) for name in simulation.props}
+    moment = Moment(
+        simulation=simulation, start_lowest=lowest, variants=variants, remembered=frozenset()
+    )
+    for stage in stages:
+        for part in stage.holds.walk():
+            part.test(moment)
 
 
 class Progress:
@@ -98,6 +140,33 @@ class Progress:
         self._start_lowest = {name: simulation.lowest(name) for name in simulation.props}
         self.stage = 0
         self.final_holds = False
+
+    def get_state(self) -> ProgressState:
+        """All that the next judgement depends on, beside the simulation and the layout."""
+        return ProgressState(
+            stage=self.stage,
+            final_holds=self.final_holds,
+            remembered=tuple(memory in self._remembered for memory in self._memories),
+            lasted=tuple(self._lasted[predicate] for predicate in self._timed),
+            start_lowest=tuple(self._start_lowest.items()),
+        )
+
+    def set_state(self, state: ProgressState, variants: Mapping[str, str]) -> None:
+        """Continue from a state of the same stages.
+
+        Args:
+            state: What `get_state` gave.
+            variants: The layout's named choices.
+
+        Raises:
+            ValueError: The state is that of other stages.
+        """
+        memories = zip(self._memories, state.remembered, strict=True)
+        self._remembered = frozenset(memory for memory, holds in memories if holds)
+        self._lasted = dict(zip(self._timed, state.lasted, strict=True))
+        self._start_lowest = dict(state.start_lowest)
+        self._variants = dict(variants)
+        self.stage, self.final_holds = state.stage, state.final_holds
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""

@@ -8,28 +8,25 @@ Randomization:
     Each cube anywhere in its half of the table at any yaw, each bowl within 5 cm of its place.
 
 Success:
-    Both cubes lie in the bowls of their colours and no gripper touches them.
+    Both cubes lie still in the bowls of their colours, which stand on the table, and are let go.
 """
 
 from __future__ import annotations
 
 from duobench.randomness import ANY_YAW, around
-from duobench.sim.placement import Layout
-from duobench.solids.blocks import BLACK, CUBE_EDGE, WHITE, cube
+from duobench.sim.layout import Layout
+from duobench.solids.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
 from duobench.solids.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
     CylinderRegion,
     Predicate,
-    all_of,
     any_of,
-    inside,
     lifted_by_any,
-    off_table,
     released,
-    touching,
 )
 from duobench.stages.progress import Stage
+from duobench.stages.vessels import lies_in
 from duobench.tasks.task import Category, Placement, Task
 
 COLOURS = ("white", "black")
@@ -55,15 +52,14 @@ def _apart(layout: Layout) -> bool:
 
 
 def _in_bowl(colour: str) -> Predicate:
-    """The cube is in the bowl of its colour, which stands under it."""
-    cube_name, bowl_name = _cube(colour), _bowl(colour)
-    region = CylinderRegion(body=bowl_name, radius=RADIUS - WALL, low=0.0, high=RIM_HEIGHT)
-    return all_of(touching(cube_name, bowl_name), inside(cube_name, region), off_table(cube_name))
+    """The cube lies in the bowl of its colour."""
+    inner = CylinderRegion(body=_bowl(colour), radius=RADIUS - WALL, low=0.0, high=RIM_HEIGHT)
+    return lies_in(_cube(colour), inner)
 
 
 _REACHED = {colour: _in_bowl(colour) for colour in COLOURS}
 _WHITE_IN, _BLACK_IN = (_REACHED[colour] & released(_cube(colour)) for colour in COLOURS)
-_WHITE_HELD, _BLACK_HELD = (lifted_by_any(_cube(colour)) for colour in COLOURS)
+_WHITE_LIFTED, _BLACK_LIFTED = (lifted_by_any(_cube(colour)) for colour in COLOURS)
 
 TASK = Task(
     id="bin_sort",
@@ -75,7 +71,7 @@ TASK = Task(
         Prop(name="white_cube", solid=cube(WHITE)),
         Prop(name="black_cube", solid=cube(BLACK)),
         Prop(name="white_bowl", solid=bowl(WHITE)),
-        Prop(name="black_bowl", solid=bowl(BLACK)),
+        Prop(name="black_bowl", solid=bowl(CHARCOAL, rim=PALE)),
     ),
     placements={
         "white_cube": Placement(
@@ -90,28 +86,28 @@ TASK = Task(
     accept=_apart,
     stages=(
         Stage(
-            name="a cube is held",
-            instruction="Pick up a cube.",
-            holds=_WHITE_HELD | _BLACK_HELD,
+            name="a cube is lifted",
+            instruction="Pick up one of the cubes.",
+            holds=_WHITE_LIFTED | _BLACK_LIFTED,
         ),
         Stage(
-            name="both cubes are held, or one is in its bowl",
-            instruction="Pick up the other cube or put the held one into its bowl.",
-            holds=any_of(_WHITE_HELD & _BLACK_HELD, *_REACHED.values()),
+            name="both cubes are lifted, or one is in its bowl",
+            instruction="Pick up the other cube as well.",
+            holds=any_of(_WHITE_LIFTED & _BLACK_LIFTED, *_REACHED.values()),
         ),
         Stage(
-            name="one cube is in its bowl",
-            instruction="Put a cube into the bowl of its colour and let go.",
+            name="one cube lies in its bowl",
+            instruction="Put one cube into the bowl of its colour and let go of it.",
             holds=_WHITE_IN | _BLACK_IN,
         ),
         Stage(
-            name="one cube is in its bowl, the other is held",
+            name="one cube lies in its bowl, the other is lifted",
             instruction="Pick up the other cube.",
-            holds=any_of(_WHITE_IN & _BLACK_HELD, _BLACK_IN & _WHITE_HELD),
+            holds=any_of(_WHITE_IN & _BLACK_LIFTED, _BLACK_IN & _WHITE_LIFTED),
         ),
         Stage(
-            name="both cubes are in their bowls",
-            instruction="Put the other cube into the bowl of its colour and let go.",
+            name="both cubes lie in their bowls",
+            instruction="Put the other cube into the bowl of its colour and let go of it.",
             holds=_WHITE_IN & _BLACK_IN,
         ),
     ),

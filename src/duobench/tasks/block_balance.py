@@ -9,8 +9,8 @@ Randomization:
     centimetres of their places, without yaw.
 
 Success:
-    Both blocks stand on the ends of the level beam, the beam on the cube, all released and still
-    for half a second.
+    Both blocks stand on the ends of the level beam, the beam on the cube, all let go and still for
+    half a second, after each arm had its block in hand until both were on the beam.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from duobench.randomness import around
 from duobench.solids.blocks import RED, WOOD, YELLOW, block
 from duobench.solids.prop import Prop
 from duobench.stages import predicates as is_
+from duobench.stages.coordination import brought, interrupted
 from duobench.stages.predicates import all_of, any_of, off_table, since, touching
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
+from duobench.types import SIDES
 
 CUBE_EDGE = 0.040
 BEAM = (0.040, 0.200, 0.020)
@@ -38,34 +40,41 @@ ENDS = tuple(
     for low, high in ((-BEAM[1] / 2, -TIPPING), (TIPPING, BEAM[1] / 2))
 )
 LEVEL = math.radians(12.0)
+STANDING = math.radians(20.0)
+"""Largest tilt of a block that stands on a level beam, in radians."""
 STILL_SECONDS = 0.5
 """How long everything must stand still [task definitions]."""
 BLOCKS = ("left_block", "right_block")
 
+_EVERYTHING = ("cube", "beam", *BLOCKS)
 _ON_CUBE = touching("beam", "cube") & off_table("beam")
 _LEVEL = is_.upright("beam", LEVEL)
-_EVERYTHING = ("cube", "beam", *BLOCKS)
+_CARRIED = tuple(touching(name, "beam") & off_table(name) for name in BLOCKS)
 # A block is on either end of the beam, and the table carries neither.
-_ON_BEAM = all_of(
-    *(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS),
-    *(touching(name, "beam") & off_table(name) for name in BLOCKS),
-)
+_ON_BEAM = all_of(*(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS), *_CARRIED)
 _HELD = is_.lifted_by_any("beam")
 _BRIDGE = all_of(is_.rests_on("beam", "cube"), _LEVEL, since(_HELD))
-_READY = all_of(is_.grasped_apart(*BLOCKS), _ON_CUBE, since(_BRIDGE))
-_LOADED = all_of(_ON_BEAM, _ON_CUBE, since(_READY))
-_RELEASED = all_of(*(is_.still(name) & is_.released(name) for name in _EVERYTHING))
-_BALANCED = is_.held_for(all_of(_ON_BEAM, _ON_CUBE, _LEVEL, _RELEASED), STILL_SECONDS) & since(
-    _LOADED
+_GRASPED = is_.grasped_apart(*BLOCKS)
+_READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE))
+# Blocks that were put on one after the other, and grasped again, were not put on together.
+_TOGETHER = all_of(_GRASPED, *(brought(name, "beam") for name in BLOCKS))
+_LOADED = all_of(_ON_BEAM, _ON_CUBE, _TOGETHER, since(_READY))
+_LEFT = any_of(*(interrupted(carried) for carried in _CARRIED))
+# No arm props anything up, with its gripper or with any other part.
+_ALONE = all_of(
+    *(is_.still(name) for name in _EVERYTHING),
+    *(~is_.arm_touches(side, name) for name in _EVERYTHING for side in SIDES),
 )
+_STANDING = all_of(*(is_.upright(name, STANDING) for name in BLOCKS))
+_BALANCED = is_.held_for(all_of(_ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, _ALONE), STILL_SECONDS)
 
 TASK = Task(
     id="block_balance",
     title="Block-Balance",
     category=Category.BIMANUAL_MANIPULATION,
     instruction=(
-        "Put the beam across the red cube, then put both blocks onto its ends at the same time, "
-        "so that it stays balanced."
+        "Put the beam across the red cube, grasp one block with each arm, stand both blocks on the "
+        "ends of the beam at the same time, and let go, so that everything stays balanced."
     ),
     horizon=766,
     props=(
@@ -82,26 +91,26 @@ TASK = Task(
         "right_block": Placement(x=around(0.5, 0.05), y=around(-0.24, 0.04), z=BLOCK[2] / 2),
     },
     stages=(
-        Stage(name="the beam is held", instruction="Pick up the beam.", holds=_HELD),
+        Stage(name="the beam is lifted", instruction="Pick up the beam.", holds=_HELD),
         Stage(
-            name="the beam rests on the cube",
+            name="the beam rests on the red cube",
             instruction="Put the middle of the beam on the red cube.",
             holds=_BRIDGE,
         ),
         Stage(
             name="both blocks are grasped",
-            instruction="Take one block with each hand.",
+            instruction="Grasp one block with each arm.",
             holds=_READY,
         ),
         Stage(
             name="both blocks are on the beam",
-            instruction="Put both blocks onto the ends of the beam at the same time.",
+            instruction="Put both blocks upright onto the ends of the beam at the same time.",
             holds=_LOADED,
         ),
         Stage(
             name="everything is balanced",
             instruction="Let go of both blocks and move away.",
-            holds=_BALANCED,
+            holds=_BALANCED & since(_LOADED, reset=_LEFT),
         ),
     ),
     printable=True,

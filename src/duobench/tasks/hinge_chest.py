@@ -1,16 +1,16 @@
 """Hinge-Chest.
 
 Task:
-    A cube goes into a small chest whose lid falls shut by itself: one arm lifts the lid by its
-    front tab and holds it while the other puts the cube inside.
+    A cube goes into a small chest whose lid falls shut by its own weight: one arm lifts the lid by
+    its lip and holds it while the other arm puts the cube inside.
 
 Randomization:
     The cube anywhere in the left half of the table at any yaw, the chest within 4 cm and 10
     degrees of its place on the right.
 
 Success:
-    The cube lies in the chest and no gripper touches it, after it had been held over the table
-    while the lid was open.
+    The cube rests in the chest and no gripper touches it. The arm that brought it did not touch
+    the lid, and the other arm kept the lid open until the cube was inside.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from duobench.randomness import ANY_YAW, around
-from duobench.solids.blocks import BLACK, CUBE_EDGE, WHITE, cube
+from duobench.solids.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
 from duobench.solids.chest import CAVITY, RIM_HEIGHT, WALL, chest
 from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
@@ -28,10 +28,10 @@ from duobench.stages.predicates import (
     inside,
     lifted_by_any,
     released,
-    since,
-    touching,
+    rests_on,
 )
 from duobench.stages.progress import Stage
+from duobench.stages.support import support
 from duobench.tasks.task import Category, Placement, Task
 
 OPEN_ANGLE = 0.8
@@ -44,20 +44,20 @@ CAVITY_REGION = BoxRegion(
 )
 """Where the cube's centre is when the cube is in the cavity and does not stick out over its rim."""
 
-_LID_OPEN = hinge_open("chest/lid", OPEN_ANGLE)
-_CUBE_HELD = lifted_by_any("cube", "chest", "chest/lid")
-_OPEN_AND_HELD = _LID_OPEN & _CUBE_HELD
-_CUBE_IN = all_of(inside("cube", CAVITY_REGION), touching("cube", "chest"), released("cube"))
+_INSIDE = inside("cube", CAVITY_REGION)
+_LID = support("cube", "chest", "chest/lid", OPEN_ANGLE, _INSIDE)
 
 TASK = Task(
     id="hinge_chest",
     title="Hinge-Chest",
     category=Category.ASYMMETRIC_SUPPORT,
-    instruction="Hold the lid of the chest open and put the black cube into the chest.",
+    instruction=(
+        "Hold the lid of the chest open with one arm and put the black cube inside with the other."
+    ),
     horizon=441,
     props=(
         Prop(name="cube", solid=cube(BLACK)),
-        chest("chest", body=WHITE, lid=BLACK),
+        chest("chest", body=WHITE, lid=CHARCOAL),
     ),
     placements={
         "cube": Placement(x=around(0.5, 0.175), y=around(0.2, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW),
@@ -67,19 +67,19 @@ TASK = Task(
     },
     stages=(
         Stage(
-            name="the lid is open or the cube is held",
-            instruction="Open the lid of the chest or pick up the cube.",
-            holds=_LID_OPEN | _CUBE_HELD,
+            name="the lid is open or the cube is lifted",
+            instruction="Open the lid of the chest with one arm.",
+            holds=hinge_open("chest/lid", OPEN_ANGLE) | lifted_by_any("cube", "chest", "chest/lid"),
         ),
         Stage(
-            name="the lid is open and the cube is held",
-            instruction="Hold the lid open with one arm and the cube with the other.",
-            holds=_OPEN_AND_HELD,
+            name="one arm holds the lid open and the other arm lifts the cube",
+            instruction="Hold the lid open with one arm and pick up the black cube with the other.",
+            holds=_LID.supported,
         ),
         Stage(
-            name="the cube is in the chest",
-            instruction="Put the cube into the chest and let go of it.",
-            holds=all_of(_CUBE_IN, since(_OPEN_AND_HELD)),
+            name="the cube lies in the chest",
+            instruction="Put the black cube into the chest and let go of it.",
+            holds=all_of(_INSIDE, rests_on("cube", "chest"), released("cube"), _LID.delivered),
         ),
     ),
     printable=True,

@@ -1,14 +1,15 @@
 """Join-Blocks.
 
 Task:
-    Two bars are plugged together in the air, the light one's peg into a socket of the dark one;
-    then the dark one's other socket goes onto the peg of a wall.
+    Two blocks, one in each arm, are plugged together, the light one's peg into a socket of the dark
+    one; then the dark one's other socket goes onto the peg on a wall.
 
 Randomization:
-    Each bar in its half of the table, within 5 x 7.5 cm of its place, turned by up to 15 degrees.
+    Each block in its half of the table, within 5 x 7.5 cm of its place, turned by up to 15 degrees.
 
 Success:
-    The light bar's peg is in one socket of the dark bar and the wall's peg in the other.
+    The light block's peg is in one socket of the dark block and the wall's peg in the other; both
+    blocks are let go and stay.
 """
 
 from __future__ import annotations
@@ -20,12 +21,16 @@ from duobench.scene.cameras import View
 from duobench.solids import joint_blocks as bars
 from duobench.solids.prop import Prop
 from duobench.stages.insertion import Port, inserted
-from duobench.stages.predicates import all_of, any_of, grasped_apart, since
+from duobench.stages.joining import engaged, joining
+from duobench.stages.predicates import all_of, any_of, grasped_apart, held_for, released, still
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
 DEPTH = 0.010
 """How deep a peg is inserted at least, in metres [task definitions]."""
+REST_SECONDS = 0.5
+"""How long the finished pair has been at rest and let go, in seconds: one that slips off the peg
+starts at rest too."""
 MAX_YAW = math.radians(15.0)
 LIGHT = (0.86, 0.73, 0.53, 1.0)
 DARK = (0.29, 0.19, 0.12, 1.0)
@@ -35,21 +40,18 @@ _LIGHT_PEG = Port(body="light_block", pose=bars.LIGHT_TIP)
 _WALL_PEG = Port(body="wall", pose=bars.WALL_TIP)
 _FRONT = Port(body="dark_block", pose=bars.FRONT_MOUTH)
 _BACK = Port(body="dark_block", pose=bars.BACK_MOUTH)
+_BLOCKS = ("light_block", "dark_block")
 _SOCKETS = ((_FRONT, _BACK), (_BACK, _FRONT))
 
-_BOTH_PINCHED = grasped_apart("light_block", "dark_block")
-_JOINED = all_of(
-    any_of(*(inserted(_LIGHT_PEG, socket, DEPTH) for socket, _ in _SOCKETS)), since(_BOTH_PINCHED)
+_ON_WALL = any_of(engaged(_WALL_PEG, _FRONT), engaged(_WALL_PEG, _BACK))
+_JOINING = joining(_LIGHT_PEG, (_FRONT, _BACK), DEPTH, unless=_ON_WALL)
+_MOUNTED = any_of(
+    *(
+        inserted(_LIGHT_PEG, socket, DEPTH) & inserted(_WALL_PEG, free_socket, DEPTH)
+        for socket, free_socket in _SOCKETS
+    )
 )
-_MOUNTED = all_of(
-    any_of(
-        *(
-            inserted(_LIGHT_PEG, socket, DEPTH) & inserted(_WALL_PEG, free_socket, DEPTH)
-            for socket, free_socket in _SOCKETS
-        )
-    ),
-    since(_JOINED),
-)
+_LEFT_ALONE = all_of(*(still(block) & released(block) for block in _BLOCKS))
 _YAW = Uniform(-MAX_YAW, MAX_YAW)
 
 TASK = Task(
@@ -57,7 +59,8 @@ TASK = Task(
     title="Join-Blocks",
     category=Category.BIMANUAL_MANIPULATION,
     instruction=(
-        "Plug the light block into the dark block, then push both onto the peg of the wall."
+        "Plug the light block into the dark block while each arm holds one of them, then push both "
+        "onto the peg on the wall and let go."
     ),
     horizon=829,
     props=(
@@ -77,18 +80,24 @@ TASK = Task(
     stages=(
         Stage(
             name="both blocks are grasped",
-            instruction="Take one block with each hand.",
-            holds=_BOTH_PINCHED,
+            instruction="Grasp the light block with one arm and the dark block with the other.",
+            holds=grasped_apart(*_BLOCKS),
         ),
         Stage(
             name="the blocks are joined",
-            instruction="Plug the peg of the light block into a socket of the dark block.",
-            holds=_JOINED,
+            instruction=(
+                "Plug the peg of the light block into a socket of the dark block while each arm "
+                "holds its block."
+            ),
+            holds=_JOINING.joined,
         ),
         Stage(
             name="the joined blocks are on the wall",
-            instruction="Push the free socket of the dark block onto the peg of the wall.",
-            holds=_MOUNTED,
+            instruction=(
+                "Push the free socket of the dark block onto the peg on the wall and let go of "
+                "both blocks."
+            ),
+            holds=held_for(_LEFT_ALONE & _MOUNTED, REST_SECONDS) & _JOINING.kept,
         ),
     ),
     # From beside the robot: the wall's peg points towards it.

@@ -1,7 +1,8 @@
 """Pour-Marbles.
 
 Task:
-    Each arm takes the cup of its side; twenty marbles are poured from one cup into the other.
+    Each arm grasps the cup on its side; twenty marbles are poured from one cup into the other while
+    both are in the air.
 
 Randomization:
     Each cup within 5 cm of its square's centre; which cup holds the marbles.
@@ -13,14 +14,17 @@ Success:
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from duobench.randomness import Choice, around
-from duobench.sim.placement import Layout
+from duobench.scene.naming import TABLE
+from duobench.sim.layout import Layout
 from duobench.solids import cup as cups
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages import predicates as is_
-from duobench.stages.predicates import Predicate, all_of, any_of, since
+from duobench.stages.pouring import Pouring, pouring
+from duobench.stages.predicates import Predicate, all_of, any_of
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES, Side
@@ -45,39 +49,31 @@ def _fill(layout: Layout) -> Layout:
     return Layout(poses={**layout.poses, **heap}, variants=variants)
 
 
-def _in_cup(side: Side) -> tuple[Predicate, ...]:
-    """Each marble is inside the walls of that cup, up to its rim."""
-    low, high = cups.WALL, cups.HEIGHT
-    hollow = is_.CylinderRegion(body=CUPS[side], radius=cups.INNER_RADIUS, low=low, high=high)
-    return tuple(is_.inside(marble, hollow) for marble in MARBLES)
-
-
-def _poured(count: int) -> Predicate:
-    """At least `count` marbles are in the cup that was empty, after both cups were raised."""
-    into = (is_.variant("empty", s.value) & is_.at_least(count, *_IN_CUP[s]) for s in SIDES)
-    return since(_RAISED) & any_of(*into)
-
-
 def _back(side: Side) -> Predicate:
-    """A cup stands upright on its square, released and still."""
+    """A cup stands upright on the table, inside its square, released and still."""
     cup, half = CUPS[side], HALF_SQUARE
     square = is_.BoxRegion(body=SQUARES[side], low=(-half, -half, -half), high=(half, half, half))
-    return all_of(
-        is_.upright(cup, UPRIGHT), is_.inside(cup, square), is_.released(cup), is_.still(cup)
-    )
+    stands = is_.touching(cup, TABLE) & is_.upright(cup, UPRIGHT) & is_.still(cup)
+    return is_.released(cup) & is_.inside(cup, square) & stands
+
+
+def _into_target(which: Callable[[Pouring], Predicate]) -> Predicate:
+    """The one about the cup that was empty."""
+    return any_of(*(is_.variant("empty", s) & which(p) for s, p in _POURING.items()))
 
 
 _SQUARE = cups.square_mark(2 * HALF_SQUARE, GREEN)
-_IN_CUP = {side: _in_cup(side) for side in SIDES}
-_PINCHED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
-_RAISED = all_of(*_PINCHED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
+_GRASPED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
+_HELD_UP = all_of(*_GRASPED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
+_ROOM = cups.INNER_RADIUS, cups.WALL, cups.HEIGHT
+_POURING = {side: pouring(MARBLES, CUPS[side], _ROOM, held=_HELD_UP) for side in SIDES}
 
 TASK = Task(
     id="pour_marbles",
     title="Pour-Marbles",
     category=Category.ASYMMETRIC_SUPPORT,
-    instruction="Pick up both cups, pour all marbles from the {full} cup into the {empty} cup, and "
-    "put both cups back on their green squares.",
+    instruction="Lift each cup with the arm on its side, pour all marbles from the {full} cup into "
+    "the {empty} cup while both are in the air, and put both cups upright on their green squares.",
     horizon=442,
     props=(
         *(Prop(name=name, solid=cups.cup(LIGHT)) for name in CUPS.values()),
@@ -93,30 +89,30 @@ TASK = Task(
     arrange=_fill,
     stages=(
         Stage(
-            name="a cup is grasped",
-            instruction="Take a cup with the arm of its side.",
-            holds=any_of(*_PINCHED),
+            name="one cup is grasped",
+            instruction="Grasp one of the cups with the arm on its side.",
+            holds=any_of(*_GRASPED),
         ),
         Stage(
             name="both cups are grasped",
-            instruction="Take the other cup too.",
-            holds=all_of(*_PINCHED),
+            instruction="Grasp the other cup as well.",
+            holds=all_of(*_GRASPED),
         ),
-        Stage(name="both cups are raised", instruction="Lift both cups.", holds=_RAISED),
+        Stage(name="both cups are lifted", instruction="Lift both cups.", holds=_HELD_UP),
         Stage(
-            name="a marble is in the target cup",
-            instruction="Pour the marbles from the {full} cup into the {empty} cup.",
-            holds=_poured(1),
+            name="one marble is poured",
+            instruction="Pour marbles from the {full} cup into the {empty} cup, both in the air.",
+            holds=_into_target(lambda p: p.some),
         ),
         Stage(
-            name="all marbles are in the target cup",
-            instruction="Pour the remaining marbles into the {empty} cup.",
-            holds=_poured(len(MARBLES)),
+            name="all marbles are poured",
+            instruction="Pour the other marbles into the {empty} cup as well.",
+            holds=_into_target(lambda p: p.all),
         ),
         Stage(
             name="both cups are back",
-            instruction="Put both cups upright on their squares and let go.",
-            holds=all_of(_poured(len(MARBLES)), *(_back(side) for side in SIDES)),
+            instruction="Put both cups upright on their green squares and let go.",
+            holds=all_of(*map(_back, SIDES), _into_target(lambda p: p.kept)),
         ),
     ),
 )

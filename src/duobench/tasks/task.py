@@ -6,13 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import mujoco
 import numpy as np
 
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.randomness import Choice, Uniform, generator
 from duobench.scene.cameras import OVERVIEW_VIEW, View
-from duobench.sim.placement import Layout
+from duobench.sim.layout import Layout
 from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages.progress import Stage
@@ -83,8 +82,6 @@ class Task:
     """Whether a drawn layout is wanted, beyond not overlapping."""
     arrange: Callable[[Layout], Layout] = _as_drawn
     """Adds the poses that follow from the drawn ones, such as marbles in a cup."""
-    configure: Callable[[mujoco.MjModel, Layout], None] | None = None
-    """Switches the compiled model to a layout's variants; must undo every other variant."""
     overview: View = OVERVIEW_VIEW
     """What `render` and films show; a task whose work faces the robot needs one of its own."""
     printable: bool = False

@@ -1,24 +1,27 @@
 """Transfer-Cube.
 
 Task:
-    One arm picks up the cube, a block three times as long as thick so that two grippers fit, and
-    hands it to the other arm, which puts it into the bowl on its side of the table.
+    One arm picks up the white block, which is three times as long as thick so that two grippers
+    fit, and hands it to the other arm, which puts it into the bowl on its side of the table. (The
+    paper calls the block a cube.)
 
 Randomization:
-    The cube lies anywhere in the right half within 17.5 cm of its place at any yaw, the bowl within
-    5 cm of its place.
+    The block lies anywhere in the right half within 17.5 cm of its place at any yaw, the bowl
+    within 5 cm of its place.
 
 Success:
-    The cube rests in the bowl and no gripper touches it, brought by the arm that received it from
-    the one that picked it up, and let go above the bowl or in it.
+    The block rests in the bowl, which stands on the table, and no gripper touches it. The arm that
+    received it from the one that picked it up has held it over the bowl and let it go from there,
+    at no great height: neither thrown nor pushed.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from math import inf
 
 from duobench.randomness import ANY_YAW, around
+from duobench.scene.naming import TABLE
 from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
 from duobench.solids.bowl import RADIUS, WALL, bowl
 from duobench.solids.prop import Prop
@@ -26,33 +29,36 @@ from duobench.stages.handover import handover
 from duobench.stages.predicates import (
     CylinderRegion,
     all_of,
-    any_of,
     inside,
     lifted_by_any,
     raised,
     released,
     rests_on,
-    since,
+    touching,
+    upright,
 )
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
 CUBE, BOWL = "cube", "bowl"
 IN_BOWL = CylinderRegion(body=BOWL, radius=RADIUS - WALL, low=0.0, high=0.6 * LONG_BLOCK)
-"""Where the cube's centre is when it lies, leans or stands in the bowl."""
+"""Where the block's centre is when it lies, leans or stands in the bowl."""
+HIGHEST_DROP = 0.20
+"""Height of the block's centre above the bowl's underside, in metres, from which it may fall into
+the bowl: twice its length. What flies higher is thrown."""
 BELOW_RIM = 0.020
-"""The cube's lowest point is less than this above the table, in metres: not on top of the rim."""
+"""The block's lowest point is less than this above the table, in metres: not on top of the rim."""
+BOWL_TILT = math.radians(20)
+"""How far the bowl may lean, as in every task with bowls."""
 
 _CUBE = handover(CUBE, BOWL)
-# It was held above the bowl and has not left the space above it since: neither thrown nor pushed.
-_OVER_BOWL = inside(CUBE, replace(IN_BOWL, high=inf))
-_PUT_IN = since(lifted_by_any(CUBE, BOWL) & _OVER_BOWL, reset=~_OVER_BOWL)
+_OVER_BOWL = inside(CUBE, replace(IN_BOWL, high=HIGHEST_DROP))
 
 TASK = Task(
     id="transfer_cube",
     title="Transfer-Cube",
     category=Category.SEQUENTIAL_HANDOFF,
-    instruction="Pick up the cube, hand it to the other arm and put it into the bowl.",
+    instruction="Pick up the white block, hand it to the other arm and put it into the bowl.",
     horizon=441,
     props=(
         Prop(name=CUBE, solid=long_block(WHITE)),
@@ -64,30 +70,31 @@ TASK = Task(
     },
     stages=(
         Stage(
-            name="the cube is held",
-            instruction="Pick up the cube.",
+            name="the white block is lifted",
+            instruction="Pick up the white block.",
             holds=lifted_by_any(CUBE, BOWL),
         ),
         Stage(
-            name="both grippers hold the cube",
-            instruction="Grip the cube with the other arm as well.",
+            name="both arms hold the white block",
+            instruction="Grasp the white block with the other arm as well.",
             holds=_CUBE.shared,
         ),
         Stage(
-            name="the other arm holds the cube",
-            instruction="Let the other arm take the cube.",
-            holds=any_of(*_CUBE.received.values()),
+            name="the other arm holds the white block",
+            instruction="Let go of the white block with the arm that picked it up.",
+            holds=_CUBE.handed_over,
         ),
         Stage(
-            name="the cube is in the bowl",
-            instruction="Put the cube into the bowl and let go.",
+            name="the white block is in the bowl",
+            instruction="Put the white block into the bowl and let go.",
             holds=all_of(
                 inside(CUBE, IN_BOWL),
                 rests_on(CUBE, BOWL),
                 ~raised(CUBE, BELOW_RIM),
                 released(CUBE),
-                _PUT_IN,
-                any_of(*_CUBE.delivered.values()),
+                upright(BOWL, BOWL_TILT),
+                touching(BOWL, TABLE),
+                _CUBE.put(_OVER_BOWL, until=~_OVER_BOWL),
             ),
         ),
     ),

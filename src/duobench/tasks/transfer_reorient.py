@@ -9,8 +9,8 @@ Randomization:
     board lies within 10 cm of its place on the left and does not move.
 
 Success:
-    The peg is at least 15 mm deep in the hexagonal hole, brought by the arm that received it from
-    the one that picked it up.
+    The peg is at least 15 mm deep in the hexagonal hole, at rest, and no gripper touches it. The
+    arm that received it from the one that picked it up has led it in, and let go only then.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages.handover import handover
 from duobench.stages.insertion import Port, inserted
-from duobench.stages.predicates import any_of, lifted_by_any
+from duobench.stages.predicates import all_of, any_of, lifted_by_any, released, still
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -54,6 +54,7 @@ TIPS = tuple(
 MOUTH = Port(body=BOARD, pose=SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT))
 
 _PEG = handover(PEG, BOARD)
+_IN_HOLE = any_of(*(inserted(tip, MOUTH, DEPTH) for tip in TIPS))
 
 TASK = Task(
     id="transfer_reorient",
@@ -76,25 +77,24 @@ TASK = Task(
     },
     stages=(
         Stage(
-            name="the peg is held",
+            name="the peg is lifted",
             instruction="Pick up the peg.",
             holds=lifted_by_any(PEG, BOARD),
         ),
         Stage(
-            name="both grippers hold the peg",
-            instruction="Grip the peg with the other arm as well.",
+            name="both arms hold the peg",
+            instruction="Grasp the peg with the other arm as well.",
             holds=_PEG.shared,
         ),
         Stage(
             name="the other arm holds the peg",
-            instruction="Let the other arm take the peg.",
-            holds=any_of(*_PEG.received.values()),
+            instruction="Let go of the peg with the arm that picked it up.",
+            holds=_PEG.handed_over,
         ),
         Stage(
             name="the peg is in the hexagonal hole",
-            instruction="Turn the peg upright and insert it into the hexagonal hole.",
-            holds=any_of(*(inserted(tip, MOUTH, DEPTH) for tip in TIPS))
-            & any_of(*_PEG.delivered.values()),
+            instruction="Insert the peg upright into the hexagonal hole and let go.",
+            holds=all_of(_IN_HOLE, still(PEG), released(PEG), _PEG.put(_IN_HOLE, until=~_IN_HOLE)),
         ),
     ),
     printable=True,

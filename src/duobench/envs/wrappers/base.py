@@ -6,7 +6,8 @@ from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import DuoEnv, base_of
+from duobench.envs.duo_env import DuoEnv, Info, Observation, base_of
+from duobench.envs.episode_state import EpisodeState
 
 
 class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
@@ -44,6 +45,18 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def task_description(self) -> str:
         """The instruction of this episode."""
         return self.base.task_description
+
+    def save_state(self) -> EpisodeState:
+        """The whole state of the running episode; see `SimEnv.save_state`."""
+        return self.env.get_wrapper_attr("save_state")()
+
+    def state_hash(self) -> str:
+        """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
+        return self.save_state().hash
+
+    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+        """Continue from a saved state; see `SimEnv.restore_state`."""
+        return self.env.get_wrapper_attr("restore_state")(state)
 
     @property
     def _max_episode_steps(self) -> int:

@@ -10,10 +10,10 @@ import numpy as np
 
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import Info, Observation, Transition
+from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import UnknownNameError
-from duobench.scene.cameras import POLICY_CAMERAS
-from duobench.sim.rendering import Renderer
+from duobench.scene.cameras import POLICY_CAMERAS, check_image_size
 
 PIXELS = "pixels"
 """Key of the pictures in an observation."""
@@ -51,8 +51,8 @@ class Cameras(DuoWrapper):
                 raise UnknownNameError("camera", name, POLICY_CAMERAS)
         self._cameras = tuple(cameras)
         self._is_rendering = True
-        height, width = image_size
-        self._renderer = Renderer(self.base.simulation.model, height=height, width=width)
+        height, width = self._shape = image_size
+        check_image_size(height, width)
         inner = env.observation_space
         if not isinstance(inner, gym.spaces.Dict):
             raise TypeError(f"Pictures are added to a Dict of observations, got {inner}.")
@@ -80,13 +80,12 @@ class Cameras(DuoWrapper):
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._seen(observation), float(reward), terminated, truncated, info
 
+    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+        """Continue from a saved state, and look."""
+        observation, info = super().restore_state(state)
+        return self._seen(observation), info
+
     def _seen(self, observation: Observation) -> Observation:
         if not self._is_rendering:
             return observation
-        data = self.base.simulation.data
-        return {**observation, PIXELS: self._renderer.render_all(data, self._cameras)}
-
-    def close(self) -> None:
-        """Free the renderer, then close the wrapped environment."""
-        self._renderer.close()
-        self.env.close()
+        return {**observation, PIXELS: self.base.backend.images(self._cameras, self._shape)}

@@ -64,7 +64,7 @@ class CartesianActions(DuoWrapper):
         """
         rows = self.check_action(action).reshape(len(SIDES), SIDE_SIZE)
         targets = {side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES}
-        last = self.base.simulation.duo.command()
+        last = self.base.backend.last_command
         joints = self.kinematics.step(last.joints, targets)
         command = DuoCommand(joints=joints, openings=rows[:, ARM_JOINTS])
         return self.env.step(command.flat)

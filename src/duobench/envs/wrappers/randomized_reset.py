@@ -8,6 +8,7 @@ import gymnasium as gym
 
 from duobench.envs.config import checked_reset_options, checked_seed
 from duobench.envs.duo_env import Info, Observation
+from duobench.envs.sim_env import LAYOUT, LAYOUT_SEED, sim_of
 from duobench.envs.wrappers.base import DuoWrapper
 
 SEEDS = 2**32
@@ -15,7 +16,7 @@ SEEDS = 2**32
 
 
 class RandomizedReset(DuoWrapper):
-    """Draws a layout from the task, a pure function of (task, suite version, seed).
+    """Samples a layout of the task, a pure function of (task, suite version, seed).
 
     Without a seed the next one comes from the environment's own generator, so that a seeded reset
     decides all episodes after it. A layout that is given in the options is used as it is.
@@ -25,9 +26,13 @@ class RandomizedReset(DuoWrapper):
         """Wrap an environment.
 
         Args:
-            env: A `DuoEnv`, wrapped or not.
+            env: A `SimEnv`, wrapped or not.
+
+        Raises:
+            TypeError: There is no simulation inside.
         """
         super().__init__(env)
+        sim_of(env)  # only a simulation lays its objects out
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -40,9 +45,9 @@ class RandomizedReset(DuoWrapper):
         """
         options, seed = checked_reset_options(options), checked_seed(seed)
         used = None
-        if options.get("layout") is None:
+        if options.get(LAYOUT) is None:
             used = int(self.np_random.integers(SEEDS)) if seed is None else seed
-            options["layout"] = self.base.first_valid(self.base.definition.layouts(used))
+            options[LAYOUT_SEED] = used
         observation, info = self.env.reset(seed=seed, options=options)
         info["seed"] = used
         return observation, info

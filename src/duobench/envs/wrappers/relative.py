@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -9,6 +10,7 @@ import numpy as np
 
 from duobench.envs import spaces
 from duobench.envs.duo_env import Info, Observation, Transition
+from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.sim.kinematics import Kinematics
 from duobench.spatial import SE3, rotation_about
@@ -34,7 +36,7 @@ class RelativeJointActions(DuoWrapper):
             env: A `DuoEnv`, wrapped or not, that takes joint targets.
         """
         super().__init__(env)
-        self.action_space = spaces.relative_joint_actions()
+        self.action_space = spaces.relative_joint_actions(self.base.backend.limits)
 
     def check_action(self, action: Any) -> Array:
         """The action as 16 float64 numbers, without executing it.
@@ -54,7 +56,7 @@ class RelativeJointActions(DuoWrapper):
         return self.env.step(targets)
 
     def _start(self) -> Array:
-        last = self.base.simulation.duo.command().flat
+        last = self.base.backend.last_command.flat
         last[spaces.opening_slots(len(last))] = 0.0
         return last
 
@@ -93,6 +95,21 @@ class RelativeCartesianActions(DuoWrapper):
         self._targets = {}
         return result
 
+    def save_state(self) -> EpisodeState:
+        """The state of the wrapped environment, with what displacements have added up to."""
+        return replace(super().save_state(), tool_targets=tuple(self._targets.items()))
+
+    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+        """Continue from a saved state, and from what displacements had added up to.
+
+        Raises:
+            StateError: The state was saved without relative Cartesian actions.
+        """
+        targets = required(state.tool_targets, "relative Cartesian action mode")
+        result = super().restore_state(state)
+        self._targets = dict(targets)
+        return result
+
     def check_action(self, action: Any) -> Array:
         """The action as 14 float64 numbers, without executing it.
 
@@ -117,7 +134,7 @@ class RelativeCartesianActions(DuoWrapper):
 
     def _starts(self) -> dict[Side, SE3]:
         """Where this displacement starts for each side."""
-        commanded = self._kinematics.forward(self.base.simulation.duo.command().joints)
+        commanded = self._kinematics.forward(self.base.backend.last_command.joints)
         starts = {}
         for side, pose in commanded.items():
             target = self._targets.get(side, pose)

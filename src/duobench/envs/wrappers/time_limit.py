@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
 
 from duobench.envs.duo_env import Info, Observation, ResetNeededError, Transition
+from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
 
 
@@ -44,6 +46,21 @@ class TimeLimit(DuoWrapper):
         """Begin an episode and count from zero."""
         result = self.env.reset(seed=seed, options=options)
         self._steps, self._over = 0, False
+        return result
+
+    def save_state(self) -> EpisodeState:
+        """The state of the wrapped environment, with the steps so far."""
+        return replace(super().save_state(), steps=self._steps, over=self._over)
+
+    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+        """Continue from a saved state, and count on.
+
+        Raises:
+            StateError: The state was saved without a time limit.
+        """
+        steps = required(state.steps, "time limit")
+        result = super().restore_state(state)
+        self._steps, self._over = steps, state.over
         return result
 
     def step(self, action: Any) -> Transition:

@@ -1,0 +1,77 @@
+"""What an environment needs of two arms, simulated or real: commands in, state and images out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.types import Array, DuoCommand, DuoState
+
+Image = NDArray[np.uint8]
+"""An image (height, width, 3), red green blue, top row first."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class DuoLimits:
+    """What the arms obey; arrays (16,) in the order of `DuoCommand.flat`."""
+
+    low: Array
+    """Smallest joint targets in radians, and openings."""
+    high: Array
+    """Largest joint targets in radians, and openings."""
+    max_change: Array
+    """Largest change in one control step: joints move at their speed limits at most. Infinite for
+    grippers, which take any opening and go there at the speed of their motor."""
+
+    def clip(self, targets: Array, last: Array) -> Array:
+        """The command nearest to some targets (16,) that can follow the last command (16,)."""
+        low = np.maximum(self.low, last - self.max_change)
+        high = np.minimum(self.high, last + self.max_change)
+        return np.minimum(np.maximum(targets, low), high)
+
+
+class DuoBackend(Protocol):
+    """Two arms with grippers and cameras, driven one control step at a time."""
+
+    @property
+    def limits(self) -> DuoLimits:
+        """What the arms obey."""
+        ...
+
+    @property
+    def last_command(self) -> DuoCommand:
+        """The command that was really sent last; before the first one, where the arms are held."""
+        ...
+
+    def read(self) -> DuoState:
+        """The latest state of the arms."""
+        ...
+
+    def command(self, command: DuoCommand) -> DuoCommand:
+        """Move towards a command for one control step.
+
+        Returns:
+            The command that was really sent, which may differ from the given one.
+        """
+        ...
+
+    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> Mapping[str, Image]:
+        """The latest image of each of some cameras, by name.
+
+        Args:
+            cameras: Names of cameras.
+            shape: Height and width in pixels.
+
+        Raises:
+            UnknownNameError: There is no such camera.
+            RenderingError: No image of that size can be had.
+        """
+        ...
+
+    def close(self) -> None:
+        """Free what images need and let go of hardware; closing twice is harmless."""
+        ...

@@ -1,0 +1,66 @@
+"""The whole state of a running episode, as one value."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import TypeVar
+
+from duobench.errors import DuoBenchError
+from duobench.sim.layout import Layout
+from duobench.spatial import SE3
+from duobench.stages.progress import ProgressState
+from duobench.types import Array, Side
+
+T = TypeVar("T")
+
+
+class StateError(DuoBenchError):
+    """A state does not fit the environment that is to continue from it."""
+
+
+def required(part: T | None, wrapper: str) -> T:
+    """A part of a state that a wrapper needs.
+
+    Raises:
+        StateError: The state was saved by an environment without that wrapper.
+    """
+    if part is None:
+        raise StateError(
+            f"This state was saved without the {wrapper} that this environment has; restore it in "
+            "an environment that is made in the same way."
+        )
+    return part
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class EpisodeState:
+    """Everything that the rest of an episode depends on.
+
+    Continuing from it is bit-exact in observations, stages, reward and info. Parts that belong to a
+    wrapper are None where there is no such wrapper.
+    """
+
+    layout: Layout
+    """How the episode began; its variants decide what the model looks like."""
+    physics: Array
+    """Full state of the simulation (n,)."""
+    progress: ProgressState | None = None
+    """Stage, and what its constraints remember."""
+    steps: int | None = None
+    """Control steps so far."""
+    over: bool = False
+    """Whether the episode has ended."""
+    tool_targets: tuple[tuple[Side, SE3], ...] | None = None
+    """What relative Cartesian actions have added up to, by side."""
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 over all of it; equal states, equal hashes."""
+        digest = hashlib.sha256(self.physics.tobytes())
+        targets = [(side, pose.tquat.tolist()) for side, pose in self.tool_targets or ()]
+        progress = None if self.progress is None else self.progress.to_json()
+        rest = [self.layout.to_json(), progress, self.steps, self.over, targets]
+        digest.update(json.dumps(rest, sort_keys=True).encode())
+        return digest.hexdigest()

@@ -1,0 +1,195 @@
+"""The simulated environment: layouts, the reset script, and the state of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.envs.config import RENDER_SIZE
+from duobench.envs.duo_env import DuoEnv, Info, Observation, ResetNeededError, base_of
+from duobench.envs.episode_state import EpisodeState
+from duobench.errors import DuoBenchError, LayoutError
+from duobench.scene.cameras import OVERVIEW
+from duobench.sim import placement
+from duobench.sim.backend import SimBackend
+from duobench.sim.layout import Layout
+from duobench.sim.simulation import Simulation
+from duobench.tasks.task import Task
+
+DEFAULT_SEED = 0
+"""A reset without a layout uses the one that this seed samples."""
+LAYOUT, LAYOUT_SEED = "layout", "layout_seed"
+"""Options of a reset."""
+
+
+class SimEnv(DuoEnv):
+    """A `DuoEnv` in simulation, whose objects are laid out at every reset.
+
+    The scene depends on the layout alone. Privileged state is read through `simulation`.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        *,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = RENDER_SIZE,
+    ) -> None:
+        """Compile the task's model; no OpenGL before the first image.
+
+        Args:
+            task: What is on the table.
+            render_mode: "rgb_array", or None if nobody calls `render`.
+            render_size: Height and width of the image that `render` gives, in pixels.
+        """
+        self.simulation = Simulation(task.props, task.overview)
+        """The physics."""
+        super().__init__(SimBackend(self.simulation), task)
+        self.render_mode = render_mode
+        self._render_size = render_size
+        self._layout: Layout | None = None
+
+    @property
+    def layout(self) -> Layout:
+        """How the current episode began.
+
+        Raises:
+            ResetNeededError: There was no reset yet.
+        """
+        if self._layout is None:
+            raise ResetNeededError("There is no layout before the first reset; call reset first.")
+        return self._layout
+
+    @property
+    def subinstructions(self) -> dict[int, str]:
+        """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
+        return self.definition.subinstructions(self.layout)
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin an episode: lay out the objects, arms home, let everything come to rest.
+
+        Args:
+            seed: Seeds `np_random`; what is on the table depends on the layout alone.
+            options: `layout` is the layout, as a `Layout` or as its JSON form; without it,
+                `layout_seed` samples one from the task. Other keys are left to others.
+
+        Returns:
+            Observation and info, both taken after everything has come to rest. Info holds
+            `instruction`, `layout` (JSON form), `clipped` and `sent`.
+
+        Raises:
+            LayoutError: The layout is incomplete, overlapping or out of reach.
+        """
+        return super().reset(seed=seed, options=options)
+
+    def _begin(self, options: Mapping[str, Any]) -> Info:
+        given = options.get(LAYOUT)
+        if given is None:
+            seed = options.get(LAYOUT_SEED)
+            given = self.definition.layouts(DEFAULT_SEED if seed is None else seed)
+        else:
+            given = iter([given])
+        # Every layout takes the way through plain data, so that what info reports begins exactly
+        # the same episode when it is given back.
+        plain: dict[str, Any] = {}
+
+        def candidates() -> Iterator[Layout]:
+            for layout in given:
+                plain.update(layout.to_json() if isinstance(layout, Layout) else layout)
+                candidate = Layout.from_json(plain)
+                self._instruction = self._instruct(candidate)
+                yield candidate
+
+        self._layout = placement.first_valid(self.simulation, candidates(), self.task)
+        self.simulation.settle()
+        return {LAYOUT: _as_floats(plain)}
+
+    def _instruct(self, layout: Layout) -> str:
+        """The instruction for a layout, whose variants must be complete."""
+        for name, choice in self.definition.variants.items():
+            value = layout.variants.get(name)
+            if value not in choice.options:
+                raise LayoutError(
+                    f"Task {self.task!r} has a variant {name!r}, one of "
+                    f"{', '.join(choice.options)}; the layout says {value!r}."
+                )
+        try:
+            return self.definition.instruct(layout)
+        except KeyError as error:
+            raise LayoutError(
+                f"The instruction of task {self.task!r} names the variant {error}, which the "
+                f"layout lacks; it has {dict(layout.variants)}."
+            ) from error
+
+    # --- state -----------------------------------------------------------------------------------
+
+    def save_state(self) -> EpisodeState:
+        """The whole state of the running episode, of this environment and its wrappers.
+
+        Raises:
+            ResetNeededError: There was no reset yet.
+        """
+        return EpisodeState(layout=self.layout, physics=self.simulation.save())
+
+    def state_hash(self) -> str:
+        """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
+        return self.save_state().hash
+
+    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+        """Continue from a saved state of the same task; bit-exact.
+
+        Returns:
+            Observation and info as the step before gave them, but for `clipped`.
+
+        Raises:
+            LayoutError: The state is that of another task.
+            SimulationError: The state was saved by another task or version.
+        """
+        self._running = False
+        instruction = self._instruct(state.layout)
+        self.simulation.apply(state.layout)
+        self.simulation.restore(state.physics)
+        self._layout, self._instruction = state.layout, instruction
+        self._running = True
+        return self._observation(), self._info()
+
+    # --- images ----------------------------------------------------------------------------------
+
+    def render(self) -> NDArray[np.uint8]:
+        """The scene from the overview camera, (height, width, 3), for people.
+
+        Raises:
+            DuoBenchError: The environment was made without a render mode.
+            ResetNeededError: There was no reset yet.
+        """
+        if self.render_mode is None:
+            raise DuoBenchError(
+                'This environment was made without images; make it with render_mode="rgb_array".'
+            )
+        if self._layout is None:
+            raise ResetNeededError("There is nothing to see before the first reset.")
+        return self.backend.images((OVERVIEW,), self._render_size)[OVERVIEW]
+
+
+def _as_floats(layout: Mapping[str, Any]) -> dict[str, Any]:
+    """The JSON form of a layout with plain numbers, as it was given."""
+    poses = {name: [float(number) for number in pose] for name, pose in layout["poses"].items()}
+    return {"poses": poses, "variants": dict(layout.get("variants", {}))}
+
+
+def sim_of(env: gym.Env) -> SimEnv:
+    """The `SimEnv` under all wrappers.
+
+    Raises:
+        TypeError: There is none: what needs layouts or privileged state needs the simulation.
+    """
+    base = base_of(env)
+    if not isinstance(base, SimEnv):
+        raise TypeError(f"Expected a simulated environment, got {type(base).__name__}.")
+    return base

@@ -1,0 +1,91 @@
+"""Meshes of the arms and grippers: reduced for images, convex hulls for contacts, in metres.
+
+All 38 are in one file beside this module, which `python -m tools.meshes` makes from the published
+models. Their names end in ":visual" or ":hull", such as "fr3/link1:hull".
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import io
+from collections.abc import Mapping
+from importlib import resources
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.errors import AssetError, UnknownNameError
+
+FILE = "robot_meshes.npz"
+"""The data, uncompressed, since wheels compress what they hold: `names` (k,), `counts` (k, 2) of
+vertices and triangles, and one mesh after the other `points` (n, 3) on the grid and `faces` (m, 3).
+"""
+SHA256 = "485c87be44e231ad27eb7e0bb349f7de128cfac48f59821f65245509ccc70b1e"
+"""Digest of the file: any other bytes are rejected, so that nobody simulates another robot."""
+POINTS_PER_METRE = 100_000
+"""Grid of the coordinates, which are kept as whole numbers."""
+
+RobotMesh = tuple[NDArray[np.float64], NDArray[np.int32]]
+"""Vertices (n, 3) in metres, and triangles (m, 3), counter-clockwise from outside."""
+
+_ADVICE = "Install duobench again."
+
+
+def add_robot_mesh(spec: mujoco.MjSpec, name: str) -> str:
+    """Add a mesh to a model under construction, unless it is there, and return its name.
+
+    Raises:
+        UnknownNameError: There is no such mesh.
+        AssetError: The data file is missing or damaged.
+    """
+    meshes = robot_meshes()
+    if name not in meshes:
+        raise UnknownNameError("mesh of the robot", name, meshes)
+    if spec.mesh(name) is None:
+        vertices, faces = meshes[name]
+        spec.add_mesh(
+            name=name,
+            uservert=vertices.ravel(),
+            userface=faces.ravel(),
+            # Reduced meshes need not be watertight; none of them carries mass.
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+    return name
+
+
+@functools.cache
+def robot_meshes() -> Mapping[str, RobotMesh]:
+    """Return all meshes by name, read once per process; their arrays are read-only.
+
+    Raises:
+        AssetError: The data file is missing or damaged.
+    """
+    try:
+        data = resources.files("duobench.scene").joinpath(FILE).read_bytes()
+    except OSError as error:
+        raise AssetError(f"The meshes of the robot cannot be read ({error}). {_ADVICE}") from error
+    return decode(data)
+
+
+def decode(data: bytes) -> Mapping[str, RobotMesh]:
+    """Return the meshes that the bytes of the data file hold.
+
+    Raises:
+        AssetError: The bytes are not those of the file.
+    """
+    digest = hashlib.sha256(data).hexdigest()
+    if digest != SHA256:
+        raise AssetError(
+            f"The meshes of the robot are damaged: {FILE} has the SHA-256 {digest}, "
+            f"expected {SHA256}. {_ADVICE}"
+        )
+    with np.load(io.BytesIO(data), allow_pickle=False) as file:
+        ends = file["counts"].cumsum(axis=0)[:-1]
+        vertices = np.split(file["points"] / POINTS_PER_METRE, ends[:, 0])
+        faces = np.split(file["faces"], ends[:, 1])
+        names = file["names"].tolist()
+    for array in (*vertices, *faces):
+        array.setflags(write=False)
+    return dict(zip(names, zip(vertices, faces, strict=True), strict=True))

@@ -1,0 +1,61 @@
+"""The simulated robot behind the same interface as the real one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from duobench.backend import DuoLimits, Image
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+from duobench.types import DuoCommand, DuoState
+
+
+class SimBackend:
+    """A `DuoBackend` over a simulation."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        """Drive a simulation.
+
+        Args:
+            simulation: The physics.
+        """
+        self.simulation = simulation
+        self._renderers: dict[tuple[int, int], Renderer] = {}
+
+    @property
+    def limits(self) -> DuoLimits:
+        """What the arms obey."""
+        return self.simulation.duo.limits
+
+    @property
+    def last_command(self) -> DuoCommand:
+        """The last command, as the actuators hold it."""
+        return self.simulation.duo.command()
+
+    def read(self) -> DuoState:
+        """State after the last physics step."""
+        return self.simulation.duo.read()
+
+    def command(self, command: DuoCommand) -> DuoCommand:
+        """Advance one control step towards a command, which is sent as it is.
+
+        Raises:
+            SimulationError: The physics diverged.
+        """
+        self.simulation.advance(command)
+        return command
+
+    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
+        """Render the current state; see `DuoBackend.images`."""
+        return self._renderer(shape).render_all(self.simulation.data, cameras)
+
+    def close(self) -> None:
+        """Free the renderers."""
+        for renderer in self._renderers.values():
+            renderer.close()
+
+    def _renderer(self, shape: tuple[int, int]) -> Renderer:
+        if shape not in self._renderers:
+            height, width = shape
+            self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
+        return self._renderers[shape]

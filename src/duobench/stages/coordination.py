@@ -1,0 +1,89 @@
+"""Two arms at one thing: what counts as bringing it to its place together, all the way.
+
+That both arms had it once is worth nothing. What they bring must be in their hands until it touches
+its place; what is let go before, or carried by one arm in between, must be picked up again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from duobench.scene.naming import TABLE
+from duobench.stages.predicates import (
+    Predicate,
+    all_of,
+    any_of,
+    grasped,
+    grasped_apart,
+    held_for,
+    off_table,
+    raised,
+    since,
+    touching,
+)
+from duobench.types import SIDES
+
+FLICKER_SECONDS = 0.1
+"""How long a contact that is lost is lost for good: three control steps. Fingers that let go and
+close again take longer, contacts that flicker do not."""
+BOUNCE = 0.005
+"""How high in metres an object may hop when fingers let go of it, and was not lifted again."""
+LANDING_DEPTH = 0.001
+"""How far below the top of its support the lowest point of an object on it may seem to be."""
+
+
+def interrupted(predicate: Predicate) -> Predicate:
+    """It has not held for longer than a contact flickers."""
+    return held_for(~predicate, FLICKER_SECONDS)
+
+
+def brought(body: str, place: str) -> Predicate:
+    """A gripper has grasped it since before it touched the place, and not let go in between."""
+    in_hand = any_of(*(grasped(side, body) for side in SIDES))
+    return since(in_hand & ~touching(body, place), reset=interrupted(in_hand))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Carriage:
+    """Predicates about an object that both arms carry by its handles; made by `carriage`."""
+
+    carried: Predicate
+    """Each gripper grasps one handle, and the object is raised in the air."""
+    put_down: Predicate
+    """It was carried to its support, both handles grasped up to touching it; since then it has been
+    neither on the table nor off the support again."""
+
+
+def carriage(
+    prop: str, handles: Sequence[str], support: str, *, top: float, height: float
+) -> Carriage:
+    """The predicates for an object with two handles.
+
+    Args:
+        prop: The object.
+        handles: Its two handles.
+        support: Where it is put down.
+        top: Height of the support's top above the table, in metres.
+        height: How far a carried object is raised, in metres.
+    """
+    bodies = (prop, *handles)
+    in_both = grasped_apart(handles[0], handles[1])
+    in_air = all_of(*(off_table(body, support) for body in bodies))
+    on_table = any_of(*(touching(body, TABLE) for body in bodies))
+    on_support = touching(prop, support)
+    carried = all_of(in_both, in_air, raised(prop, height))
+    # In the air by one hand, or by none: what was done so far is void until it stands on the table.
+    let_go = interrupted(in_both | ~in_air)
+    # The jolt of landing may shake pads off a handle for a moment: what counts is the one before.
+    dropped = on_support & ~in_both & since(in_air & ~in_both, reset=in_both | on_support)
+    on_the_way = since(
+        carried & ~since(let_go, reset=on_table),
+        reset=any_of(on_table, interrupted(in_both), dropped),
+    )
+    landed = all_of(on_support, raised(prop, top - LANDING_DEPTH), in_both, on_the_way)
+    lifted_again = in_air & raised(prop, top + BOUNCE)
+    return Carriage(
+        carried=carried,
+        put_down=since(landed, reset=any_of(on_table, let_go, lifted_again)),
+    )

@@ -1,0 +1,85 @@
+"""Plugged together by two arms: what counts as joining two bodies that each arm holds one of.
+
+That both arms once held a body each says nothing about who plugged them together. So each arm has
+its own body from before the peg enters the socket until it is deep enough; what is plugged together
+in any other way has to come apart, and to be joined again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from duobench.stages.insertion import MAX_DEPTH, Port, inserted, is_far
+from duobench.stages.predicates import (
+    Moment,
+    Predicate,
+    any_of,
+    grasped_apart,
+    held_for,
+    since,
+)
+
+SOCKET_REACH = 0.010
+"""Largest distance in metres from a socket's axis to a tip that is in it: a peg that has just come
+in may be shifted and turned as far as walls and chamfer let it."""
+KEPT_DEPTH = 0.003
+"""How deep in metres a tip is at least in a socket that it has not come out of."""
+LOST_SECONDS = 0.2
+"""How long a grasp is lost before the joining was not done by both arms, in seconds: pads may lose
+contact for a control step or two when peg and socket meet."""
+
+
+def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
+    """The peg's tip is inside the socket, however it is turned there.
+
+    Args:
+        peg: Tip of the peg.
+        socket: Mouth of the socket.
+        depth: How far inside the mouth the tip is at least, in metres.
+    """
+    furthest = math.hypot(MAX_DEPTH, SOCKET_REACH)
+
+    def test(m: Moment) -> bool:
+        sim = m.simulation
+        if is_far(sim, peg, socket, furthest):
+            return False
+        outwards = socket.axis(sim)
+        offset = peg.position(sim) - socket.position(sim)
+        height = float(offset @ outwards)
+        if not -MAX_DEPTH <= height <= -depth:
+            return False
+        lateral = offset - height * outwards
+        return float(lateral @ lateral) <= SOCKET_REACH**2
+
+    return Predicate(f"peg of {peg.body} is in a socket of {socket.body}", test)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Joining:
+    """Predicates about a peg and the body with its sockets; made by `joining`."""
+
+    joined: Predicate
+    """The peg is deep in a socket, and each arm has held one of the bodies since before it came in,
+    and does so now."""
+    kept: Predicate
+    """They were joined at an earlier step and have not come apart since."""
+
+
+def joining(peg: Port, sockets: Sequence[Port], depth: float, *, unless: Predicate) -> Joining:
+    """The predicates for two bodies.
+
+    Args:
+        peg: Peg of the one body.
+        sockets: Sockets of the other one; any of them will do.
+        depth: How deep the peg is inserted at least, in metres.
+        unless: What may not hold while they are joined, such as that something else holds one.
+    """
+    by_both = grasped_apart(peg.body, sockets[0].body)
+    touched = any_of(*(engaged(peg, socket) for socket in sockets))
+    deep = any_of(*(inserted(peg, socket, depth) for socket in sockets))
+    apart = ~any_of(*(engaged(peg, socket, KEPT_DEPTH) for socket in sockets))
+    spoilt = unless | held_for(~by_both, LOST_SECONDS)
+    joined = deep & by_both & ~unless & since(by_both & ~touched, reset=spoilt)
+    return Joining(joined=joined, kept=since(joined, reset=apart))

@@ -1,0 +1,100 @@
+"""No bright dashes along seams: light neither leaks through them nor counts twice."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+import pytest
+
+import duobench
+from duobench.envs.sim_env import sim_of
+from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS, View
+from duobench.scene.shadows import RIB_HEIGHT, add_ribs
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+from duobench.solids.blocks import WHITE
+from duobench.solids.bowl import FLOOR, RADIUS, bowl
+from duobench.solids.bowl import WALL as BOWL_WALL
+from duobench.solids.cup import cup
+from duobench.solids.prop import Prop
+from duobench.solids.solid import Solid, printable
+from duobench.spatial import SE3
+from duobench.tasks import catalog
+
+FINE_SHADOWS = 4096
+"""Side of a shadow map in texels with which light leaks nowhere."""
+BRIGHTER = 25
+"""By how much of 255 a pixel in the shadow must be brighter than it should be to be seen."""
+FEW = 10e-4
+"""Share of an object's pixels that may be too bright, at the jagged ends of its own shadows."""
+STRAY_PIXELS = 2
+"""Pixels of an image on an edge that two triangles share, where both may be drawn. Faces that
+coincide show in dozens."""
+ROUNDING = 4
+"""By how much of 255 a sum of colours may be wrong."""
+
+
+@contextmanager
+def quality(model: mujoco.MjModel, shadow_map: int) -> Iterator[None]:
+    """Renderers that are made meanwhile have another shadow map."""
+    before = int(model.vis.quality.shadowsize)
+    model.vis.quality.shadowsize = shadow_map
+    yield
+    model.vis.quality.shadowsize = before
+
+
+@pytest.mark.parametrize("solid", [bowl(WHITE), cup(WHITE)], ids=["bowl", "cup"])
+def test_no_light_leaks_through_the_seam_of_a_wall_and_a_floor(solid: Solid) -> None:
+    above = View(eye=(0.62, 0.01, 0.55), target=(0.65, 0.0, 0.0), fovy_deg=24.0)
+    simulation = Simulation([Prop(name="it", solid=solid, fixed=True)], above)
+    model, data = simulation.model, simulation.data
+    coarse = int(model.vis.quality.shadowsize)
+
+    def images(shadow_map: int) -> np.ndarray:
+        taken = []
+        with quality(model, shadow_map), Renderer(model, height=400, width=400) as renderer:
+            for yaw_deg in (-10, -4, 0, 10, 20, 45):
+                simulation.place("it", SE3.at(0.65, 0.0, yaw=math.radians(yaw_deg)))
+                simulation.refresh()
+                shown = model.geom_bodyid[renderer.segment(data, OVERVIEW)]
+                image = renderer.render(data, OVERVIEW).mean(axis=2)
+                taken.append(np.where(shown == model.body("it").id, image, np.nan))
+        return np.array(taken)
+
+    fine = images(FINE_SHADOWS)
+    share = np.sum(images(coarse) - fine > BRIGHTER) / np.sum(~np.isnan(fine))
+    assert share < FEW
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_a_shadow_makes_no_object_brighter(name: str) -> None:
+    """Where two faces coincide, the light that casts shadows is added once for each."""
+    env = duobench.make(name, cameras=False)
+    env.reset(seed=1)
+    simulation = sim_of(env).simulation
+    model, data = simulation.model, simulation.data
+    robot = {model.body(f"{side}/link0").id for side in ("left", "right")}
+    objects = ~np.isin(model.body_rootid[model.geom_bodyid], [0, *robot])
+    with Renderer(model, height=480, width=640) as renderer:
+        cameras = (*POLICY_CAMERAS, OVERVIEW)
+        with_shadows = renderer.render_all(data, cameras)
+        seen = {camera: objects[renderer.segment(data, camera)] for camera in cameras}
+        model.light_castshadow[:] = False
+        without = renderer.render_all(data, cameras)
+    env.close()
+    for camera in cameras:
+        brighter = (with_shadows[camera].astype(int) - without[camera]).max(axis=2)
+        assert np.count_nonzero(brighter[seen[camera]] > ROUNDING) <= STRAY_PIXELS, camera
+
+
+def test_a_rib_lies_inside_the_wall_above_the_floor() -> None:
+    plain = printable(bowl(WHITE))
+    ribbed = add_ribs(plain)
+    ribs = ribbed.vertices[len(plain.vertices) :]
+    assert ribs[:, 2] == pytest.approx(FLOOR + RIB_HEIGHT)
+    radii = np.hypot(ribs[:, 0], ribs[:, 1])
+    assert radii.max() <= RADIUS + 1e-6
+    assert radii.min() >= (RADIUS - BOWL_WALL) * math.cos(math.pi / 64) - 1e-6
+    assert (ribbed.vertices[: len(plain.vertices)] == plain.vertices).all()

@@ -1,0 +1,164 @@
+"""Carrying with both arms as sequences of moments, each of which two arms really brought about."""
+
+import numpy as np
+import pytest
+
+from duobench.experts.carry_pot import carry_over, land, let_go, lift
+from duobench.experts.motion import Arms, Script, carry, wait
+from duobench.sim.layout import Layout
+from duobench.solids.pot import HEIGHT, PLATE, RADIUS
+from duobench.spatial import SE3
+from duobench.stages.coordination import BOUNCE, carriage
+from duobench.stages.predicates import Predicate
+from duobench.stages.progress import Progress, Stage
+from duobench.tasks.carry_pot import HANDLES, LIFT, TASK
+from duobench.types import SIDES, DuoCommand, Side
+from tests.stageplay import Stageplay
+
+LEFT, RIGHT = Side.LEFT, Side.RIGHT
+STOVE = SE3.at(0.5, 0.3)
+LAYOUT = Layout(poses={"pot": SE3.at(0.5, -0.05, HEIGHT / 2), "stove": STOVE})
+ON_PLATE = PLATE[2] + HEIGHT / 2 + 0.0004
+CARRIAGE = carriage("pot", HANDLES, "stove", top=PLATE[2], height=LIFT)
+
+Moments = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def bench() -> Stageplay:
+    return Stageplay(TASK)
+
+
+@pytest.fixture(scope="module")
+def moments(bench: Stageplay) -> Moments:
+    """States by letter: on the (t)able, (c)arried by both, in the air in the (l)eft hand alone or
+    in (n)o hand, in both hands against the stove's (s)ide, on the stove in (b)oth hands or (f)ree,
+    a (j)olt there that takes one pad of each hand off its handle, (h)opping above the stove, and
+    just (u)p from it again in both hands.
+    """
+    saved: Moments = {}
+
+    def keep(letter: str) -> None:
+        saved[letter] = bench.sim.save()
+
+    def without(*sides: Side) -> None:
+        """Open grippers, until they no longer touch the pot, from how it is carried."""
+        bench.sim.restore(saved["c"])
+        command = bench.sim.duo.command()
+        openings = command.openings.copy()
+        openings[[side.index for side in sides]] = 0.5
+        while any(bench.sim.contacts.gripper(side, f"pot/{side}_handle") for side in sides):
+            bench.sim.step(DuoCommand(joints=command.joints, openings=openings))
+
+    def whole_way(arms: Arms) -> Script:
+        keep("t")
+        yield from lift(arms)
+        keep("c")
+        yield from carry_over(arms, 0.5, 0.3 - PLATE[1] / 2 - RADIUS - 0.03)
+        beside = arms.sim.pose("pot").moved(z=-0.057)
+        yield from carry(arms, "pot", beside, speed=0.1)
+        yield from wait(10)
+        for _ in carry(arms, "pot", beside.moved(y=0.06), speed=0.05):
+            if arms.sim.contacts.between("pot", "stove"):
+                break
+            yield
+        keep("s")
+        yield from carry(arms, "pot", beside.moved(z=0.08), speed=0.1)
+        yield from carry_over(arms, 0.5, 0.3)
+        yield from land(arms)
+        keep("b")
+        landed = arms.sim.pose("pot")
+        bench.sim.place("pot", landed.moved(y=0.0008))
+        bench.sim.refresh()
+        keep("j")
+        bench.sim.restore(saved["b"])
+        yield from carry(arms, "pot", landed.moved(z=BOUNCE + 0.008), speed=0.1)
+        keep("u")
+        yield from carry(arms, "pot", landed, speed=0.1)
+        yield from let_go(arms)
+        keep("f")
+        bench.sim.place("pot", landed.moved(z=BOUNCE - 0.002))
+        bench.sim.refresh()
+        keep("h")
+
+    bench.start(layout=LAYOUT)
+    bench.act(whole_way)
+    without(RIGHT)
+    keep("l")
+    without(LEFT, RIGHT)
+    keep("n")
+    return saved
+
+
+def ask(bench: Stageplay, moments: Moments, letters: str, question: Predicate) -> bool:
+    """Whether a predicate holds at the end of a sequence of moments."""
+    bench.sim.restore(moments["t"])
+    progress = Progress((Stage(name="asked", instruction="Do it.", holds=question),))
+    progress.reset(bench.sim, {})
+    for letter in letters:
+        bench.sim.restore(moments[letter])
+        progress.update(bench.sim)
+    return progress.final_holds
+
+
+def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments) -> None:
+    hands = {"c": SIDES, "s": SIDES, "b": SIDES, "u": SIDES, "l": (LEFT,)}
+    supports = {"t": {"table"}, **{key: {"stove"} for key in "sbjf"}}
+    for letter, state in moments.items():
+        bench.sim.restore(state)
+        contacts = bench.sim.contacts
+        for side, handle in zip(SIDES, HANDLES, strict=True):
+            assert contacts.pads(side, handle) == (side in hands.get(letter, ())), letter
+        assert contacts.partners("pot") == supports.get(letter, set()), letter
+    bench.sim.restore(moments["u"])
+    assert PLATE[2] + BOUNCE < bench.sim.lowest("pot") < LIFT
+    bench.sim.restore(moments["j"])
+    assert all(map(bench.sim.contacts.gripper, SIDES, HANDLES))
+    bench.sim.restore(moments["s"])
+    assert 0.005 < bench.sim.lowest("pot") < PLATE[2] - 0.005
+
+
+@pytest.mark.parametrize(
+    ("letters", "counts"),
+    [
+        ("tcbf", True),
+        ("tccbbff", True),
+        ("tbf", False),  # both had it, and never carried it
+        ("tctbf", False),  # put back, and pushed
+        ("tctcbf", True),
+        ("tcnf", False),  # dropped onto the stove
+        ("tcf", False),
+        ("tcnfbf", False),  # dropped, then grasped
+        ("tclcbf", True),  # a contact that flickers
+        ("tcllcbf", True),
+        ("tclllcbf", False),  # carried by one hand for a while
+        ("tclllccccbf", False),
+        ("tclllctcbf", True),  # begun anew
+        ("tlllcbf", False),
+        ("tcnnncbf", False),
+        ("tclf", False),
+        ("tclbf", True),
+        ("tcbhf", True),  # hops when it is let go
+        ("tcbhhhhhf", False),
+        ("tcbuf", False),  # lifted again, and dropped
+        ("tcbubf", True),
+        ("tcbulllbf", False),
+        ("tcjbf", True),  # shaken as it lands
+        ("tcfbf", True),
+        ("tcjjbf", True),
+        ("tcjjjbf", False),
+        ("tcjf", False),
+        ("tcsf", False),  # it touched the stove, and did not stand on it
+        ("tcsbf", True),
+        ("tcsfffbf", False),  # and was let go there
+        ("tcbtf", False),
+        ("tcbtbf", False),
+    ],
+)
+def test_what_was_put_down(bench: Stageplay, moments: Moments, letters: str, counts: bool) -> None:
+    assert ask(bench, moments, letters, CARRIAGE.put_down) == counts
+
+
+@pytest.mark.parametrize("letter", "tclnsbjufh")
+def test_what_is_carried(bench: Stageplay, moments: Moments, letter: str) -> None:
+    assert ask(bench, moments, letter, CARRIAGE.carried) == (letter == "c")

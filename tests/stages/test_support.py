@@ -1,0 +1,282 @@
+"""Support as sequences of moments, most of which two arms really brought about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.experts import hinge_chest, spring_door
+from duobench.experts.motion import Arms, Script, release, together, wait
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.stages.support import GRAZE_TIME, SLIP_TIME, UNSUPPORTED_TIME
+from duobench.tasks import catalog
+from duobench.types import CONTROL_HZ, Side
+from tests.adversaries import hinge_chest as chest_cheats
+from tests.adversaries import spring_door as door_cheats
+from tests.stageplay import Stageplay
+
+LONG = round(UNSUPPORTED_TIME * CONTROL_HZ)
+GRAZE = round(GRAZE_TIME * CONTROL_HZ)
+SLIP = round(SLIP_TIME * CONTROL_HZ)
+OPEN, HALF_OPEN = 0.8, 0.79
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One task with a lid or a door, and what its arms do."""
+
+    lid: str
+    fixture: str
+    holder: Side
+    opens: Callable[[Arms], Script]
+    fetches: Callable[[Arms], Script]
+    comes_near: Callable[[Arms], Script]
+    puts_in: Callable[[Arms], Script]
+    let_go: float
+
+    @property
+    def bringer(self) -> Side:
+        return self.holder.other
+
+
+CASES = {
+    "hinge_chest": Case(
+        lid="chest/lid",
+        fixture="chest",
+        holder=hinge_chest.HOLDER,
+        opens=hinge_chest.open_lid,
+        fetches=hinge_chest.fetch,
+        comes_near=chest_cheats.come_over_the_chest,
+        puts_in=hinge_chest.lower,
+        let_go=hinge_chest.LET_GO,
+    ),
+    "spring_door": Case(
+        lid="microwave/door",
+        fixture="microwave",
+        holder=spring_door.HOLDER,
+        opens=spring_door.open_door,
+        fetches=spring_door.fetch,
+        comes_near=door_cheats.come_to_the_door,
+        puts_in=spring_door.reach_in,
+        let_go=spring_door.LET_GO,
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A task on the bench, and states of it by letter."""
+
+    bench: Stageplay
+    case: Case
+    states: dict[str, np.ndarray]
+
+    def stage_after(self, *letters: str) -> int:
+        """The stage after a sequence of moments."""
+        self.bench.start(0)
+        for letter in "".join(letters):
+            self.bench.sim.restore(self.states[letter])
+            self.bench.judge()
+        return self.bench.stage
+
+
+def set_lid(sim: Simulation, lid: str, angle: float) -> None:
+    joint = sim.model.joint(lid)
+    sim.data.qpos[joint.qposadr[0]] = angle
+    sim.data.qvel[joint.dofadr[0]] = 0.0
+    sim.refresh()
+
+
+def lower_onto_the_arm(sim: Simulation, case: Case) -> None:
+    """Shut the lid as far as the arm that brings the cube lets it."""
+    angle = sim.angle(case.lid)
+    while not sim.contacts.arm(case.bringer, case.lid):
+        angle -= 0.01
+        set_lid(sim, case.lid, angle)
+
+
+def send_home(bench: Stageplay, start: np.ndarray, side: Side) -> None:
+    """Put one arm where it was at the start."""
+    sim = bench.sim
+    now = sim.data.qpos.copy()
+    sim.restore(start)
+    home = sim.data.qpos.copy()
+    sim.data.qpos[:] = now
+    for number in range(sim.model.njnt):
+        joint = sim.model.joint(number)
+        if joint.name.startswith(f"{side}/"):
+            sim.data.qpos[joint.qposadr[0]] = home[joint.qposadr[0]]
+    sim.refresh()
+
+
+def collect(bench: Stageplay, case: Case) -> dict[str, np.ndarray]:
+    """States by letter.
+
+    What two arms did: (t) at the start; the lid held open and the cube (h)eld, come (n)ear,
+    (i)nside but pinched, (f)ree inside. What is made of that: as h, but (a)way from the lid is the
+    arm that holds it, the lid (s)huts, the cube lies (o)n the other arm's hand or on the lid (c);
+    as n, but the lid is down on the arm that brings the cube (g); S and F are i and f with a lid
+    that shuts.
+    """
+    sim, saved = bench.sim, dict[str, np.ndarray]()
+
+    def keep(letter: str) -> None:
+        saved[letter] = sim.save()
+
+    def edit(letter: str, base: str, change: Callable[[], Any]) -> None:
+        sim.restore(saved[base])
+        change()
+        keep(letter)
+
+    def honest(arms: Arms) -> Script:
+        keep("t")
+        yield from together(case.opens(arms), case.fetches(arms))
+        yield from wait(10)
+        keep("h")
+        yield from case.comes_near(arms)
+        keep("n")
+        yield from case.puts_in(arms)
+        keep("i")
+        yield from release(arms, case.bringer, opening=case.let_go)
+        yield from wait(15)
+        keep("f")
+
+    def at_the_other_arm() -> None:
+        pads = sim.body_id(f"{case.holder}/gripper/base")
+        sim.place("cube", SE3(np.eye(3), sim.data.xpos[pads]))
+        sim.refresh()
+
+    def on_the_lid() -> None:
+        sim.place("cube", SE3(np.eye(3), sim.data.xipos[sim.body_id(case.lid)]))
+        sim.refresh()
+
+    bench.start(0)
+    bench.act(honest)
+    edit("a", "h", lambda: send_home(bench, saved["t"], case.holder))
+    edit("s", "h", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("g", "n", lambda: lower_onto_the_arm(sim, case))
+    edit("o", "h", at_the_other_arm)
+    edit("c", "h", on_the_lid)
+    edit("S", "i", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("F", "f", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    return saved
+
+
+@pytest.fixture(scope="module", params=CASES)
+def scene(request: pytest.FixtureRequest) -> Scene:
+    bench, case = Stageplay(catalog.get(request.param)), CASES[request.param]
+    return Scene(bench, case, collect(bench, case))
+
+
+def test_the_moments_are_what_they_shall_be(scene: Scene) -> None:
+    case, sim = scene.case, scene.bench.sim
+    contacts = sim.contacts
+
+    def at(letter: str) -> Simulation:
+        sim.restore(scene.states[letter])
+        return sim
+
+    for letter in "hnif":
+        assert at(letter).angle(case.lid) > 1.0, letter
+        assert contacts.gripper(case.holder, case.lid), letter
+        assert not contacts.arm(case.bringer, case.lid), letter
+    assert not contacts.gripper(case.bringer, "cube")
+    for letter in "hniagsS":
+        at(letter)
+        assert contacts.pads(case.bringer, "cube"), letter
+    assert at("a").angle(case.lid) > 1.0
+    assert not contacts.arm(case.holder, case.lid)
+    assert at("g").angle(case.lid) >= OPEN
+    assert contacts.arm(case.bringer, case.lid)
+    at("c")
+    assert contacts.between("cube", case.lid)
+    at("o")
+    assert contacts.arm(case.holder, "cube")
+    assert not contacts.between("cube", case.lid)
+
+
+def test_the_honest_way_counts(scene: Scene) -> None:
+    assert scene.stage_after("t") == 0
+    assert scene.stage_after("t", "h") == 1
+    assert scene.stage_after("t", "h" * LONG) == 2
+    assert scene.stage_after("t", "h" * LONG, "ni") == 2
+    assert scene.stage_after("t", "h" * LONG, "nif") == 3
+    assert scene.stage_after("t", "h" * LONG, "nff") == 3
+
+
+def test_support_needs_the_other_arm_at_the_lid(scene: Scene) -> None:
+    assert scene.stage_after("a" * 2 * LONG) == 1
+    assert scene.stage_after("a" * 2 * LONG, "ff") == 1
+
+
+def test_support_needs_the_arm_with_the_cube_to_leave_the_lid_alone(scene: Scene) -> None:
+    assert scene.stage_after("g" * 2 * LONG) == 1
+    assert scene.stage_after("g" * LONG, "n" * (LONG - 1)) == 1
+    assert scene.stage_after("g" * LONG, "n" * LONG) == 2
+    assert scene.stage_after(("n" * (LONG - 1) + "g") * 3) == 1
+
+
+def test_support_needs_an_open_lid_and_a_lifted_cube(scene: Scene) -> None:
+    assert scene.stage_after("s" * 2 * LONG) == 1
+    assert scene.stage_after("s" * 2 * LONG, "h" * (LONG - 1)) == 1
+    assert scene.stage_after("f" * 2 * LONG) == 1
+    assert scene.stage_after("f" * 2 * LONG, "n") == 2
+
+
+def test_a_cube_that_came_without_support_does_not_count(scene: Scene) -> None:
+    assert scene.stage_after("f" * 2 * LONG) == 1
+    assert scene.stage_after("h" * (LONG - 1), "ffff") == 1
+
+
+def test_a_lid_that_shut_on_the_way_spoils_it(scene: Scene) -> None:
+    assert scene.stage_after("h" * LONG, "s", "ff") == 2
+    assert scene.stage_after("h" * LONG, "s", "FF") == 2
+    assert scene.stage_after("h" * LONG, "s", "h" * LONG, "ff") == 3
+
+
+def test_the_arm_with_the_cube_may_graze_the_lid_but_not_hold_it(scene: Scene) -> None:
+    assert scene.stage_after("h" * LONG, "g" * (GRAZE - 1), "ff") == 3
+    assert scene.stage_after("h" * LONG, "g" * GRAZE, "ff") == 2
+    assert scene.stage_after("h" * LONG, "g" * (GRAZE - 1), "n", "g" * (GRAZE - 1), "ff") == 3
+
+
+def test_the_cube_may_not_hold_the_lid_either(scene: Scene) -> None:
+    assert scene.stage_after("h" * LONG, "c" * (GRAZE - 1), "ff") == 3
+    assert scene.stage_after("h" * LONG, "c" * GRAZE, "ff") == 2
+
+
+def test_the_other_arm_may_slip_but_not_leave(scene: Scene) -> None:
+    assert scene.stage_after("h" * LONG, "a" * (SLIP - 1), "ff") == 3
+    assert scene.stage_after("h" * LONG, "a" * SLIP, "ff") == 2
+
+
+def test_only_the_arm_that_had_the_cube_brings_it(scene: Scene) -> None:
+    assert scene.stage_after("h" * LONG, "o" * (GRAZE - 1), "ff") == 3
+    assert scene.stage_after("h" * LONG, "o" * GRAZE, "ff") == 2
+
+
+def test_once_the_cube_is_inside_the_lid_may_fall(scene: Scene) -> None:
+    assert scene.stage_after("h" * LONG, "i", "S" * 2 * LONG, "F") == 3
+
+
+def test_a_cube_that_was_taken_out_again_must_be_brought_again(scene: Scene) -> None:
+    assert scene.stage_after("h" * LONG, "i", "s", "FF") == 2
+    assert scene.stage_after("h" * LONG, "i", "h", "ff") == 3
+
+
+def test_no_lid_stays_open_by_itself_for_long(scene: Scene) -> None:
+    """Neither let go at its stop nor thrown open, from where it begins to count, at any speed."""
+    bench, lid = scene.bench, scene.case.lid
+    joint = bench.sim.model.joint(lid)
+    bench.start(0)
+    for speed in np.arange(0.0, 32.0, 2.0):
+        set_lid(bench.sim, lid, joint.range[1] if speed == 0 else OPEN)
+        bench.sim.data.qvel[joint.dofadr[0]] = speed
+        bench.sim.refresh()
+        bench.hold(LONG - 2)
+        assert bench.sim.angle(lid) < OPEN, speed
