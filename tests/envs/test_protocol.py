@@ -152,7 +152,7 @@ def test_attributes_are_found_on_the_outermost_environment() -> None:
         {"cameras": False, "chunk": np.int64(3), "horizon": 9, "action_mode": "cartesian"},
         {"binary_gripper": True, "render_mode": "rgb_array", "render_size": [48, 64]},
     ],
-    ids=str,
+    ids=lambda options: ", ".join(options) or "defaults",
 )
 def test_configuration_survives_its_text_and_makes_the_same_environment(
     options: dict[str, Any],

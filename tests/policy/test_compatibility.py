@@ -4,7 +4,7 @@ import gymnasium as gym
 import pytest
 
 import duobench
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.sim_env import SimEnv
 from duobench.errors import PolicyError
 from duobench.policy import PolicyMetadata
 from duobench.policy.compatibility import check_fits
@@ -69,7 +69,7 @@ def test_foreign_wrappers_change_nothing() -> None:
         check_fits(metadata(), env)
 
 
-@pytest.mark.parametrize("env", [DuoEnv(catalog.get(TASK)), gym.make("CartPole-v1")])
+@pytest.mark.parametrize("env", [SimEnv(catalog.get(TASK)), gym.make("CartPole-v1")])
 def test_environment_without_a_configuration_is_refused(env: gym.Env) -> None:
     with pytest.raises(PolicyError, match=r"no configuration.*duobench\.make"):
         check_fits(metadata(), env)
