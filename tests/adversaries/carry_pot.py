@@ -178,15 +178,15 @@ def put_on_the_edge(arms: Arms) -> Script:
     """Both put it down on the plate's edge; one arm pushes it to the middle."""
     yield from lift(arms)
     x, y = middle(arms)
-    yield from carry_over(arms, x, y - 0.155)
+    yield from carry_over(arms, x, y - 0.145)
     yield from land(arms)
     yield from let_go(arms)
     behind = arms.sim.position("pot")[1] - 0.22
     yield from grip(arms, RIGHT)
     yield from move(arms, {RIGHT: down(x, behind, 0.16)})
-    yield from move(arms, {RIGHT: down(x, behind, 0.06)}, speed=CAREFUL)
+    yield from move(arms, {RIGHT: down(x, behind, 0.045)}, speed=CAREFUL)
     pushing = arms.targets[RIGHT]
-    for _ in follow(arms, lambda f: {RIGHT: pushing.moved(y=0.25 * f)}, 3.0):
+    for _ in follow(arms, lambda f: {RIGHT: pushing.moved(y=0.22 * f)}, 4.0):
         if arms.sim.position("pot")[1] > y - 0.05:
             break
         yield
@@ -243,7 +243,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=on_stove,
         gets=2,
-        seed=1,
+        seed=3,
     ),
     Adversary(
         name="both let go 17 cm above the plate",

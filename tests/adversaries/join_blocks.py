@@ -336,6 +336,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=joined,
         gets=1,
+        seed=1,
     ),
     Adversary(
         name="one arm only closes on a block that the wall keeps in its place",
