@@ -174,6 +174,25 @@ def one_carries_on(arms: Arms) -> Script:
     yield from let_go(arms)
 
 
+def put_on_the_edge(arms: Arms) -> Script:
+    """Both put it down on the plate's edge; one arm pushes it to the middle."""
+    yield from lift(arms)
+    x, y = middle(arms)
+    yield from carry_over(arms, x, y - 0.145)
+    yield from land(arms)
+    yield from let_go(arms)
+    behind = arms.sim.position("pot")[1] - 0.22
+    yield from grip(arms, RIGHT)
+    yield from move(arms, {RIGHT: down(x, behind, 0.16)})
+    yield from move(arms, {RIGHT: down(x, behind, 0.045)}, speed=CAREFUL)
+    pushing = arms.targets[RIGHT]
+    for _ in follow(arms, lambda f: {RIGHT: pushing.moved(y=0.22 * f)}, 4.0):
+        if arms.sim.position("pot")[1] > y - 0.05:
+            break
+        yield
+    yield from move(arms, {RIGHT: arms.tool(RIGHT).moved(y=-0.08)}, speed=0.2)
+
+
 def high(sim: Simulation) -> bool:
     """The pot is in the air above the plate, and no gripper is at it."""
     x, y, z = sim.offset("pot", "stove")
@@ -217,6 +236,14 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=on_stove,
         gets=1,
+    ),
+    Adversary(
+        name="both put it on the plate's edge, one arm pushes it to the middle",
+        script=put_on_the_edge,
+        hands=Hands.BOTH,
+        deed=on_stove,
+        gets=2,
+        seed=3,
     ),
     Adversary(
         name="both let go 17 cm above the plate",

@@ -194,6 +194,37 @@ def take_joined(arms: Arms) -> Script:
     yield from let_go(arms, *SIDES)
 
 
+def close_on_the_table(arms: Arms) -> Script:
+    """The right arm only closes on the dark block, where it lies; the left one does the rest."""
+    yield from take(arms, Side.RIGHT, DARK, 0.0)
+    yield from plug_in_and_bring(arms)
+
+
+def close_at_the_wall(arms: Arms) -> Script:
+    """The same against the foot of the wall, where the dark block cannot give way."""
+    yield from take(arms, Side.RIGHT, DARK)
+    foot = mounted(arms).moved(z=BAR[2] / 2 - PEG_HEIGHT)
+    yield from lead(arms, Side.RIGHT, DARK, foot.moved(z=0.02))
+    yield from lead(arms, Side.RIGHT, DARK, foot, speed=SLOW)
+    yield from plug_in_and_bring(arms)
+
+
+def plug_in_and_bring(arms: Arms) -> Script:
+    """The left arm plugs the light block into the dark one, and brings both to the wall."""
+    yield from take(arms, Side.LEFT, LIGHT)
+    goal = behind(arms)
+    before = goal @ SE3.at(-PEG_LENGTH - BEFORE)
+    yield from lead(arms, Side.LEFT, LIGHT, before.moved(z=0.06))
+    yield from lead(arms, Side.LEFT, LIGHT, before, speed=0.1)
+    yield from lead(arms, Side.LEFT, LIGHT, goal, speed=SLOW)
+    yield from let_go(arms, Side.RIGHT)
+    yield from lead(arms, Side.LEFT, LIGHT, arms.sim.pose(LIGHT).moved(x=-ROOM), speed=SLOW)
+    light = mounted(arms).moved(x=-BAR[0] - TOUCHING)
+    yield from lead(arms, Side.LEFT, LIGHT, light.moved(x=-PEG_LENGTH - BEFORE), speed=0.1)
+    yield from lead(arms, Side.LEFT, LIGHT, light, speed=SLOW)
+    yield from let_go(arms, Side.LEFT)
+
+
 def until_joined(arms: Arms) -> Script:
     """The expert, up to where both blocks are joined."""
     for _ in expert(arms):
@@ -295,6 +326,21 @@ ADVERSARIES: tuple[Adversary, ...] = (
     Adversary(
         name="one arm joins the blocks on the table, both bring them to the wall",
         script=take_joined,
+        hands=Hands.BOTH,
+        deed=finished,
+        gets=1,
+    ),
+    Adversary(
+        name="one arm only closes on a block that lies on the table",
+        script=close_on_the_table,
+        hands=Hands.BOTH,
+        deed=joined,
+        gets=1,
+        seed=1,
+    ),
+    Adversary(
+        name="one arm only closes on a block that the wall keeps in its place",
+        script=close_at_the_wall,
         hands=Hands.BOTH,
         deed=finished,
         gets=1,

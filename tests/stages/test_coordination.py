@@ -9,7 +9,7 @@ from duobench.sim.layout import Layout
 from duobench.solids.pot import HEIGHT, PLATE, RADIUS
 from duobench.spatial import SE3
 from duobench.stages.coordination import BOUNCE, carriage
-from duobench.stages.predicates import Predicate
+from duobench.stages.predicates import Predicate, touching
 from duobench.stages.progress import Progress, Stage
 from duobench.tasks.carry_pot import HANDLES, LIFT, TASK
 from duobench.types import SIDES, DuoCommand, Side
@@ -19,7 +19,9 @@ LEFT, RIGHT = Side.LEFT, Side.RIGHT
 STOVE = SE3.at(0.5, 0.3)
 LAYOUT = Layout(poses={"pot": SE3.at(0.5, -0.05, HEIGHT / 2), "stove": STOVE})
 ON_PLATE = PLATE[2] + HEIGHT / 2 + 0.0004
-CARRIAGE = carriage("pot", HANDLES, "stove", top=PLATE[2], height=LIFT)
+CARRIAGE = carriage(
+    "pot", HANDLES, "stove", place=touching("pot", "stove"), top=PLATE[2], height=LIFT
+)
 
 Moments = dict[str, np.ndarray]
 

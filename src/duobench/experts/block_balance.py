@@ -24,8 +24,9 @@ from duobench.types import SIDES, Side
 _BEAM_SIDE = Side.RIGHT
 _BEAM_GRASP = 0.014
 """Height of the tool above the beam's middle: the fingertips then clear the table."""
-_BLOCK_GRASP = 0.012
-"""Height of the tool above a block's middle."""
+_BLOCK_GRASP = 0.018
+"""Height of the tool above a block's middle, in metres: at 10 mm the block reaches so far between
+the fingers that their linkages clamp it, and the pads do not."""
 _REACH = 0.078
 """Distance of a block from the middle of the beam: at its end, but wholly on it."""
 _PRESS = 0.0005

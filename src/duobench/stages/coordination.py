@@ -51,19 +51,26 @@ class Carriage:
     carried: Predicate
     """Each gripper grasps one handle, and the object is raised in the air."""
     put_down: Predicate
-    """It was carried to its support, both handles grasped up to touching it; since then it has been
-    neither on the table nor off the support again."""
+    """It was carried to its place on its support, both handles grasped up to being there; since
+    then it has been neither on the table nor off the support again."""
 
 
 def carriage(
-    prop: str, handles: Sequence[str], support: str, *, top: float, height: float
+    prop: str,
+    handles: Sequence[str],
+    support: str,
+    *,
+    place: Predicate,
+    top: float,
+    height: float,
 ) -> Carriage:
     """The predicates for an object with two handles.
 
     Args:
         prop: The object.
         handles: Its two handles.
-        support: Where it is put down.
+        support: What it is put down on.
+        place: It is where both arms have to bring it on the support.
         top: Height of the support's top above the table, in metres.
         height: How far a carried object is raised, in metres.
     """
@@ -81,7 +88,8 @@ def carriage(
         carried & ~since(let_go, reset=on_table),
         reset=any_of(on_table, interrupted(in_both), dropped),
     )
-    landed = all_of(on_support, raised(prop, top - LANDING_DEPTH), in_both, on_the_way)
+    # Put down beside its place, and pushed there by one arm, it was not brought there by both.
+    landed = all_of(on_support, raised(prop, top - LANDING_DEPTH), place, in_both, on_the_way)
     lifted_again = in_air & raised(prop, top + BOUNCE)
     return Carriage(
         carried=carried,

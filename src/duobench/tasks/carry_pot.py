@@ -22,6 +22,7 @@ from duobench.solids.prop import Prop
 from duobench.stages.coordination import carriage
 from duobench.stages.predicates import (
     BoxRegion,
+    Predicate,
     all_of,
     any_of,
     inside,
@@ -41,21 +42,24 @@ TILT = math.radians(10)
 """Largest tilt of a pot that stands upright, in radians."""
 OFF_CENTRE = (0.10, 0.08)
 """How far the pot's centre may be from the plate's, along the plate's x and y, in metres."""
+SHOVE = 0.03
+"""How far from there, in metres, both arms may put it down: one arm may shove it that far."""
 YAW = math.radians(10)
 """Largest turn of the pot at the start, in radians."""
 
 ACROSS = math.pi / 2
 """Turn of the plate in radians: its long side lies across the table, so that the head sees all."""
 
-_CARRIAGE = carriage("pot", HANDLES, "stove", top=PLATE[2], height=LIFT)
-_ON_PLATE = inside(
-    "pot",
-    BoxRegion(
-        body="stove",
-        low=(-OFF_CENTRE[0], -OFF_CENTRE[1], PLATE[2]),
-        high=(OFF_CENTRE[0], OFF_CENTRE[1], PLATE[2] + HEIGHT),
-    ),
-)
+
+def _over_plate(more: float = 0.0) -> Predicate:
+    """The pot's centre is near the plate's, `more` metres further away at most."""
+    x, y = (limit + more for limit in OFF_CENTRE)
+    low, high = PLATE[2], PLATE[2] + HEIGHT
+    return inside("pot", BoxRegion(body="stove", low=(-x, -y, low), high=(x, y, high)))
+
+
+_ON_PLATE = _over_plate()
+_CARRIAGE = carriage("pot", HANDLES, "stove", place=_over_plate(SHOVE), top=PLATE[2], height=LIFT)
 _RELEASED = all_of(*(released(body) for body in ("pot", *HANDLES)))
 
 TASK = Task(

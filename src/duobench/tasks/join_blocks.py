@@ -22,7 +22,15 @@ from duobench.solids import joint_blocks as bars
 from duobench.solids.prop import Prop
 from duobench.stages.insertion import Port, inserted
 from duobench.stages.joining import engaged, joining
-from duobench.stages.predicates import all_of, any_of, grasped_apart, held_for, released, still
+from duobench.stages.predicates import (
+    all_of,
+    any_of,
+    grasped_apart,
+    held_for,
+    off_table,
+    released,
+    still,
+)
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -44,7 +52,10 @@ _BLOCKS = ("light_block", "dark_block")
 _SOCKETS = ((_FRONT, _BACK), (_BACK, _FRONT))
 
 _ON_WALL = any_of(engaged(_WALL_PEG, _FRONT), engaged(_WALL_PEG, _BACK))
-_JOINING = joining(_LIGHT_PEG, (_FRONT, _BACK), DEPTH, unless=_ON_WALL)
+# One arm alone plugs a block into one that lies on the table or leans against the wall: what grips
+# that one as well does nothing. In the air both arms are needed.
+_LEANING = any_of(*(~off_table(block, "wall") for block in _BLOCKS))
+_JOINING = joining(_LIGHT_PEG, (_FRONT, _BACK), DEPTH, unless=_ON_WALL | _LEANING)
 _MOUNTED = any_of(
     *(
         inserted(_LIGHT_PEG, socket, DEPTH) & inserted(_WALL_PEG, free_socket, DEPTH)
@@ -59,8 +70,8 @@ TASK = Task(
     title="Join-Blocks",
     category=Category.BIMANUAL_MANIPULATION,
     instruction=(
-        "Plug the light block into the dark block while each arm holds one of them, then push both "
-        "onto the peg on the wall and let go."
+        "Plug the light block into the dark block in the air while each arm holds one of them, "
+        "then push both onto the peg on the wall and let go."
     ),
     horizon=829,
     props=(
@@ -86,8 +97,8 @@ TASK = Task(
         Stage(
             name="the blocks are joined",
             instruction=(
-                "Plug the peg of the light block into a socket of the dark block while each arm "
-                "holds its block."
+                "Plug the peg of the light block into a socket of the dark block in the air, while "
+                "each arm holds its block."
             ),
             holds=_JOINING.joined,
         ),
