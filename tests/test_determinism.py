@@ -84,7 +84,7 @@ def test_vector_environments_play_the_same_episodes(
 
 
 def test_workers_change_nothing(tmp_path: Path) -> None:
-    """Compared byte for byte: records hold no time, but layout, steps, stages and fingerprint."""
+    """Compared byte for byte: records hold no time, but layout, steps, stages and state_hash."""
     tasks, episodes = ["bin_sort", "carry_pot", "hinge_chest", "join_blocks"], 3
     for workers in ("1", "2"):
         command = [sys.executable, "-m", "duobench", "eval", "--policy", "expert"]
@@ -95,7 +95,7 @@ def test_workers_change_nothing(tmp_path: Path) -> None:
     assert len(one) == episodes * len(tasks)
     assert one == two
     records = [EpisodeRecord.from_json(text) for text in one.values()]
-    assert len({record.fingerprint for record in records} - {None}) == len(records)
+    assert len({record.state_hash for record in records} - {None}) == len(records)
     assert {record.task for record in records if record.success} == set(tasks)
 
 

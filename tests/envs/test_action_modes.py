@@ -141,10 +141,10 @@ def test_a_zero_quaternion_is_refused_before_anything_moves() -> None:
     env = begun(CartesianActions)
     action = poses_of(env)
     action[11:15] = 0.0
-    before = sim_of(env).simulation.fingerprint()
+    before = sim_of(env).simulation.state_hash()
     with pytest.raises(ActionError, match="right quaternion"):
         env.step(action)
-    assert sim_of(env).simulation.fingerprint() == before
+    assert sim_of(env).simulation.state_hash() == before
 
 
 # --- relative Cartesian --------------------------------------------------------------------------
@@ -247,7 +247,7 @@ def test_a_chunk_is_its_actions_one_after_the_other() -> None:
     assert reward == sum(float(one[1]) for one in ones)
     assert info["executed"] == 4
     assert info["rewards"].tolist() == [one[1] for one in ones]
-    assert sim_of(env).simulation.fingerprint() == sim_of(single).simulation.fingerprint()
+    assert sim_of(env).simulation.state_hash() == sim_of(single).simulation.state_hash()
 
 
 def test_a_chunk_stops_at_the_horizon() -> None:
@@ -273,7 +273,7 @@ def test_a_bad_action_anywhere_in_a_chunk_moves_nothing(mode: str) -> None:
     env = duobench.make(TASK, cameras=False, action_mode=mode, chunk=3, binary_gripper=True)
     env.reset(seed=0)
     chunk = np.ones(env.action_space.shape)
-    before = sim_of(env).simulation.fingerprint()
+    before = sim_of(env).simulation.state_hash()
     chunk[2, 4] = np.nan
     with pytest.raises(ActionError, match="nan"):
         env.step(chunk)
@@ -283,7 +283,7 @@ def test_a_bad_action_anywhere_in_a_chunk_moves_nothing(mode: str) -> None:
             env.step(chunk)
     with pytest.raises(ActionError, match="shape"):
         env.step(chunk[:2])
-    assert sim_of(env).simulation.fingerprint() == before
+    assert sim_of(env).simulation.state_hash() == before
 
 
 def test_pictures_of_chunks_play_in_real_time() -> None:

@@ -31,8 +31,8 @@ def env() -> Iterator[gym.Env]:
     env.close()
 
 
-def fingerprint(env: gym.Env) -> str:
-    return sim_of(env).simulation.fingerprint()
+def state_hash(env: gym.Env) -> str:
+    return sim_of(env).simulation.state_hash()
 
 
 def solved() -> dict[str, SE3]:
@@ -48,12 +48,12 @@ def solved() -> dict[str, SE3]:
 
 def test_a_seed_decides_the_layout_and_nothing_else_does(env: gym.Env) -> None:
     _, info = env.reset(seed=7)
-    first = fingerprint(env)
+    first = state_hash(env)
     env.step(wave(0))
     env.reset(seed=8)
-    assert fingerprint(env) != first
+    assert state_hash(env) != first
     _, again = env.reset(seed=np.int64(7))  # type: ignore[arg-type]
-    assert fingerprint(env) == first
+    assert state_hash(env) == first
     assert info["seed"] == again["seed"] == 7
     assert info["layout"] == again["layout"]
 
@@ -78,19 +78,19 @@ def test_a_seeded_reset_decides_the_resets_after_it(env: gym.Env) -> None:
 
 def test_a_layout_can_be_given_instead_of_a_seed(env: gym.Env) -> None:
     _, info = env.reset(seed=7)
-    first = fingerprint(env)
+    first = state_hash(env)
     through_text = json.loads(json.dumps(info["layout"]))
     _, again = env.reset(seed=99, options={"layout": through_text})
-    assert fingerprint(env) == first
+    assert state_hash(env) == first
     assert again["seed"] is None
     assert again["layout"] == info["layout"]
 
 
 def test_unknown_option_keys_are_left_alone(env: gym.Env) -> None:
     env.reset(seed=7)
-    first = fingerprint(env)
+    first = state_hash(env)
     env.reset(seed=7, options={"somebody_elses": True})
-    assert fingerprint(env) == first
+    assert state_hash(env) == first
 
 
 def test_the_callers_options_are_not_changed(env: gym.Env) -> None:

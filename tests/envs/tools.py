@@ -39,10 +39,10 @@ def waves(count: int) -> NDArray[np.float32]:
     return np.array([wave(number) for number in range(count)])
 
 
-def fingerprint_of_episode(
+def hash_of_episode(
     options: Mapping[str, Any], seed: int, steps: int = 12, *, before: int = 0, task: str = TASK
 ) -> str:
-    """Fingerprint after some steps; importable, so that other processes can run it.
+    """State hash after some steps; importable, so that other processes can run it.
 
     Args:
         options: Options of the environment.
@@ -59,7 +59,7 @@ def fingerprint_of_episode(
     env.reset(seed=seed)
     for action in waves(steps):
         env.step(action)
-    result = sim_of(env).simulation.fingerprint()
+    result = sim_of(env).simulation.state_hash()
     env.close()
     return result
 

@@ -88,7 +88,7 @@ def sample_record(
         "truncated": not is_success and error is None,
         "error": error,
         "layout": {"poses": {"cube": [0.5, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]}, "variants": {}},
-        "fingerprint": None if error else "ab" * 32,
+        "state_hash": None if error else "ab" * 32,
         "versions": {**VERSIONS, "python": "3.11", "platform": "Linux", "renderer": None},
     }
     return EpisodeRecord(**fields | changes)

@@ -43,8 +43,9 @@ def left_tool_moved(distance: float) -> Predicate:
     return Predicate(f"left tool moved {distance}", test)
 
 
-def sticks_once(moment: Moment) -> bool:  # noqa: ARG001 - the simulation itself does not come back
-    if mark("stuck"):
+def sticks_once(moment: Moment) -> bool:
+    """The simulation itself does not come back, once, while an episode runs."""
+    if moment.simulation.data.time > 0.0 and mark("stuck"):
         time.sleep(1000)
     return False
 

@@ -94,7 +94,7 @@ def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play:
     errors = {record.episode: record.error for record in one.records}
     assert errors.pop(count - 1) is None
     for record in one.records[:-1]:
-        assert (record.steps, record.success, record.fingerprint) == (3, False, None)
+        assert (record.steps, record.success, record.state_hash) == (3, False, None)
         assert record.error
         assert len(record.error) < 25_000
         assert "\x1b" not in record.error

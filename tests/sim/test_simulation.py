@@ -93,7 +93,7 @@ def test_a_state_can_be_restored_into_another_simulation_of_the_same_props(sim: 
     for k in range(8):
         sim.step(busy(k))
         other.step(busy(k))
-    assert other.fingerprint() == sim.fingerprint()
+    assert other.state_hash() == sim.state_hash()
 
 
 def test_restoring_brings_poses_and_contacts_along(sim: Simulation) -> None:
@@ -112,22 +112,22 @@ def test_a_state_of_another_model_is_refused(sim: Simulation, size: int) -> None
         sim.restore(np.zeros(len(sim.save()) + size))
 
 
-def test_fingerprints_tell_states_apart(sim: Simulation) -> None:
-    before = sim.fingerprint()
-    assert sim.fingerprint() == before
+def test_state_hashes_tell_states_apart(sim: Simulation) -> None:
+    before = sim.state_hash()
+    assert sim.state_hash() == before
     sim.data.qpos[0] = np.nextafter(sim.data.qpos[0], 1.0)
-    assert sim.fingerprint() != before
+    assert sim.state_hash() != before
 
 
 def test_clearing_forgets_everything(sim: Simulation) -> None:
     sim.clear()
-    first = sim.fingerprint()
+    first = sim.state_hash()
     begin(sim)
     falling(sim)
     for k in range(6):
         sim.step(busy(k))
     sim.clear()
-    assert sim.fingerprint() == first
+    assert sim.state_hash() == first
     assert np.array_equal(sim.duo.command().flat, HOME.flat)
 
 

@@ -20,7 +20,7 @@ from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import SIDES
-from tests.envs.tools import check, equal, fingerprint_of_episode, sim_of, waves
+from tests.envs.tools import check, equal, hash_of_episode, sim_of, waves
 
 SEEDS = range(20)
 MAX_LINES = 120
@@ -118,11 +118,11 @@ def test_a_reset_leaves_everything_apart_within_reach_and_at_rest(
 def test_a_given_layout_begins_the_same_episode(env: gym.Env, sim: Simulation) -> None:
     for seed in (0, 1, 2):
         _, info = env.reset(seed=seed)
-        before = sim.fingerprint()
+        before = sim.state_hash()
         env.reset(seed=seed + 100)
         text = json.dumps(info["layout"])
         _, again = env.reset(options={"layout": json.loads(text)})
-        assert sim.fingerprint() == before
+        assert sim.state_hash() == before
         assert again["layout"] == info["layout"]
         assert again["instruction"] == info["instruction"]
 
@@ -162,11 +162,10 @@ def test_another_process_plays_the_same_episodes() -> None:
     options = {"cameras": False}
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         there = {
-            name: pool.submit(fingerprint_of_episode, options, 5, 6, before=1, task=name)
+            name: pool.submit(hash_of_episode, options, 5, 6, before=1, task=name)
             for name in catalog.names()
         }
         here = {
-            name: fingerprint_of_episode(options, 5, 6, task=name)
-            for name in reversed(catalog.names())
+            name: hash_of_episode(options, 5, 6, task=name) for name in reversed(catalog.names())
         }
         assert here == {name: future.result() for name, future in there.items()}

@@ -64,7 +64,7 @@ class EpisodeRecord:
     """Traceback of what broke the episode; such an episode counts as failed."""
     layout: dict[str, Any]
     """What the reset sampled: poses and variants, as the task describes them."""
-    fingerprint: str | None
+    state_hash: str | None
     """SHA-256 of the full simulation state after the last step; None if the episode broke."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
@@ -134,7 +134,7 @@ class EpisodeRecorder:
         self._stage = 0
         self._stage_changes: list[tuple[int, int]] = []
         self._last: Step | None = None
-        self._fingerprint: str | None = None
+        self._state_hash: str | None = None
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Note what the reset sampled."""
@@ -151,7 +151,7 @@ class EpisodeRecorder:
     def on_episode_end(self, error: BaseException | None) -> None:
         """Note the final state."""
         if self._env is not None and error is None:
-            self._fingerprint = self._env.get_wrapper_attr("fingerprint")()
+            self._state_hash = self._env.get_wrapper_attr("state_hash")()
 
     def _note_stage(self, number: int, stage: int) -> None:
         if stage > self._stage:
@@ -186,7 +186,7 @@ class EpisodeRecorder:
             truncated=bool(last and last.truncated),
             error=None if error is None else _error_text(error),
             layout=self._layout,
-            fingerprint=self._fingerprint,
+            state_hash=self._state_hash,
             versions=setup.versions,
         )
 

@@ -115,8 +115,8 @@ class Simulation:
         mujoco.mj_setState(self.model, self.data, np.asarray(state, dtype=np.float64), STATE)
         self.refresh()
 
-    def fingerprint(self) -> str:
-        """SHA-256 of the full state's bytes; equal states, equal fingerprints."""
+    def state_hash(self) -> str:
+        """SHA-256 of the full state's bytes; equal states, equal state_hashes."""
         return hashlib.sha256(self.save().tobytes()).hexdigest()
 
     # --- motion --------------------------------------------------------------------------------
