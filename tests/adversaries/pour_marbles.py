@@ -29,7 +29,7 @@ MIDDLE = SE3.at(0.5, 0.0)
 """Where a cup stands between the squares."""
 TURN_STEPS, BACK = 60, 4
 """Control steps in which the pouring cup turns, and how many of them it goes back in one."""
-EMPTY = {0: Side.RIGHT, 1: Side.LEFT}
+EMPTY = {0: Side.RIGHT, 3: Side.RIGHT}
 """The side of the cup that is empty at first, by seed."""
 
 
@@ -198,9 +198,9 @@ ADVERSARIES = (
         name="some marbles are poured in the air, and the rest by one arm",
         script=pour_the_rest_alone,
         hands=Hands.BOTH,
-        deed=all_in_cup(EMPTY[1], on_table=False),
+        deed=all_in_cup(EMPTY[3], on_table=False),
         gets=4,
-        seed=1,
+        seed=3,
     ),
     Adversary(
         name="half-open fingers are pressed on both cups",
