@@ -6,11 +6,9 @@ import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-import numpy as np
 import pytest
 
-import duobench
-from tests.envs.tools import TASK, equal, hash_of_episode, sim_of, waves
+from tests.envs.tools import hash_of_episode
 
 SEED = 4
 BLIND: dict[str, Any] = {"cameras": False}
@@ -39,23 +37,3 @@ def test_in_another_process(expected: str) -> None:
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=context) as pool:
         assert pool.submit(hash_of_episode, BLIND, SEED, before=1).result() == expected
-
-
-def test_a_restored_episode_continues_exactly() -> None:
-    env = duobench.make(TASK, cameras=False)
-    simulation = sim_of(env).simulation
-    actions = waves(16)
-    env.reset(seed=SEED)
-    for action in actions[:6]:
-        env.step(action)
-    state = simulation.save()
-    straight = [env.step(action)[0] for action in actions[6:]]
-    end = simulation.state_hash()
-    env.reset(seed=SEED + 1)
-    for action in actions[:3]:
-        env.step(action)
-    simulation.restore(state)
-    again = [env.step(action)[0] for action in actions[6:]]
-    assert equal(again, straight)
-    assert simulation.state_hash() == end
-    assert np.array_equal(simulation.save(), simulation.save())

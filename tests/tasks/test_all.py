@@ -20,7 +20,7 @@ from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import SIDES
-from tests.envs.tools import check, equal, hash_of_episode, sim_of, waves
+from tests.envs.tools import check, hash_of_episode, sim_of
 
 SEEDS = range(20)
 MAX_LINES = 120
@@ -142,19 +142,6 @@ def test_holding_still_reaches_nothing(env: gym.Env, sim: Simulation) -> None:
         for _ in range(20):
             _, reward, _, _, info = env.step(action)
             assert (info["stage"], reward) == (0, 0.0)
-
-
-def test_a_restored_state_continues_exactly(env: gym.Env, sim: Simulation) -> None:
-    actions = waves(14)
-    env.reset(seed=3)
-    for action in actions[:6]:
-        env.step(action)
-    state = sim.save()
-    straight = [env.step(action)[0] for action in actions[6:]]
-    end = sim.save()
-    sim.restore(state)
-    assert equal([env.step(action)[0] for action in actions[6:]], straight)
-    assert np.array_equal(sim.save(), end)
 
 
 def test_another_process_plays_the_same_episodes() -> None:

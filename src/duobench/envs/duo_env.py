@@ -67,6 +67,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         self._instruction = task.instruction
         self._running = False
         self._limits = backend.limits
+        self._sent = backend.last_command.flat
         self.action_space = spaces.joint_actions(self._limits)
         self.observation_space = spaces.observations(self._limits)
 
@@ -114,6 +115,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         super().reset(seed=checked_seed(seed))
         self._running = False
         more = self._begin(options)
+        self._sent = self.backend.last_command.flat
         self._running = True
         return self._observation(), {**self._info(), **more}
 
@@ -147,20 +149,21 @@ class DuoEnv(gym.Env[Observation, Any]):
         if not self._running:
             raise ResetNeededError("No episode is running; call reset first.")
         targets = self.check_action(action)
-        within = self._limits.clip(targets, self.backend.last_command.flat)
+        within = self._limits.clip(targets, self._sent)
         try:
             sent = self.backend.command(DuoCommand.from_flat(within)).flat
         except BackendError:
             self._running = False
             raise
-        info = self._info(np.abs(sent - targets) > ROUNDING, sent)
+        self._sent = sent
+        info = self._info(np.abs(sent - targets) > ROUNDING)
         return self._observation(), 0.0, False, False, info
 
-    def _info(self, clipped: NDArray[np.bool_] | None = None, sent: Array | None = None) -> Info:
+    def _info(self, clipped: NDArray[np.bool_] | None = None) -> Info:
         return {
             "instruction": self._instruction,
-            "clipped": np.zeros(len(self._limits.low), dtype=bool) if clipped is None else clipped,
-            "sent": self.backend.last_command.flat if sent is None else sent,
+            "clipped": np.zeros(len(self._sent), dtype=bool) if clipped is None else clipped,
+            "sent": self._sent.copy(),
         }
 
     def _observation(self) -> Observation:

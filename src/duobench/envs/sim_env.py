@@ -156,6 +156,7 @@ class SimEnv(DuoEnv):
         self.simulation.apply(state.layout)
         self.simulation.restore(state.physics)
         self._layout, self._instruction = state.layout, instruction
+        self._sent = self.backend.last_command.flat
         self._running = True
         return self._observation(), self._info()
 
