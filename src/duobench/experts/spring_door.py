@@ -1,6 +1,6 @@
 """Spring-Door: the left arm pulls the door open by its bar while the right brings the cube.
 
-The left gripper pinches the bar from the left, aslant to the door and from a little below, and
+The left gripper grasps the bar from the left, aslant to the door and from a little below, and
 keeps its pose against the door while it swings: its forearm stays low on its own side, and the
 whole right half is free for the other arm.
 """
@@ -37,7 +37,7 @@ REACH_POSTURE = (-0.1, 0.8, -0.4, -2.2, -2.3, 2.3, 1.9)
 _ASLANT, _FROM_BELOW = -0.5, 1.85
 """Direction of the pulling tool: against the shut door's normal, and against straight down."""
 _BAR_HEIGHT = 0.19
-"""Where the bar is pinched, in metres above the table."""
+"""Where the bar is grasped, in metres above the table."""
 _AROUND_BAR = 0.55
 """Opening with which the fingers go around the bar."""
 _OPEN_ANGLE = 1.15

@@ -101,6 +101,8 @@ class Simulation:
     def restore(self, state: Array) -> None:
         """Continue from a saved state of the same model.
 
+        In an environment use its `restore_state`, which also brings what this state does not hold.
+
         Raises:
             SimulationError: The state has another size, so it belongs to another model.
         """
