@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks import environments, imports, pictures
+from benchmarks import environments, images, imports
 from benchmarks.measure import Measurement
 from duobench.sim import rendering
 from duobench.tasks import catalog
@@ -22,7 +22,7 @@ PER_TASK: Mapping[str, Callable[[str], Iterator[Measurement]]] = {
     "creation": environments.measure_creation,
     "resets": environments.measure_resets,
     "steps": environments.measure_steps,
-    "pictures": pictures.measure,
+    "images": images.measure,
 }
 KINDS = ("imports", *PER_TASK)
 WIDTH = 100

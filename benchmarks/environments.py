@@ -66,7 +66,7 @@ def measure_creation(name: str, repeats: int = 3) -> Iterator[Measurement]:
 
 
 def measure_resets(name: str, repeats: int = 20) -> Iterator[Measurement]:
-    """Measure resets of the evaluation protocol, the pictures of three cameras included."""
+    """Measure resets of the evaluation protocol, the images of three cameras included."""
     env = duobench.make(name)
     env.reset(seed=0)
     times = []
@@ -118,7 +118,7 @@ def bare_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
     model, data = simulation.model, mujoco.MjData(simulation.model)
     target = data.ctrl
     begin(env)
-    state, ramps = simulation.save(), []
+    state, ramps = simulation.get_state(), []
     fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
     for action in actions:
         start = simulation.data.ctrl.copy()

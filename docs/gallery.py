@@ -1,8 +1,8 @@
 """Draw the gallery: how every task begins, and its expert as it reaches stage after stage.
 
-`make docs` draws all tasks, writes gallery.md, and puts one picture of each task into tasks.jpg.
-`python docs/gallery.py transfer_cube --out pictures` draws some tasks into another folder. The
-seeds are fixed, so the same version of everything draws the same pictures.
+`make docs` draws all tasks, writes gallery.md, and puts one image of each task into tasks.jpg.
+`python docs/gallery.py transfer_cube --out images` draws some tasks into another folder. The
+seeds are fixed, so the same version of everything draws the same images.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from duobench.errors import DuoBenchError
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout
 from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS, View
-from duobench.sim.painting import Image
+from duobench.sim.offscreen import Image
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
@@ -47,13 +47,13 @@ from duobench.types import Array
 DOCS = Path(__file__).parent
 PAGE = "gallery.md"
 COVER = "tasks.jpg"
-"""The picture of all tasks, beside the page."""
+"""The image of all tasks, beside the page."""
 COVER_QUALITY = 85
 DRAWN = "drawn.json"
-"""Beside the pictures of a task: what they were drawn from."""
+"""Beside the images of a task: what they were drawn from."""
 
 
-class Witness:
+class StateRecorder:
     """Keeps every state of an episode, and the control steps at which it reached a stage."""
 
     def __init__(self, simulation: Simulation) -> None:
@@ -66,11 +66,11 @@ class Witness:
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Keep the start."""
-        self.states.append(self._simulation.save())
+        self.states.append(self._simulation.get_state())
 
     def on_step(self, step: Step) -> None:
         """Keep the state, and the stage if it is a new one."""
-        self.states.append(self._simulation.save())
+        self.states.append(self._simulation.get_state())
         if step.info["stage"] > (self.reached[-1][1] if self.reached else 0):
             self.reached.append((step.number, step.info["stage"]))
 
@@ -92,7 +92,7 @@ def moments(reached: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
 
 
 def draw(name: str, folder: Path) -> None:
-    """Draw the pictures of one task into a folder of its name.
+    """Draw the images of one task into a folder of its name.
 
     Args:
         name: Id of a task of the catalog.
@@ -104,9 +104,9 @@ def draw(name: str, folder: Path) -> None:
     task, own = catalog.get(name), folder / name
     env = duobench.make(name, cameras=False)
     simulation = env.unwrapped.simulation
-    witness = Witness(simulation)
-    rollout(env, ExpertPolicy(env), seed=shot(name).seed, watchers=[witness])
-    stage = witness.reached[-1][1] if witness.reached else 0
+    recorder = StateRecorder(simulation)
+    rollout(env, ExpertPolicy(env), seed=shot(name).seed, watchers=[recorder])
+    stage = recorder.reached[-1][1] if recorder.reached else 0
     if stage < task.max_stage:
         raise DuoBenchError(
             f"The expert of {name!r} ended at stage {stage} of {task.max_stage}; choose an episode "
@@ -114,35 +114,35 @@ def draw(name: str, folder: Path) -> None:
         )
     shutil.rmtree(own, ignore_errors=True)
     own.mkdir(parents=True)
-    draw_start(simulation, witness, own)
-    draw_stages(simulation, witness, shot(name), own)
+    draw_start(simulation, recorder, own)
+    draw_stages(simulation, recorder, shot(name), own)
     lines = (
-        f'"{key}": {json.dumps(value)}' for key, value in sources(task, witness.reached).items()
+        f'"{key}": {json.dumps(value)}' for key, value in sources(task, recorder.reached).items()
     )
     (own / DRAWN).write_text("{" + ",\n".join(lines) + "}\n", encoding="utf-8")
     env.close()
 
 
-def draw_start(simulation: Simulation, witness: Witness, folder: Path) -> None:
+def draw_start(simulation: Simulation, recorder: StateRecorder, folder: Path) -> None:
     """Draw the start from every camera."""
-    simulation.restore(witness.states[0])
+    simulation.set_state(recorder.states[0])
     for cameras, (height, width), samples in (
         ((OVERVIEW,), START_SIZE, SAMPLES),
         (POLICY_CAMERAS, CAMERA_SIZE, 1),
     ):
         with Renderer(simulation.model, height=height, width=width, samples=samples) as renderer:
-            for camera, picture in renderer.render_all(simulation.data, cameras).items():
-                save(picture, folder / camera_file(camera))
+            for camera, image in renderer.render_all(simulation.data, cameras).items():
+                save(image, folder / camera_file(camera))
 
 
-def draw_stages(simulation: Simulation, witness: Witness, plan: Shot, folder: Path) -> None:
+def draw_stages(simulation: Simulation, recorder: StateRecorder, plan: Shot, folder: Path) -> None:
     """Draw each stage that was not skipped, from where the plan says."""
     height, width = STAGE_SIZE
-    last = witness.reached[-1][1]
+    last = recorder.reached[-1][1]
     with Renderer(simulation.model, height=height, width=width, samples=SAMPLES) as renderer:
-        for step, stage in moments(witness.reached):
+        for step, stage in moments(recorder.reached):
             aim(simulation, (plan.last or plan.view) if stage == last else plan.view)
-            simulation.restore(witness.states[step])
+            simulation.set_state(recorder.states[step])
             save(renderer.render(simulation.data, OVERVIEW), folder / stage_file(stage))
 
 
@@ -153,13 +153,13 @@ def aim(simulation: Simulation, view: View) -> None:
     camera.fovy[:] = view.fovy_deg
 
 
-def save(picture: Image, path: Path) -> None:
-    """Write a picture."""
-    PIL.Image.fromarray(picture).save(path, quality=QUALITY, optimize=True)
+def save(image: Image, path: Path) -> None:
+    """Write an image."""
+    PIL.Image.fromarray(image).save(path, quality=QUALITY, optimize=True)
 
 
 def sweep(folder: Path) -> None:
-    """Remove the pictures of tasks that the catalog no longer has."""
+    """Remove the images of tasks that the catalog no longer has."""
     for own in folder.iterdir():
         if own.name not in catalog.names():
             shutil.rmtree(own)

@@ -1,4 +1,4 @@
-"""The page of the gallery, and the picture of all tasks."""
+"""The page of the gallery, and the image of all tasks."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from duobench.types import CONTROL_HZ
 
 COVER_WIDTH = 1440
 COLUMNS = 3
-"""Pictures in a row of the page."""
+"""Images in a row of the page."""
 
 
 def cover(folder: Path) -> PIL.Image.Image:
-    """Put one picture of each task together, in rows of equal width, the larger ones first."""
+    """Put one image of each task together, in rows of equal width, the larger ones first."""
     font = ImageFont.load_default(size=20)
     tasks = [catalog.get(name) for name in catalog.names()]
     strips = []
@@ -35,8 +35,8 @@ def cover(folder: Path) -> PIL.Image.Image:
         strip = PIL.Image.new("RGB", (COVER_WIDTH, height))
         for column, task in enumerate(members):
             file = folder / task.id / stage_file(shot(task.id).best)
-            with PIL.Image.open(file) as picture:
-                strip.paste(picture.resize((width, height)), (column * width, 0))
+            with PIL.Image.open(file) as image:
+                strip.paste(image.resize((width, height)), (column * width, 0))
             ImageDraw.Draw(strip).text(
                 (column * width + 12, 8),
                 task.title,
@@ -66,10 +66,10 @@ def rows(tasks: Sequence[Task]) -> Iterator[Sequence[Task]]:
 
 
 def page(folder: Path) -> str:
-    """Return the page in Markdown: every task by category, with its pictures in a folder."""
+    """Return the page in Markdown: every task by category, with its images in a folder."""
     tasks = [catalog.get(name) for name in catalog.names()]
     lines = [
-        "# The tasks in pictures",
+        "# The tasks in images",
         "",
         "Written and drawn by `make docs`. First how an episode begins, from the overview camera "
         "and as a policy sees it, from the head and the two wrists; then the scripted expert at "
@@ -115,10 +115,10 @@ def section(task: Task, folder: Path) -> Iterator[str]:
 
 
 def pictured(task: Task, folder: Path) -> Iterator[tuple[str, str]]:
-    """Give caption and link of each picture of the expert, which may show several stages.
+    """Give caption and link of each image of the expert, which may show several stages.
 
     Raises:
-        DuoBenchError: The last stage has no picture.
+        DuoBenchError: The last stage has no image.
     """
     waiting = []
     for number, stage in enumerate(task.stages, start=1):
@@ -128,7 +128,7 @@ def pictured(task: Task, folder: Path) -> Iterator[tuple[str, str]]:
             waiting.clear()
     if waiting:
         raise DuoBenchError(
-            f"Folder {folder} has no picture of the last stage of {task.id!r}; draw the task first."
+            f"Folder {folder} has no image of the last stage of {task.id!r}; draw the task first."
         )
 
 
@@ -139,7 +139,7 @@ def row(cells: Iterable[str]) -> str:
 
 
 def link(task: Task, file: str) -> str:
-    """Return where the page finds a picture of a task."""
+    """Return where the page finds an image of a task."""
     return f"{FOLDER}/{task.id}/{file}"
 
 

@@ -1,4 +1,4 @@
-"""How the gallery pictures each task: sizes, places to look from, names of files."""
+"""How the gallery images each task: sizes, places to look from, names of files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import MappingProxyType
 from duobench.scene.cameras import View
 
 FOLDER = "gallery"
-"""Where the pictures of the page are, beside it."""
+"""Where the images of the page are, beside it."""
 
 START_SIZE = (540, 960)
 CAMERA_SIZE = (180, 320)
@@ -35,7 +35,7 @@ class Shot:
     last: View | None = None
     """Where the last stage is seen from, if it is another place."""
     best: int = 1
-    """The stage that stands for the task in the picture of all tasks."""
+    """The stage that stands for the task in the image of all tasks."""
 
 
 SHOTS: Mapping[str, Shot] = MappingProxyType(
@@ -93,10 +93,10 @@ def shot(name: str) -> Shot:
 
 
 def camera_file(camera: str) -> str:
-    """Return the name of the picture of the start from a camera."""
+    """Return the name of the image of the start from a camera."""
     return f"{camera}.jpg"
 
 
 def stage_file(stage: int) -> str:
-    """Return the name of the picture of a stage."""
+    """Return the name of the image of a stage."""
     return f"stage_{stage}.jpg"

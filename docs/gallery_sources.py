@@ -1,4 +1,4 @@
-"""What the pictures of the gallery are drawn from, kept beside them to tell when they are old.
+"""What the images of the gallery are drawn from, kept beside them to tell when they are old.
 
 Numbers rather than pixels: the last bit of a pixel differs from one processor to the next. What the
 renderer does with the numbers is not among them, nor how the arms move between two stages.
@@ -16,7 +16,7 @@ import numpy as np
 from gallery_shots import CAMERA_SIZE, LATER, QUALITY, SAMPLES, STAGE_SIZE, START_SIZE, shot
 
 from duobench.scene.compose import compose
-from duobench.sim.painting import DRAWN_GROUPS
+from duobench.sim.offscreen import DRAWN_GROUPS
 from duobench.tasks.task import Task
 
 DIGITS = 9
@@ -24,7 +24,7 @@ DIGITS = 9
 
 
 def sources(task: Task, reached: Iterable[Sequence[int]]) -> dict[str, Any]:
-    """Return what the pictures of a task are drawn from, the same on every machine.
+    """Return what the images of a task are drawn from, the same on every machine.
 
     Args:
         task: The task.
@@ -35,7 +35,7 @@ def sources(task: Task, reached: Iterable[Sequence[int]]) -> dict[str, Any]:
         "shot": asdict(shot(task.id)),
         "reached": list(reached),
         "later": LATER,
-        "pictures": {**sizes, "samples": SAMPLES, "quality": QUALITY},
+        "images": {**sizes, "samples": SAMPLES, "quality": QUALITY},
         "model": model_digest(task),
     }
     return json.loads(json.dumps(found))

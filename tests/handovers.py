@@ -16,7 +16,7 @@ from duobench.types import Side
 def bring(arms: Arms, side: Side, body: str, point: ArrayLike, *, above: float = 0.12) -> Script:
     """Carry an object, as it is held, to a point, from above."""
     # From where the tool is, not from its target, which it may not have reached yet.
-    held = arms.sim.position(body) - arms.tool(side).translation
+    held = arms.sim.position(body) - arms.tcp_pose(side).translation
     goal = SE3(arms.targets[side].rotation, np.asarray(point) - held)
     yield from move(arms, {side: arms.targets[side].moved(z=above)}, arrive=False)
     yield from move(arms, {side: goal.moved(z=above)})

@@ -16,13 +16,13 @@ from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.records import EpisodeRecord
 from duobench.sim.duo import HOME
 from duobench.tasks import catalog
-from tests.experts.lone import Episode, make, play
+from tests.experts.baseline_episodes import Episode, make, play
 
 SEED, OTHER_SEED = 0, 1
 
 FRESH = """
 import sys
-from tests.experts.lone import play_alone
+from tests.experts.baseline_episodes import play_alone
 print(play_alone(sys.argv[1], int(sys.argv[2])).state_hash)
 """
 ROOT = Path(__file__).parents[1]

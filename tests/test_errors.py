@@ -2,16 +2,16 @@ import re
 from pathlib import Path
 
 from duobench.errors import LONGEST_TEXT, printable, traceback_text
-from tests.evaluation import small
+from tests.evaluation import toy_tasks
 
 
 def test_traceback_names_no_folder_of_the_machine() -> None:
     try:
-        small.cannot_be_made()
+        toy_tasks.cannot_be_made()
     except ZeroDivisionError as error:
         text = traceback_text(error)
     assert text.endswith("ZeroDivisionError: no weights\n")
-    assert 'evaluation/small.py", line ' in text
+    assert 'evaluation/toy_tasks.py", line ' in text
     assert str(Path(__file__).parents[1]) not in text
     assert not re.search(r'File "/', text)
 

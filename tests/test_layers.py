@@ -19,7 +19,7 @@ FLOORS = (
     ("spatial", "files"),
     ("types", "randomness"),
     ("backend",),
-    ("solids",),
+    ("objects",),
     ("scene",),
     ("sim",),
     ("stages",),
@@ -38,7 +38,7 @@ EVERYWHERE = ("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy")
 GYMNASIUM = ("gymnasium", "gym")
 FORBIDDEN = {
     **dict.fromkeys(BASE, ("mujoco", *GYMNASIUM)),
-    "solids": GYMNASIUM,
+    "objects": GYMNASIUM,
     "scene": (*GYMNASIUM, "mujoco.mj_step", "mujoco.mj_step1", "mujoco.mj_step2"),
     "sim": GYMNASIUM,
     "stages": (
@@ -144,7 +144,7 @@ def test_imports_of_the_package_point_down() -> None:
         ("sim/__init__.py", "from ..envs import x", "duobench.envs.x lies above sim"),
         ("envs/wrappers/a.py", "from ...cli import x", "duobench.cli.x lies above envs"),
         ("errors.py", "import duobench.spatial", "duobench.spatial lies above errors"),
-        ("spatial.py", "from duobench import solids", "duobench.solids lies above spatial"),
+        ("spatial.py", "from duobench import objects", "duobench.objects lies above spatial"),
         ("experts/a.py", "import duobench.policy", "duobench.policy is a sibling of experts"),
         ("policy/a.py", "from duobench.experts import x", "duobench.experts.x is a sibling"),
         ("types.py", "from duobench.randomness import x", "duobench.randomness.x is a sibling"),

@@ -29,7 +29,7 @@ def test_a_command_made_of_parts_is_the_same_as_a_flat_one() -> None:
 
 def test_a_state_is_flat_in_the_same_order() -> None:
     joints, openings = np.arange(14.0).reshape(2, 7), np.array([0.25, 0.75])
-    state = DuoState(joints=joints, openings=openings, tool_poses=np.zeros((2, 7)))
+    state = DuoState(joints=joints, openings=openings, tcp_poses=np.zeros((2, 7)))
     assert np.array_equal(state.flat, DuoCommand(joints=joints, openings=openings).flat)
 
 

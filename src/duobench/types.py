@@ -98,7 +98,7 @@ class DuoState:
     """Joint positions (2, 7) in radians, left then right."""
     openings: Array
     """Gripper openings (2,), 0 closed to 1 open."""
-    tool_poses: Array
+    tcp_poses: Array
     """Tool centre points in the table frame (2, 7), x y z qx qy qz qw each, with qx >= 0."""
 
     @property

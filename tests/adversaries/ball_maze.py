@@ -9,10 +9,10 @@ import numpy as np
 
 from duobench.experts.ball_maze import grasp, grip_poses, lift, script, solve
 from duobench.experts.motion import Arms, Script, carry, come_down, down, grip, move, release, wait
+from duobench.objects.maze_board import BALL_RADIUS, BASE, PITCH, WALL_HEIGHT, cell_centre
+from duobench.objects.mazes import GOAL, START
 from duobench.sim.contacts import Limb, limb_owner
 from duobench.sim.simulation import Simulation
-from duobench.solids.maze_board import BALL_RADIUS, BASE, PITCH, WALL_HEIGHT, cell_centre
-from duobench.solids.mazes import GOAL, START
 from duobench.spatial import SE3
 from duobench.tasks.ball_maze import AT_GOAL, LEFT_START
 from duobench.types import SIDES, Side
@@ -30,14 +30,14 @@ YANK = ((0.052, -0.03, 0.192), (-0.186, 0.119, -0.112))
 
 def from_start(sim: Simulation) -> float:
     """Distance in metres of the ball from the start's centre, in the board's plane."""
-    return math.dist(sim.offset("ball", "board")[:2], cell_centre(START))
+    return math.dist(sim.relative_position("ball", "board")[:2], cell_centre(START))
 
 
 def at_goal(*sides: Side) -> Callable[[Simulation], bool]:
     """The ball is at the goal, and exactly these arms hold the board in the air."""
 
     def holds(sim: Simulation) -> bool:
-        x, y, z = sim.offset("ball", "board")
+        x, y, z = sim.relative_position("ball", "board")
         near = math.dist((x, y), cell_centre(GOAL)) <= AT_GOAL and 0 < z < WALL_HEIGHT
         held = {side for side in SIDES if sim.contacts.pads(side, "board")}
         return near and held == set(sides) and not sim.contacts.between("board", "table")

@@ -13,9 +13,9 @@ from duobench.experts.motion import (
     pick_cube,
     place,
 )
+from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import STILL_SPEED, Simulation
-from duobench.solids.bowl import RADIUS, RIM_HEIGHT, WALL
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
 
@@ -30,7 +30,7 @@ MIDDLE = (0.45, 0.05)
 
 def in_bowl(sim: Simulation, cube: str, bowl: str) -> bool:
     """The cube is let go, inside the bowl and in contact with it, wherever the bowl is."""
-    x, y, z = sim.offset(cube, bowl)
+    x, y, z = sim.relative_position(cube, bowl)
     inside = x * x + y * y < (RADIUS - WALL) ** 2 and 0.0 < z < RIM_HEIGHT
     held = any(sim.contacts.gripper(side, cube) for side in SIDES)
     return inside and not held and sim.contacts.between(cube, bowl)

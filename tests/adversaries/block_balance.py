@@ -35,7 +35,7 @@ GRASP = 0.020
 
 def balanced(sim: Simulation) -> bool:
     """Both blocks are on the ends of a level beam that rests on the cube."""
-    places = sorted(sim.offset(name, "beam")[1] for name in BLOCKS)
+    places = sorted(sim.relative_position(name, "beam")[1] for name in BLOCKS)
     return (
         places[0] < -TIPPING
         and places[1] > TIPPING
@@ -98,8 +98,8 @@ def slide(arms: Arms, side: Side, name: str) -> Script:
     yield from move(arms, {side: tool.moved(z=0.12)}, speed=0.3)
     yield from move(arms, {side: tool}, speed=CAREFUL)
     yield from grip(arms, side)
-    out = math.copysign(FAR, arms.sim.offset(name, "beam")[1])
-    shift = out - arms.sim.offset(name, "beam")[1]
+    out = math.copysign(FAR, arms.sim.relative_position(name, "beam")[1])
+    shift = out - arms.sim.relative_position(name, "beam")[1]
     yield from move(arms, {side: arms.targets[side].moved(y=shift)}, speed=0.05)
     yield from wait(6)
     yield from away(arms, side)

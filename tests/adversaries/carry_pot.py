@@ -19,9 +19,9 @@ from duobench.experts.motion import (
     release,
     wait,
 )
+from duobench.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation
-from duobench.solids.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.spatial import SE3
 from duobench.tasks.carry_pot import OFF_CENTRE, TILT
 from duobench.types import Side
@@ -34,7 +34,7 @@ LOW = 0.025
 
 def on_stove(sim: Simulation) -> bool:
     """The pot stands where it belongs, and no arm is at it."""
-    x, y, _ = sim.offset("pot", "stove")
+    x, y, _ = sim.relative_position("pot", "stove")
     return (
         sim.contacts.partners("pot") == {"stove"}
         and abs(x) <= OFF_CENTRE[0]
@@ -45,7 +45,7 @@ def on_stove(sim: Simulation) -> bool:
 
 def level_and_alone(sim: Simulation) -> bool:
     """The pot is level in the air above the plate, in one hand."""
-    x, y, z = sim.offset("pot", "stove")
+    x, y, z = sim.relative_position("pot", "stove")
     return (
         abs(x) <= OFF_CENTRE[0]
         and abs(y) <= OFF_CENTRE[1]
@@ -190,12 +190,12 @@ def put_on_the_edge(arms: Arms) -> Script:
         if arms.sim.position("pot")[1] > y - 0.05:
             break
         yield
-    yield from move(arms, {RIGHT: arms.tool(RIGHT).moved(y=-0.08)}, speed=0.2)
+    yield from move(arms, {RIGHT: arms.tcp_pose(RIGHT).moved(y=-0.08)}, speed=0.2)
 
 
 def high(sim: Simulation) -> bool:
     """The pot is in the air above the plate, and no gripper is at it."""
-    x, y, z = sim.offset("pot", "stove")
+    x, y, z = sim.relative_position("pot", "stove")
     hands = any(sim.contacts.gripper(side, f"pot/{side}_handle") for side in Side)
     return not hands and abs(x) < OFF_CENTRE[0] and abs(y) < OFF_CENTRE[1] and z > HEIGHT / 2 + 0.1
 

@@ -19,9 +19,9 @@ from duobench.experts.motion import (
     wait,
     wait_until,
 )
+from duobench.objects.blocks import CUBE_EDGE
+from duobench.objects.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X, RIM_HEIGHT, WALL
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import CUBE_EDGE
-from duobench.solids.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X, RIM_HEIGHT, WALL
 from duobench.spatial import SE3
 from duobench.tasks.hinge_chest import CAVITY_REGION, OPEN_ANGLE
 from tests.adversaries.adversary import Adversary, Hands
@@ -39,7 +39,7 @@ _TAP_ANGLE = 1.3
 def _is_in(sim: Simulation) -> bool:
     """The cube lies in the chest, and no hand touches it."""
     free = not any(sim.contacts.gripper(side, "cube") for side in (HOLDER, INSERTER))
-    return free and CAVITY_REGION.contains(sim.offset("cube", "chest"))
+    return free and CAVITY_REGION.contains(sim.relative_position("cube", "chest"))
 
 
 def _open_hand(arms: Arms) -> Script:
@@ -160,7 +160,7 @@ def in_and_out_again(arms: Arms) -> Script:
 
 
 def _pinched_inside(sim: Simulation) -> bool:
-    inner = CAVITY_REGION.contains(sim.offset("cube", "chest"))
+    inner = CAVITY_REGION.contains(sim.relative_position("cube", "chest"))
     return inner and sim.contacts.between("cube", "chest") and sim.contacts.pads(INSERTER, "cube")
 
 

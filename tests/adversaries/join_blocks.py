@@ -19,9 +19,7 @@ from duobench.experts.motion import (
     tool_for,
     wait,
 )
-from duobench.sim.contacts import Limb, limb_owner
-from duobench.sim.simulation import Simulation
-from duobench.solids.joint_blocks import (
+from duobench.objects.joint_blocks import (
     BACK_MOUTH,
     BAR,
     FRONT_MOUTH,
@@ -32,6 +30,8 @@ from duobench.solids.joint_blocks import (
     WALL_PLATE,
     WALL_TIP,
 )
+from duobench.sim.contacts import Limb, limb_owner
+from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands

@@ -18,8 +18,8 @@ from duobench.experts.motion import (
     wait,
 )
 from duobench.experts.pour_marbles import HOLD_LEAN, POUR_LEAN, pour, put_back, script, take
+from duobench.objects.cup import HEIGHT, INNER_RADIUS, WALL
 from duobench.sim.simulation import Simulation
-from duobench.solids.cup import HEIGHT, INNER_RADIUS, WALL
 from duobench.spatial import SE3
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES
 from duobench.types import SIDES, Side
@@ -35,13 +35,13 @@ EMPTY = {0: Side.RIGHT, 3: Side.RIGHT}
 
 def in_cup(sim: Simulation, side: Side) -> int:
     """How many marbles are near a cup's middle."""
-    offsets = np.array([sim.offset(marble, CUPS[side]) for marble in MARBLES])
+    offsets = np.array([sim.relative_position(marble, CUPS[side]) for marble in MARBLES])
     return int((np.linalg.norm(offsets, axis=1) < HEIGHT / 2).sum())
 
 
 def out_of(sim: Simulation, side: Side) -> int:
     """How many marbles are above a cup's rim, as the cup sees it."""
-    return sum(sim.offset(marble, CUPS[side])[2] > HEIGHT for marble in MARBLES)
+    return sum(sim.relative_position(marble, CUPS[side])[2] > HEIGHT for marble in MARBLES)
 
 
 def full(sim: Simulation) -> Side:

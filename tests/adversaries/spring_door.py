@@ -30,8 +30,8 @@ from duobench.experts.spring_door import (
     open_door,
     reach_in,
 )
+from duobench.objects.microwave import BAR, HEIGHT, HINGE
 from duobench.sim.simulation import Simulation
-from duobench.solids.microwave import BAR, HEIGHT, HINGE
 from duobench.spatial import SE3
 from duobench.tasks.spring_door import FLOOR_REGION, OPEN_ANGLE
 from tests.adversaries.adversary import Adversary, Hands
@@ -163,7 +163,7 @@ def _tapped(sim: Simulation) -> bool:
 
 def _is_in(sim: Simulation) -> bool:
     free = not any(sim.contacts.gripper(side, "cube") for side in (HOLDER, INSERTER))
-    return free and FLOOR_REGION.contains(sim.offset("cube", "microwave"))
+    return free and FLOOR_REGION.contains(sim.relative_position("cube", "microwave"))
 
 
 def _wedged(sim: Simulation) -> bool:
@@ -171,7 +171,7 @@ def _wedged(sim: Simulation) -> bool:
 
 
 def _pinched_inside(sim: Simulation) -> bool:
-    inner = FLOOR_REGION.contains(sim.offset("cube", "microwave"))
+    inner = FLOOR_REGION.contains(sim.relative_position("cube", "microwave"))
     on_floor = sim.contacts.between("cube", "microwave")
     return inner and on_floor and sim.contacts.pads(INSERTER, "cube")
 

@@ -13,7 +13,7 @@ from duobench.tasks import catalog
 from duobench.tasks.task import Category
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 MOVED = 1e-3
 """Change of a commanded joint (radians) or opening by which an arm was told to move."""
@@ -24,8 +24,8 @@ def adversaries(task: str) -> tuple[Adversary, ...]:
 
 
 @lru_cache(maxsize=2)
-def bench_of(task: str) -> Stageplay:
-    return Stageplay(catalog.get(task))
+def bench_of(task: str) -> TaskHarness:
+    return TaskHarness(catalog.get(task))
 
 
 def hands_on(sim: Simulation) -> set[Side]:

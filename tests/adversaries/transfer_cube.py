@@ -17,9 +17,9 @@ from duobench.experts.motion import (
     tool_for,
 )
 from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
+from duobench.objects.bowl import RADIUS
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK
-from duobench.solids.bowl import RADIUS
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
@@ -34,7 +34,7 @@ IN_BOWL = np.array([0.0, 0.0, 0.045])
 
 def ends_in_bowl(sim: Simulation) -> bool:
     """The block lies in the bowl, and nobody touches it."""
-    x, y, _ = sim.offset("cube", "bowl")
+    x, y, _ = sim.relative_position("cube", "bowl")
     return np.hypot(x, y) < RADIUS and sim.contacts.partners("cube") == {"bowl"}
 
 

@@ -18,9 +18,9 @@ from duobench.experts.transfer_gate import (
     reach_through,
     ring,
 )
+from duobench.objects.blocks import CUBE_EDGE
+from duobench.objects.gate import MAT_THICKNESS, RING_HEIGHT, RING_RADIUS
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import CUBE_EDGE
-from duobench.solids.gate import MAT_THICKNESS, RING_HEIGHT, RING_RADIUS
 from duobench.types import Side
 from tests.adversaries.adversary import Adversary, Hands
 from tests.handovers import bring, clear_of, drop, pick_lying
@@ -132,7 +132,7 @@ def throw_through(arms: Arms) -> Script:
     )
     yield from move(arms, {RIGHT: before})
     for _ in move(arms, {RIGHT: beyond}, speed=0.7, arrive=False):
-        if arms.sim.offset("block", "gate")[1] > -0.10:
+        if arms.sim.relative_position("block", "gate")[1] > -0.10:
             arms.openings[RIGHT.index] = OPEN
         yield
     yield from pull_back(arms)
@@ -184,7 +184,7 @@ def hand_back(arms: Arms) -> Script:
 
 def dipped(sim: Simulation) -> bool:
     """The left arm has the block in the ring, on the near side of its plane."""
-    x, y, z = sim.offset("block", "gate")
+    x, y, z = sim.relative_position("block", "gate")
     return sim.contacts.pads(LEFT, "block") and y < 0.0 and math.hypot(x, z - RING_HEIGHT) < 0.1
 
 

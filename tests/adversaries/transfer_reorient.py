@@ -19,8 +19,8 @@ from duobench.experts.transfer_reorient import (
     insert,
     lead,
 )
+from duobench.objects.hexagon_peg import ACROSS_FLATS, BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 from duobench.sim.simulation import Simulation
-from duobench.solids.hexagon_peg import ACROSS_FLATS, BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 from duobench.spatial import SE3
 from duobench.tasks.transfer_reorient import DEPTH
 from duobench.types import Side
@@ -37,8 +37,8 @@ GRIPPED_ABOVE = 0.028
 
 def ends_in_hole(sim: Simulation) -> bool:
     """The peg is in the hexagonal hole, deep enough, and nobody touches it."""
-    x, y, _ = sim.offset("peg", "board")
-    in_hole = math.hypot(x - HEXAGON.x, y) < 0.01 and sim.lowest("peg") < BOARD_HEIGHT - DEPTH
+    x, y, _ = sim.relative_position("peg", "board")
+    in_hole = math.hypot(x - HEXAGON.x, y) < 0.01 and sim.min_height("peg") < BOARD_HEIGHT - DEPTH
     return in_hole and sim.contacts.partners("peg") == {"board"}
 
 

@@ -17,7 +17,7 @@ from duobench import __version__
 from duobench.cli import main
 from duobench.cli.console import console
 from duobench.tasks import catalog
-from tests.evaluation import small
+from tests.evaluation import toy_tasks
 from tests.evaluation.processes import wait_until, workers
 
 ROOT = Path(__file__).parents[2]
@@ -53,7 +53,7 @@ def duobench(
 
 
 def evaluate(out: Path, *more: str) -> None:
-    small_ones = [small.WAVE_NAME, small.NOD_NAME]
+    small_ones = [toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME]
     words = ["--policy", "random", "--out", str(out), "--tasks", *small_ones, "--workers", "0"]
     main(["eval", *words, *more])
 
@@ -114,15 +114,27 @@ def test_list_tells_every_task(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_render_draws_every_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["render", small.WAVE_NAME, "--seed", "5", "--size", "48", "64", "--out", str(tmp_path)])
+    main(
+        [
+            "render",
+            toy_tasks.WAVE_NAME,
+            "--seed",
+            "5",
+            "--size",
+            "48",
+            "64",
+            "--out",
+            str(tmp_path),
+        ]
+    )
     told = capsys.readouterr().out.split()
     assert [Path(path).name for path in told] == [
         f"wave-5-{camera}.png" for camera in ("head", "left_wrist", "right_wrist", "overview")
     ]
     for path in told:
-        with Image.open(path) as picture:
-            assert picture.size == (64, 48)
-            low, high = picture.convert("L").getextrema()
+        with Image.open(path) as image:
+            assert image.size == (64, 48)
+            low, high = image.convert("L").getextrema()
             assert high - low > 50
 
 
@@ -202,7 +214,7 @@ def test_wrong_arguments_are_refused_with_the_usage(capsys: pytest.CaptureFixtur
 
 
 def test_policy_of_a_wrong_name_can_be_corrected(tmp_path: Path) -> None:
-    words = ["eval", "--tasks", small.WAVE_NAME, "--episodes", "1", "--videos", "0"]
+    words = ["eval", "--tasks", toy_tasks.WAVE_NAME, "--episodes", "1", "--videos", "0"]
     words += ["--out", str(tmp_path / "run"), "--policy"]
     with pytest.raises(SystemExit, match="no module named"):
         main([*words, "nomod:Foo"])
@@ -215,7 +227,15 @@ def test_broken_episodes_are_told_and_played_again(tmp_path: Path) -> None:
     for name in ("signal", "random", "queue", "tempfile", "socket"):
         (tmp_path / f"{name}.py").write_text("raise ImportError('not the real one')\n")
     (tmp_path / "mine.py").write_text(BREAKS_ONCE)
-    words = ["eval", "--policy", "mine:Mine", "--tasks", small.WAVE_NAME, "--episodes", "1"]
+    words = [
+        "eval",
+        "--policy",
+        "mine:Mine",
+        "--tasks",
+        toy_tasks.WAVE_NAME,
+        "--episodes",
+        "1",
+    ]
     words += ["--videos", "0", "--out", "run"]
     told = duobench(*words, folder=tmp_path)
     assert told.returncode == 1
@@ -243,7 +263,7 @@ def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: 
         "resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))\n"
         "main(sys.argv[1:])\n"
     )
-    words = ["eval", "--policy", "hold", "--tasks", small.WAVE_NAME, "--episodes", "1"]
+    words = ["eval", "--policy", "hold", "--tasks", toy_tasks.WAVE_NAME, "--episodes", "1"]
     words += ["--videos", "0", "--workers", "0", "--out", str(tmp_path / "run")]
     told = subprocess.run(
         [sys.executable, "-c", script, *words],
@@ -316,7 +336,7 @@ def test_interrupt_that_an_import_would_swallow_ends_the_run(tmp_path: Path) -> 
         "    os.kill(os.getpid(), signal.SIGINT)\n"
         "except BaseException:\n"
         "    pass\n"
-        "from tests.evaluation.small import WAVE\n"
+        "from tests.evaluation.toy_tasks import WAVE\n"
     )
     told = duobench(
         *("eval", "--policy", "hold", "--tasks", "swallows:WAVE", "--out", "run"), folder=tmp_path
@@ -328,7 +348,7 @@ def test_interrupt_that_an_import_would_swallow_ends_the_run(tmp_path: Path) -> 
 @pytest.mark.parametrize("moment", ["starting", "playing", "pressed twice", "terminated"])
 def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
     command = [sys.executable, "-m", "duobench", "eval", "--policy", "hold", "--episodes", "500"]
-    command += ["--tasks", small.WAVE_NAME, "--videos", "0", "--workers", "2"]
+    command += ["--tasks", toy_tasks.WAVE_NAME, "--videos", "0", "--workers", "2"]
     with subprocess.Popen(
         [*command, "--out", str(tmp_path / "run")],
         env=ENVIRONMENT,

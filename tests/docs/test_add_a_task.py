@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from duobench.tasks import catalog
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
 MAX_LINES = 80
@@ -80,7 +80,7 @@ def test_its_adversary_gets_nothing(module: str, capsys: pytest.CaptureFixture[s
 def test_its_expert_solves_it(module: str) -> None:
     names: dict[str, Any] = {}
     exec(_blocks()[0] + _blocks()[2], names)
-    play = Stageplay(catalog.get(module))
+    play = TaskHarness(catalog.get(module))
     script: Callable[..., Any] = names["script"]
     for seed in (0, 1):
         play.start(seed)

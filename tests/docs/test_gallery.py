@@ -1,4 +1,4 @@
-"""The gallery: its page is that of the catalog, its pictures are all there and not old."""
+"""The gallery: its page is that of the catalog, its images are all there and not old."""
 
 import json
 import re
@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 MAX_BYTES = 3_000_000
 BLANK = 5.0
-"""Standard deviation of the brightness of a picture on which there is little to see."""
+"""Standard deviation of the brightness of an image on which there is little to see."""
 TASK = "carry_pot"
 
 
@@ -33,7 +33,7 @@ def text() -> str:
     return (DOCS / PAGE).read_text(encoding="utf-8")
 
 
-def pictures() -> set[Path]:
+def images() -> set[Path]:
     return set((DOCS / FOLDER).rglob("*.jpg"))
 
 
@@ -58,18 +58,18 @@ def test_it_names_the_task_and_its_stages(name: str, text: str) -> None:
     assert named == list(range(1, task.max_stage + 1))
 
 
-def test_every_picture_is_linked_and_every_link_leads_to_one(text: str) -> None:
+def test_every_image_is_linked_and_every_link_leads_to_one(text: str) -> None:
     linked = {DOCS / target for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text)}
     assert linked
-    assert linked == pictures()
+    assert linked == images()
 
 
-def test_the_pictures_are_small_together() -> None:
-    assert sum(file.stat().st_size for file in {DOCS / COVER, *pictures()}) < MAX_BYTES
+def test_the_images_are_small_together() -> None:
+    assert sum(file.stat().st_size for file in {DOCS / COVER, *images()}) < MAX_BYTES
 
 
 @pytest.mark.parametrize("name", catalog.names())
-def test_the_pictures_are_not_old(name: str) -> None:
+def test_the_images_are_not_old(name: str) -> None:
     task, seed = catalog.get(name), str(shot(name).seed)
     reached = episodes.read()["tasks"][name][seed]["stages"]
     file = DOCS / FOLDER / name / DRAWN
@@ -111,7 +111,7 @@ def test_the_script_draws_a_task(tmp_path: Path) -> None:
     stages = {f"stage_{number}" for number in range(1, catalog.get(TASK).max_stage + 1)}
     assert set(drawn) == {OVERVIEW, *POLICY_CAMERAS} | stages
     for file in drawn.values():
-        with Image.open(file) as picture:
-            assert np.asarray(picture.convert("L")).std() > BLANK, file.name
+        with Image.open(file) as image:
+            assert np.asarray(image.convert("L")).std() > BLANK, file.name
     kept = json.loads((own / DRAWN).read_text(encoding="utf-8"))
     assert kept == sources(catalog.get(TASK), kept["reached"])

@@ -100,7 +100,7 @@ def test_a_pose_is_reached() -> None:
     action = np.ravel([[*goals[side].tquat, 0.5] for side in SIDES]).astype(np.float32)
     for _ in range(30):
         observation, *_ = env.step(action)
-    for side, measured in zip(SIDES, np.split(observation["tool_pose"], 2), strict=True):
+    for side, measured in zip(SIDES, np.split(observation["tcp_pose"], 2), strict=True):
         length, angle = goals[side].distance(SE3.from_tquat(measured))
         assert length < 0.004
         assert angle < 0.02
@@ -286,7 +286,7 @@ def test_a_bad_action_anywhere_in_a_chunk_moves_nothing(mode: str) -> None:
     assert sim_of(env).simulation.state_hash() == before
 
 
-def test_pictures_of_chunks_play_in_real_time() -> None:
+def test_images_of_chunks_play_in_real_time() -> None:
     env = duobench.make(TASK, cameras=False, chunk=3)
     assert env.metadata["render_fps"] == 10
     assert env.unwrapped.metadata["render_fps"] == 30

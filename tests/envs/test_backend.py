@@ -53,7 +53,7 @@ class NumberArms:
         return DuoState(
             joints=self.last_command.joints,
             openings=self.last_command.openings,
-            tool_poses=np.array([poses[side].tquat for side in SIDES]),
+            tcp_poses=np.array([poses[side].tquat for side in SIDES]),
         )
 
     def command(self, command: DuoCommand) -> DuoCommand:
@@ -125,12 +125,12 @@ def test_relative_joint_actions_start_at_what_was_really_sent(env: DuoEnv) -> No
 
 def test_cartesian_actions_move_the_tools(env: DuoEnv) -> None:
     relative = RelativeCartesianActions(CartesianActions(env))
-    start = env.backend.read().tool_poses
+    start = env.backend.read().tcp_poses
     shift = np.zeros(14)
     shift[9] = 0.01
     for _ in range(5):
         observation, *_ = relative.step(shift)
-    moved = observation["tool_pose"].reshape(2, 7)[1, :3] - start[1, :3]
+    moved = observation["tcp_pose"].reshape(2, 7)[1, :3] - start[1, :3]
     assert moved == pytest.approx([0.0, 0.0, 0.05], abs=0.002)
 
 

@@ -1,4 +1,4 @@
-"""Pictures in the observation."""
+"""Images in the observation."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def test_the_protocol_shows_three_cameras() -> None:
     assert {space.shape for space in pixels.spaces.values()} == {(224, 224, 3)}
     observation, _ = env.reset(seed=0)
     assert observation in env.observation_space
-    pictures = list(observation["pixels"].values())
-    assert all(picture.std() > 10 for picture in pictures)
-    assert not np.array_equal(pictures[1], pictures[2])
+    images = list(observation["pixels"].values())
+    assert all(image.std() > 10 for image in images)
+    assert not np.array_equal(images[1], images[2])
     env.close()
     env.close()
 
 
-def test_a_picture_follows_the_step_and_belongs_to_the_user() -> None:
+def test_an_image_follows_the_step_and_belongs_to_the_user() -> None:
     env = duobench.make(TASK, cameras="head", image_size=SIZE)
     first, _ = env.reset(seed=0)
     kept = first["pixels"]["head"].copy()
@@ -74,12 +74,12 @@ def test_cameras_change_nothing_but_the_pixels() -> None:
     seen.close()
 
 
-def test_pictures_that_nobody_looks_at_are_left_out_through_any_wrappers() -> None:
+def test_images_that_nobody_looks_at_are_left_out_through_any_wrappers() -> None:
     env = gym.Wrapper(gym.Wrapper(duobench.make(TASK, cameras="head", image_size=SIZE)))
     switch = env.get_wrapper_attr("set_rendering")
     switch(False)
     blind, _ = env.reset(seed=0)
-    assert set(blind) == {"agent_pos", "tool_pose"}
+    assert set(blind) == {"agent_pos", "tcp_pose"}
     switch(True)
     seen, *_ = env.step(wave(0))
     assert seen in env.observation_space
@@ -117,7 +117,7 @@ def test_no_opengl_before_the_first_reset() -> None:
     assert result.returncode == 0, result.stderr
 
 
-def test_pictures_need_named_observations() -> None:
+def test_images_need_named_observations() -> None:
     flat = gym.wrappers.FlattenObservation(SimEnv(catalog.get(TASK)))
     with pytest.raises(TypeError, match="Dict"):
         Cameras(flat, ["head"], SIZE)

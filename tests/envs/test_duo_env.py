@@ -16,13 +16,13 @@ from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.sim_env import SimEnv
 from duobench.envs.spaces import REACH
 from duobench.errors import ActionError, DuoBenchError, LayoutError, SimulationError
+from duobench.objects.prop import Prop, Variant
+from duobench.objects.shapes import box
+from duobench.objects.solid import Solid
 from duobench.randomness import Choice
 from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.scene.naming import tcp_name
 from duobench.sim.layout import Layout
-from duobench.solids.prop import Prop, Variant
-from duobench.solids.shapes import box
-from duobench.solids.solid import Solid
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
@@ -69,10 +69,10 @@ def test_every_corner_of_the_action_space_can_be_commanded(running: SimEnv, corn
 def test_an_observation_is_what_the_robot_reports(env: SimEnv) -> None:
     observation, info = env.reset(seed=0)
     assert observation in env.observation_space
-    assert list(observation) == ["agent_pos", "tool_pose"]
+    assert list(observation) == ["agent_pos", "tcp_pose"]
     state = env.simulation.duo.read()
     assert np.array_equal(observation["agent_pos"], state.flat.astype(np.float32))
-    assert np.array_equal(observation["tool_pose"], state.tool_poses.ravel().astype(np.float32))
+    assert np.array_equal(observation["tcp_pose"], state.tcp_poses.ravel().astype(np.float32))
     assert observation["agent_pos"].reshape(2, 8)[:, :7] == pytest.approx(HOME_JOINTS, abs=1e-3)
     assert observation["agent_pos"][OPENINGS] == pytest.approx([1.0, 1.0], abs=0.01)
     assert not info["clipped"].any()
@@ -166,9 +166,9 @@ def test_huge_but_finite_targets_are_clipped(running: SimEnv) -> None:
 @pytest.mark.parametrize(
     ("bad", "words"),
     [
-        ("nan", ["left joint 4", "nan"]),
-        ("infinite", ["right opening", "-inf"]),
-        ("short", ["(16,)", "(14,)", "left joint 1"]),
+        ("nan", ["left_joint_4", "nan"]),
+        ("infinite", ["right_gripper", "-inf"]),
+        ("short", ["(16,)", "(14,)", "left_joint_1"]),
         ("text", ["array of numbers", "'left'"]),
     ],
 )
@@ -308,7 +308,7 @@ def test_a_variant_that_only_the_instruction_names_must_be_given(worlds: Task) -
         env.reset(options={"layout": world("flat")})
 
 
-# --- names and pictures --------------------------------------------------------------------------
+# --- names and images --------------------------------------------------------------------------
 
 
 def test_names_that_tools_look_for(env: SimEnv) -> None:
@@ -335,10 +335,10 @@ def test_two_environments_share_nothing_that_changes() -> None:
 def test_render_draws_the_overview() -> None:
     env = SimEnv(catalog.get(TASK), render_mode="rgb_array", render_size=(48, 64))
     env.reset(seed=0)
-    picture = env.render()
-    assert picture.shape == (48, 64, 3)
-    assert picture.dtype == np.uint8
-    assert picture.std() > 10
+    image = env.render()
+    assert image.shape == (48, 64, 3)
+    assert image.dtype == np.uint8
+    assert image.std() > 10
     env.close()
     env.close()
 

@@ -31,7 +31,7 @@ def test_the_evaluation_protocol() -> None:
     env = gym.make(f"duobench/{TASK}-v1")
     assert stack(env) == ["Cameras", "TimeLimit", "TaskStages", "RandomizedReset", "SimEnv"]
     assert env.action_space.shape == (16,)
-    assert set(env.observation_space) == {"agent_pos", "tool_pose", "pixels"}  # type: ignore[call-overload]
+    assert set(env.observation_space) == {"agent_pos", "tcp_pose", "pixels"}  # type: ignore[call-overload]
     assert env.get_wrapper_attr("config") == EnvConfig() == EnvConfig.from_options({})
     env.close()
 

@@ -155,7 +155,7 @@ def test_success_at_end_is_about_now_while_success_stays() -> None:
     hold = base.simulation.duo.command().flat
     assert env.step(hold)[4]["success_at_end"]
     base.simulation.place("white_cube", SE3.at(0.4, 0.0, 0.016))
-    base.simulation.refresh()
+    base.simulation.forward()
     _, reward, terminated, _, info = env.step(hold)
     assert (reward, terminated, info["success"]) == (1.0, True, True)
     assert not info["success_at_end"]

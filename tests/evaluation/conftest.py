@@ -9,14 +9,17 @@ from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.metrics import Results
 from duobench.evaluation.suite import Suite, find_tasks
-from tests.evaluation import small
+from tests.evaluation import toy_tasks
 
 Play = Callable[..., tuple[RunFolder, Results]]
 
 
 def small_suite(**changes: Any) -> Suite:
     """Four episodes of the two small tasks."""
-    fields: dict[str, Any] = {"tasks": find_tasks([small.WAVE_NAME, small.NOD_NAME]), "episodes": 4}
+    fields: dict[str, Any] = {
+        "tasks": find_tasks([toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME]),
+        "episodes": 4,
+    }
     return Suite(**fields | changes)
 
 
@@ -58,12 +61,12 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Play:
     """Evaluate a policy on the small tasks, in a folder of its own; in this process if not told."""
     marks = tmp_path / "marks"
     marks.mkdir()
-    monkeypatch.setenv(small.MARKS, str(marks))
+    monkeypatch.setenv(toy_tasks.MARKS, str(marks))
 
     def run(policy: str, name: str = "run", **arguments: Any) -> tuple[RunFolder, Results]:
         folder = RunFolder(tmp_path / name)
-        if getattr(getattr(small, policy, None), "__module__", None) == small.__name__:
-            policy = f"{small.__name__}:{policy}"
+        if getattr(getattr(toy_tasks, policy, None), "__module__", None) == toy_tasks.__name__:
+            policy = f"{toy_tasks.__name__}:{policy}"
         suite = {key: arguments.pop(key) for key in SUITE if key in arguments}
         arguments = {"workers": 0} | arguments
         return folder, evaluate(policy, small_suite(**suite), folder, **arguments)

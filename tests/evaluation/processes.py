@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-PATIENCE_S = 120
+TIMEOUT_S = 120
 
 
 def status(pid: int) -> tuple[str, int]:
@@ -32,7 +32,7 @@ def is_running(pid: int) -> bool:
 
 
 def wait_until(condition: Callable[[], object], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not condition():
-        assert time.monotonic() < deadline, f"{what} within {PATIENCE_S} s"
+        assert time.monotonic() < deadline, f"{what} within {TIMEOUT_S} s"
         time.sleep(0.02)

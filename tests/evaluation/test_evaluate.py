@@ -18,7 +18,7 @@ from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Run, find_tasks
-from tests.evaluation import small
+from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared, small_suite
 
 
@@ -84,7 +84,7 @@ def test_episode_range_moves_the_seeds(play: Play, reference: dict[str, bytes]) 
 
 
 def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play: Play) -> None:
-    tasks, count = find_tasks([small.WAVE_NAME]), len(small.FAULTS) + 1
+    tasks, count = find_tasks([toy_tasks.WAVE_NAME]), len(toy_tasks.FAULTS) + 1
     runs = [
         play("Faulty", f"run{workers}", workers=workers, tasks=tasks, episodes=count)
         for workers in (0, 2)
@@ -174,10 +174,10 @@ def test_policy_that_moves_elsewhere_does_not_take_the_records_along(
 ) -> None:
     marks = tmp_path / "marks"
     marks.mkdir()
-    monkeypatch.setenv(small.MARKS, str(marks))
+    monkeypatch.setenv(toy_tasks.MARKS, str(marks))
     monkeypatch.chdir(tmp_path)
     folder = RunFolder(Path("relative"))
-    results = evaluate(f"{small.__name__}:Moves", small_suite(episodes=1), folder, workers=0)
+    results = evaluate(f"{toy_tasks.__name__}:Moves", small_suite(episodes=1), folder, workers=0)
     assert Path.cwd() == marks
     assert results.overall.episodes == 2
     assert len(list((tmp_path / "relative" / "records").glob("*/*.json"))) == 2

@@ -9,7 +9,7 @@ from duobench.errors import MachineryError, RenderingError
 from duobench.evaluation import executor
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.suite import find_tasks
-from tests.evaluation import small
+from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes
 from tests.evaluation.processes import is_running, wait_until
 
@@ -62,7 +62,7 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> 
         "Hangs",
         workers=1,
         episodes=2,
-        tasks=find_tasks([small.WAVE_NAME]),
+        tasks=find_tasks([toy_tasks.WAVE_NAME]),
         limits=TimeLimits(act_s=3.0),
     )
     first, second = results.tasks[0].records
@@ -82,7 +82,7 @@ def test_what_looks_like_an_interrupt_of_a_policy_is_its_error(play: Play) -> No
 def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
     play: Play, tmp_path: Path
 ) -> None:
-    play("HasHelpers", workers=1, episodes=1, tasks=find_tasks([small.WAVE_NAME]))
+    play("HasHelpers", workers=1, episodes=1, tasks=find_tasks([toy_tasks.WAVE_NAME]))
     (policy,) = marked(tmp_path, "policy")
     helpers = marked(tmp_path, "helper")
     assert policy != os.getpid()
@@ -113,7 +113,7 @@ def test_simulation_that_does_not_come_back_is_played_again(
     play: Play, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(executor, "GRACE_S", 1.0)
-    tasks = find_tasks([f"{small.__name__}:STUCK"])
+    tasks = find_tasks([f"{toy_tasks.__name__}:STUCK"])
     limits = TimeLimits(episode_s=5.0)
     _, results = play("hold", workers=1, episodes=1, tasks=tasks, limits=limits)
     assert (results.overall.episodes, results.overall.errors) == (1, 0)

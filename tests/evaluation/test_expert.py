@@ -7,7 +7,7 @@ from duobench.evaluation.rollout import rollout
 from duobench.evaluation.suite import find_tasks
 from duobench.randomness import episode_seed
 from tests.evaluation.conftest import small_suite
-from tests.experts.lone import make
+from tests.experts.baseline_episodes import make
 
 TASKS, EPISODES = ("bin_sort", "carry_pot"), 3
 

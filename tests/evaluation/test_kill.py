@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from duobench.evaluation.folder import RunFolder
-from tests.evaluation import small
+from tests.evaluation import toy_tasks
 from tests.evaluation.processes import children, is_running, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -100,8 +100,8 @@ def test_interrupted_run_stops_and_keeps_what_is_finished(script: Path, tmp_path
 def test_helpers_of_a_policy_end_with_a_killed_run(
     script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(small.MARKS, str(tmp_path))
-    with start(script, tmp_path / "run", 1, f"{small.__name__}:HasHelpers") as process:
+    monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
+    with start(script, tmp_path / "run", 1, f"{toy_tasks.__name__}:HasHelpers") as process:
         wait_until(lambda: len(list(tmp_path.glob("helper-*"))) == 3, "the helpers")
         process.send_signal(signal.SIGKILL)
         process.communicate()  # until nobody holds its output open

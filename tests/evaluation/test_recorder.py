@@ -7,9 +7,9 @@ from duobench.evaluation.suite import Episode, Setup, find_tasks
 from duobench.evaluation.versions import record_versions
 from duobench.policy import PolicyMetadata, make
 from duobench.randomness import episode_seed
-from tests.evaluation import small
+from tests.evaluation import toy_tasks
 
-(WAVE,) = find_tasks([small.WAVE_NAME])
+(WAVE,) = find_tasks([toy_tasks.WAVE_NAME])
 SETUP = Setup(
     policy="random",
     metadata=PolicyMetadata(name="random", version="7"),
@@ -19,7 +19,7 @@ SETUP = Setup(
 
 
 def test_record_says_what_the_environment_said() -> None:
-    env = duobench.make(small.WAVE, cameras=False)
+    env = duobench.make(toy_tasks.WAVE, cameras=False)
     reached = set()
     for index in range(6):
         episode = Episode(task=WAVE, index=index)

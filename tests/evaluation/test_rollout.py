@@ -10,7 +10,7 @@ from duobench.errors import PolicyError
 from duobench.evaluation.rollout import Step, Watcher, rollout
 from duobench.policy import HoldPolicy, make
 from duobench.randomness import episode_seed
-from tests.evaluation import small
+from tests.evaluation import toy_tasks
 
 
 class Listener:
@@ -52,7 +52,7 @@ class Counts(HoldPolicy):
 
 @pytest.fixture(scope="module")
 def env() -> Any:
-    env = duobench.make(small.WAVE, cameras=False)
+    env = duobench.make(toy_tasks.WAVE, cameras=False)
     yield env
     env.close()
 
@@ -61,12 +61,12 @@ def env() -> Any:
 def test_actions_of_a_chunk_are_executed_in_order_until_the_end(env: gym.Env, length: int) -> None:
     listener, policy = Listener(), Counts(length)
     rollout(env, policy, seed=3, watchers=[listener])
-    assert listener.heard == ["start", *["step"] * small.HORIZON, "end"]
-    numbers = list(range(1, small.HORIZON + 1))
+    assert listener.heard == ["start", *["step"] * toy_tasks.HORIZON, "end"]
+    numbers = list(range(1, toy_tasks.HORIZON + 1))
     assert [step.number for step in listener.steps] == numbers
     assert [round(1000 * step.action[-1]) for step in listener.steps] == numbers
     assert [step.truncated for step in listener.steps] == [False] * 23 + [True]
-    assert policy.sent == -(-small.HORIZON // length) * length
+    assert policy.sent == -(-toy_tasks.HORIZON // length) * length
 
 
 def test_same_seed_gives_the_same_episode_whatever_ran_before(env: gym.Env) -> None:
@@ -88,7 +88,7 @@ class Passes(gym.Wrapper):
 def rendered(env: gym.Env, watcher: Watcher) -> list[int]:
     """Control steps whose observation has images."""
     listener = Listener()
-    rollout(env, small.Sees(), seed=3, watchers=[listener, watcher])
+    rollout(env, toy_tasks.Sees(), seed=3, watchers=[listener, watcher])
     return [step.number for step in listener.steps if "pixels" in step.observation]
 
 
@@ -96,10 +96,10 @@ def test_images_are_rendered_when_somebody_asks_for_them_through_any_wrappers() 
     class NeedsFrames(Listener):
         needs_frames = True
 
-    env = duobench.make(small.WAVE, cameras=("head",), image_size=(24, 32))
+    env = duobench.make(toy_tasks.WAVE, cameras=("head",), image_size=(24, 32))
     for wrapped in (env, Passes(Passes(env))):
         assert rendered(wrapped, Listener()) == [5, 10, 15, 20]
-    assert rendered(env, NeedsFrames()) == list(range(1, small.HORIZON + 1))
+    assert rendered(env, NeedsFrames()) == list(range(1, toy_tasks.HORIZON + 1))
     # Who steps the environment afterwards sees images again.
     rendered(env, Listener())
     assert "pixels" in env.reset(seed=0)[0]
@@ -148,7 +148,7 @@ def test_watcher_is_told_the_end_of_an_episode_that_never_began(env: gym.Env) ->
 def test_policy_that_does_not_fit_is_refused_before_the_first_step(env: gym.Env) -> None:
     listener = Listener()
     with pytest.raises(PolicyError, match="acts 10 times a second"):
-        rollout(env, small.IsSlow(), seed=0, watchers=[listener])
+        rollout(env, toy_tasks.IsSlow(), seed=0, watchers=[listener])
     assert listener.heard == []
 
 

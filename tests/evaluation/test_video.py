@@ -56,13 +56,13 @@ def frames(video: bytes) -> list[np.ndarray]:
 
 @pytest.mark.parametrize(("steps", "shown"), [(8, 5), (9, 6), (1, 2)])
 def test_video_shows_the_reset_every_other_step_and_the_last(steps: int, shown: int) -> None:
-    pictures = frames(video_of(steps))
-    assert len(pictures) == shown
+    images = frames(video_of(steps))
+    assert len(images) == shown
     assert FRAME_EVERY == 2
-    for index, picture in enumerate(pictures):
-        assert picture.shape == (HEIGHT, WIDTH, 3)
+    for index, image in enumerate(images):
+        assert image.shape == (HEIGHT, WIDTH, 3)
         left = min(2 * index, steps)
-        inside, outside = picture[15, left + 5], picture[40, left + 5]
+        inside, outside = image[15, left + 5], image[40, left + 5]
         assert int(inside[0]) - int(inside[1]) > 80
         assert abs(int(outside[0]) - int(outside[1])) < 20
 

@@ -20,7 +20,7 @@ from duobench.experts.registry import find_script, make_expert
 from duobench.sim.simulation import STATE, Simulation
 from duobench.tasks import catalog
 from tests.envs.tools import sim_of
-from tests.experts.lone import make
+from tests.experts.baseline_episodes import make
 
 SEED, OTHER_SEED = 4, 5
 LATE = 60
@@ -50,11 +50,11 @@ def watched(
         call: What is called.
         given: What it is called with.
     """
-    state, before = sim.save(), arrays(sim.data)
+    state, before = sim.get_state(), arrays(sim.data)
     result = call(*given)
     after = arrays(sim.data)
     changed = [name for name, value in before.items() if after[name] != value]
-    if not np.array_equal(sim.save(), state):
+    if not np.array_equal(sim.get_state(), state):
         changed.append("state")
     if model_bytes(sim.model) != model:
         changed.append("model")

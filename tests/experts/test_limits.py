@@ -11,7 +11,7 @@ from duobench.scene.fr3 import VELOCITY_LIMITS
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, SIDES
 from tests.envs.tools import sim_of
-from tests.experts.lone import make
+from tests.experts.baseline_episodes import make
 
 
 @pytest.mark.parametrize("name", catalog.names())

@@ -25,7 +25,7 @@ from duobench.experts.registry import find_script
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from tests.golden import models
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 PATH = Path(__file__).with_name("episodes.json")
 SEEDS = (0, 1)
@@ -52,32 +52,32 @@ class NotRenewedError(Exception):
 
 def play(name: str, seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
     """Expert episodes of one task, by seed."""
-    stageplay = Stageplay(catalog.get(name))
-    return {str(seed): _episode(stageplay, seed) for seed in seeds}
+    task_harness = TaskHarness(catalog.get(name))
+    return {str(seed): _episode(task_harness, seed) for seed in seeds}
 
 
-def _episode(stageplay: Stageplay, seed: int) -> dict[str, Any]:
-    task = stageplay.task
-    stageplay.start(seed)
-    running = find_script(task.id)(stageplay.arms)
+def _episode(task_harness: TaskHarness, seed: int) -> dict[str, Any]:
+    task = task_harness.task
+    task_harness.start(seed)
+    running = find_script(task.id)(task_harness.arms)
     states: dict[str, list[float]] = {}
     changes: list[list[int]] = []
     for step in range(1, task.horizon + 1):
-        before = stageplay.stage
+        before = task_harness.stage
         next(running, None)
-        stageplay.advance()
-        if stageplay.stage != before:
-            changes.append([step, stageplay.stage])
+        task_harness.advance()
+        if task_harness.stage != before:
+            changes.append([step, task_harness.stage])
         if step in CHECKPOINTS:
-            states[str(step)] = _state(stageplay)
-        if stageplay.progress.success:
+            states[str(step)] = _state(task_harness)
+        if task_harness.progress.success:
             break
     return {"stages": changes, "states": states}
 
 
-def _state(stageplay: Stageplay) -> list[float]:
+def _state(task_harness: TaskHarness) -> list[float]:
     """Proprioception, then the position of every object."""
-    sim = stageplay.sim
+    sim = task_harness.sim
     numbers = [*sim.duo.read().flat]
     for name in sim.props:
         numbers.extend(sim.position(name))

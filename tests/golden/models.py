@@ -20,10 +20,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from duobench.objects.prop import Prop
+from duobench.objects.shapes import ShapeKind
+from duobench.objects.solid import Solid
 from duobench.scene.compose import compose
-from duobench.solids.prop import Prop
-from duobench.solids.shapes import ShapeKind
-from duobench.solids.solid import Solid
 
 DIGITS = 8
 DECIMALS = 9

@@ -5,7 +5,7 @@ from duobench.policy import BASELINES, Policy, PolicyMetadata, as_chunk, make
 from duobench.scene.fr3 import JOINT_RANGES
 from duobench.types import DuoCommand
 
-OBSERVATION = {"agent_pos": np.linspace(-0.3, 0.3, 16), "tool_pose": np.zeros(14)}
+OBSERVATION = {"agent_pos": np.linspace(-0.3, 0.3, 16), "tcp_pose": np.zeros(14)}
 
 
 @pytest.mark.parametrize("name", BASELINES)

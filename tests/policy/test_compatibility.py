@@ -28,7 +28,7 @@ def test_action_modes_are_told_apart(mode: str) -> None:
                 check_fits(metadata(action_mode=other), env)
 
 
-def test_pictures_must_be_there_and_of_the_size() -> None:
+def test_images_must_be_there_and_of_the_size() -> None:
     env = duobench.make(TASK, cameras=("head", "left_wrist"), image_size=(48, 64))
     check_fits(metadata(cameras=("head",)), env)
     check_fits(metadata(cameras=("left_wrist", "head"), image_size=(48, 64)), env)

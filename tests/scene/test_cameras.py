@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from duobench.objects.prop import Prop
+from duobench.objects.shapes import sphere
+from duobench.objects.solid import Solid
 from duobench.scene import cameras
 from duobench.scene.naming import flange_name, pad_names, tcp_name
-from duobench.scene.station import ROOM_HEIGHT, ROOM_X, ROOM_Y
+from duobench.scene.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
-from duobench.solids.prop import Prop
-from duobench.solids.shapes import sphere
-from duobench.solids.solid import Solid
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 
@@ -28,8 +28,8 @@ BALL_RADIUS = 0.02
 FOCAL = {"head": 740.0, "left_wrist": 650.0, "right_wrist": 650.0}
 NATIVE = np.array([1280.0, 720.0])
 
-# SHA-256 of what a picture of the bare station at home is drawn from. It changes with every change
-# of look; take the new one from the failure's message after having looked at the pictures.
+# SHA-256 of what an image of the bare station at home is drawn from. It changes with every change
+# of look; take the new one from the failure's message after having looked at the images.
 GOLDEN = "82c34ac3c90efd70779692c87dfe30fa99a4f4922274b25961a962850de8f242"
 
 
@@ -101,7 +101,7 @@ def test_the_head_camera_looks_forward_and_down_between_the_arms(simulation: Sim
     forward, right = -pose.rotation[:, 2], pose.rotation[:, 0]
     assert forward == pytest.approx([math.cos(math.radians(41)), 0.0, -math.sin(math.radians(41))])
     assert right == pytest.approx([0.0, -1.0, 0.0])
-    # The middle of the picture is the table, 0.8 m in front of the robot.
+    # The middle of the image is the table, 0.8 m in front of the robot.
     reach = pose.translation + forward * (0.695 / -forward[2])
     assert reach == pytest.approx([0.811, 0.001, 0.0], abs=1e-3)
 
@@ -113,7 +113,7 @@ def test_a_wrist_camera_sits_where_the_mount_holds_it(simulation: Simulation, si
     assert flange_from_camera.translation == pytest.approx([0.050, 0.0, 0.067])
     axis = -flange_from_camera.rotation[:, 2]
     assert axis == pytest.approx([-math.sin(math.radians(20)), 0.0, math.cos(math.radians(20))])
-    # The fingers open along the flange's y, and so does the wide side of the picture.
+    # The fingers open along the flange's y, and so does the wide side of the image.
     assert abs(flange_from_camera.rotation[:, 0]) == pytest.approx([0.0, 1.0, 0.0])
 
 
@@ -128,7 +128,7 @@ def test_the_fingertips_show_at_the_lower_left_and_the_lower_right(
     assert 0.6 < right[0] < 1.0
     assert left[1] == pytest.approx(right[1], abs=0.01)
     assert 0.5 < left[1] < 1.0
-    # Further out along the gripper is further up in the picture.
+    # Further out along the gripper is further up in the image.
     tcp = simulation.site_pose(tcp_name(side))
     near, far = (project(simulation, camera, tcp.apply([0, 0, z])) for z in (0.0, 0.2))
     assert far[1] < near[1]
@@ -170,7 +170,7 @@ def test_the_head_sees_the_table_and_both_grippers_from_above(
 
 @pytest.mark.parametrize("camera", cameras.POLICY_CAMERAS)
 @pytest.mark.parametrize("size", [(SQUARE, SQUARE), (720, 1280), (90, 300)])
-def test_a_picture_of_any_size_shows_the_whole_native_field_of_view(
+def test_an_image_of_any_size_shows_the_whole_native_field_of_view(
     simulation: Simulation, camera: str, size: tuple[int, int]
 ) -> None:
     pose = pose_of(simulation, camera)
@@ -181,7 +181,7 @@ def test_a_picture_of_any_size_shows_the_whole_native_field_of_view(
             depth = 0.3
             place = pose.apply([across * half[0] * depth, up * half[1] * depth, -depth])
             simulation.place("ball", SE3.at(*place))
-            simulation.refresh()
+            simulation.forward()
             ids = renderer.segment(simulation.data, camera)
             seen = simulation.model.geom_bodyid[ids] == number
             # A ball seen from aside is drawn as an ellipse whose middle lies a little further out.
@@ -189,9 +189,9 @@ def test_a_picture_of_any_size_shows_the_whole_native_field_of_view(
             assert np.abs(apart).max() < 6.0, (across, up)
 
 
-def test_a_small_picture_is_the_native_one_made_small(simulation: Simulation) -> None:
+def test_a_small_image_is_the_native_one_made_small(simulation: Simulation) -> None:
     simulation.place("ball", SE3.at(0.5, 0.0, 0.1))
-    simulation.refresh()
+    simulation.forward()
     with Renderer(simulation.model, height=720, width=1280) as renderer:
         native = renderer.render(simulation.data, cameras.HEAD).astype(np.float64)
     with Renderer(simulation.model, height=90, width=80) as renderer:
@@ -227,15 +227,15 @@ def test_the_overview_shows_the_whole_robot_and_the_whole_table(simulation: Simu
         ids = renderer.segment(simulation.data, cameras.OVERVIEW)
     robot = np.concatenate([geoms_below(simulation, f"{side}/link0") for side in SIDES])
     seen = np.isin(ids, [*robot, simulation.model.geom("table").id])
-    assert seen.mean() > 0.25, "they fill the picture"
+    assert seen.mean() > 0.25, "they fill the image"
     border = np.concatenate([seen[0], seen[:, 0], seen[:, -1]])
     assert not border.any()
     table = ids == simulation.model.geom("table").id
     assert table[-1].mean() < 0.1, "at most the corner nearest to the camera is cut"
 
 
-def picture_inputs(simulation: Simulation) -> str:
-    """SHA-256 of everything that the pictures of a state are drawn from, without OpenGL."""
+def image_inputs(simulation: Simulation) -> str:
+    """SHA-256 of everything that the images of a state are drawn from, without OpenGL."""
     model, data = simulation.model, simulation.data
     total = hashlib.sha256()
 
@@ -277,5 +277,5 @@ def picture_inputs(simulation: Simulation) -> str:
     return total.hexdigest()
 
 
-def test_the_picture_is_the_same_on_every_machine() -> None:
-    assert picture_inputs(Simulation()) == GOLDEN
+def test_the_image_is_the_same_on_every_machine() -> None:
+    assert image_inputs(Simulation()) == GOLDEN

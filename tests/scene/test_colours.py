@@ -10,12 +10,12 @@ import duobench
 from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
 from duobench.experts.registry import make_expert
+from duobench.objects.blocks import CUBE_EDGE
+from duobench.objects.bowl import FLOOR
+from duobench.objects.chest import HINGE, LID_UNDERSIDE, WALL
 from duobench.scene.cameras import HEAD, POLICY_CAMERAS
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import CUBE_EDGE
-from duobench.solids.bowl import FLOOR
-from duobench.solids.chest import HINGE, LID_UNDERSIDE, WALL
 from duobench.spatial import SE3
 
 DIFFERENCE = 25.0
@@ -103,7 +103,7 @@ def test_a_black_cube_is_told_from_what_it_lies_on(
     env.reset(seed=1)
     simulation = sim_of(env).simulation
     simulation.place(cube, simulation.pose(around) @ offset)
-    simulation.refresh()
+    simulation.forward()
     for light in range(simulation.model.nlight):
         simulation.model.light_active[light] &= lit or not simulation.model.light_castshadow[light]
     surface = {"black_bowl": "black_bowl", "chest": "chest/lid"}[around]

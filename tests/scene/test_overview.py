@@ -14,7 +14,7 @@ from duobench.types import SIDES
 from tests.envs.tools import sim_of
 
 LEAST = 10
-"""Pixels of a picture of 640x480 by which a body counts as seen."""
+"""Pixels of an image of 640x480 by which a body counts as seen."""
 
 
 def pixels(name: str) -> tuple[Simulation, np.ndarray]:
@@ -43,7 +43,7 @@ def test_it_shows_every_object_and_both_arms_at_the_reset(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "work"), [("spring_door", "microwave/door"), ("join_blocks", "wall:picture")]
+    ("name", "work"), [("spring_door", "microwave/door"), ("join_blocks", "wall:image")]
 )
 def test_it_shows_the_side_of_the_work_where_that_faces_the_robot(name: str, work: str) -> None:
     sim, counts = pixels(name)

@@ -10,16 +10,16 @@ import pytest
 
 import duobench
 from duobench.envs.sim_env import sim_of
+from duobench.objects.blocks import WHITE
+from duobench.objects.bowl import FLOOR, RADIUS, bowl
+from duobench.objects.bowl import WALL as BOWL_WALL
+from duobench.objects.cup import cup
+from duobench.objects.prop import Prop
+from duobench.objects.solid import Solid, printable
 from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.scene.shadows import RIB_HEIGHT, add_ribs
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import WHITE
-from duobench.solids.bowl import FLOOR, RADIUS, bowl
-from duobench.solids.bowl import WALL as BOWL_WALL
-from duobench.solids.cup import cup
-from duobench.solids.prop import Prop
-from duobench.solids.solid import Solid, printable
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 
@@ -57,7 +57,7 @@ def test_no_light_leaks_through_the_seam_of_a_wall_and_a_floor(solid: Solid) -> 
         with quality(model, shadow_map), Renderer(model, height=400, width=400) as renderer:
             for yaw_deg in (-10, -4, 0, 10, 20, 45):
                 simulation.place("it", SE3.at(0.65, 0.0, yaw=math.radians(yaw_deg)))
-                simulation.refresh()
+                simulation.forward()
                 shown = model.geom_bodyid[renderer.segment(data, OVERVIEW)]
                 image = renderer.render(data, OVERVIEW).mean(axis=2)
                 taken.append(np.where(shown == model.body("it").id, image, np.nan))

@@ -5,10 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
+from duobench.objects.pot import PLATE
 from duobench.scene.cameras import HEAD, HEAD_FOCAL, NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
-from duobench.solids.pot import PLATE
 from duobench.spatial import SE3
 from duobench.tasks.carry_pot import TASK
 
@@ -48,7 +48,7 @@ def test_no_pixel_at_the_border_of_the_head_image_shows_the_plate(simulation: Si
     with Renderer(simulation.model, height=224, width=224) as renderer:
         for pose in poses():
             simulation.place("stove", pose)
-            simulation.refresh()
+            simulation.forward()
             ids = renderer.segment(simulation.data, HEAD)
             seen = simulation.model.geom_bodyid[ids] == plate
             assert seen.sum() > 1000

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from duobench.objects.blocks import RED, WHITE, block, cube
+from duobench.objects.bowl import bowl
+from duobench.objects.chest import chest
+from duobench.objects.prop import Prop
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import RED, WHITE, block, cube
-from duobench.solids.bowl import bowl
-from duobench.solids.chest import chest
-from duobench.solids.prop import Prop
 
 EDGE = 0.032
 LID = "chest/lid"

@@ -187,15 +187,15 @@ def test_pads_grasp_only_what_they_press_on_from_both_sides(
 
 def held_cube(sim: Simulation) -> None:
     """The left gripper closes on a cube that was put between its fingers."""
-    sim.clear()
+    sim.reset_data()
     for name, x in (("slab", 0.4), ("bowl", 0.6), ("chest", 0.8)):
         sim.place(name, SE3.at(x, -0.5, 0.011))
-    sim.refresh()
+    sim.forward()
     tool = sim.site_pose(tcp_name(Side.LEFT))
     grasp = DuoCommand(joints=HOME.joints, openings=np.array([0.0, 1.0]))
     for _ in range(15):
         sim.place("cube", tool)
-        sim.refresh()
+        sim.forward()
         sim.step(grasp)
     for _ in range(5):
         sim.step(grasp)

@@ -27,8 +27,8 @@ def shared() -> Simulation:
 
 @pytest.fixture
 def sim(shared: Simulation) -> Simulation:
-    shared.clear()
-    shared.refresh()
+    shared.reset_data()
+    shared.forward()
     return shared
 
 
@@ -52,7 +52,7 @@ def test_the_limits_are_the_arms_own(duo: Duo) -> None:
 
 def ramped(sim: Simulation, goal: DuoCommand) -> np.ndarray:
     """Controls of each substep."""
-    return np.array([sim.data.ctrl.copy() for _ in sim.duo.ramp(goal)])
+    return np.array([sim.data.ctrl.copy() for _ in sim.duo.interpolate(goal)])
 
 
 def test_targets_move_linearly_over_the_step(sim: Simulation) -> None:
@@ -91,11 +91,11 @@ def test_a_repeated_command_is_no_ramp(sim: Simulation) -> None:
 
 def test_a_state_is_a_copy_too(sim: Simulation, duo: Duo) -> None:
     state = duo.read()
-    kept = state.flat.copy(), state.tool_poses.copy()
+    kept = state.flat.copy(), state.tcp_poses.copy()
     for _ in range(5):
         sim.step(command(left=0.2, opening=0.0))
     assert np.array_equal(state.flat, kept[0])
-    assert np.array_equal(state.tool_poses, kept[1])
+    assert np.array_equal(state.tcp_poses, kept[1])
 
 
 def test_the_arms_follow_and_each_is_its_own(sim: Simulation) -> None:
@@ -146,7 +146,7 @@ def test_fingers_press_with_a_set_force(opening: float) -> None:
         sim.place(name, SE3.at(x, -0.5, 0.011))
     for _ in range(25):
         sim.place("cube", tool)
-        sim.refresh()
+        sim.forward()
         sim.step(DuoCommand(joints=HOME.joints, openings=np.array([opening, 1.0])))
     for pad in pad_names(Side.LEFT):
         assert normal_force(sim, pad, "cube") == pytest.approx(GRIP_FORCE, rel=0.05)
@@ -178,7 +178,7 @@ def test_tool_poses_are_those_of_the_sites_and_of_forward_kinematics(sim: Simula
     for _ in range(30):
         state = sim.step(command(left=0.2, right=-0.1))
     forward = Kinematics().forward(state.joints)
-    for side, numbers in zip(SIDES, state.tool_poses, strict=True):
+    for side, numbers in zip(SIDES, state.tcp_poses, strict=True):
         pose = SE3.from_tquat(numbers)
         assert max(pose.distance(sim.site_pose(tcp_name(side)))) < 1e-9
         assert max(pose.distance(forward[side])) < 1e-6
@@ -196,7 +196,7 @@ def test_the_quaternion_of_a_tool_that_points_down_does_not_flip(sim: Simulation
         goal = SE3(turn.rotation, np.array([0.5, 0.2, 0.3]))
         joints = kinematics.step(joints, {Side.LEFT: goal})
         state = sim.step(DuoCommand(joints=joints, openings=np.ones(2)))
-        seen.append(state.tool_poses[0, 3:])
+        seen.append(state.tcp_poses[0, 3:])
     quaternions = np.array(seen)
     assert quaternions[:, 3].min() < -0.01 < 0.01 < quaternions[:, 3].max()
     assert np.abs(np.diff(quaternions, axis=0)).max() < 0.1
@@ -205,8 +205,8 @@ def test_the_quaternion_of_a_tool_that_points_down_does_not_flip(sim: Simulation
 
 
 def test_arms_are_put_at_home_with_open_grippers_only(sim: Simulation, duo: Duo) -> None:
-    duo.hold(command(left=0.3))
-    sim.refresh()
+    duo.set_configuration(command(left=0.3))
+    sim.forward()
     assert duo.read().joints[0] == pytest.approx(HOME_JOINTS[0] + 0.3)
     with pytest.raises(ValueError, match="open grippers"):
-        duo.hold(command(opening=0.5))
+        duo.set_configuration(command(opening=0.5))

@@ -104,7 +104,7 @@ def test_several_children_draw_at_the_same_time() -> None:
 def test_a_child_that_hangs_is_given_up(impostor: Path) -> None:
     impostor.write_text("#!/bin/sh\nexec sleep 600\n")
     outcome = probe("egl", processes=2, timeout_s=0.5, python=impostor)
-    assert outcome == "no picture within 0.5 s; the driver hangs"
+    assert outcome == "no image within 0.5 s; the driver hangs"
 
 
 def test_a_child_that_crashes_is_reported(impostor: Path) -> None:

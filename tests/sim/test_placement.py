@@ -72,7 +72,7 @@ def test_a_pose_that_is_not_finite_is_refused(place: int) -> None:
 
 
 def test_applying_puts_every_prop_in_its_place(sim: Simulation) -> None:
-    sim.clear()
+    sim.reset_data()
     sim.apply(GOOD)
     for name, pose in GOOD.poses.items():
         assert max(sim.pose(name).distance(pose)) < 1e-9

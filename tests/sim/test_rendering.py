@@ -1,4 +1,4 @@
-"""Pictures of real scenes, drawn for real."""
+"""Images of real scenes, drawn for real."""
 
 import gc
 import hashlib
@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 
 from duobench.errors import RenderingError, UnknownNameError
+from duobench.objects.blocks import RED, cube
+from duobench.objects.prop import Prop
 from duobench.scene.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
 from duobench.scene.filters import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP, VISUAL_GEOM_GROUP
-from duobench.scene.station import TABLE_X, TABLE_Y
+from duobench.scene.workcell import TABLE_X, TABLE_Y
 from duobench.sim import rendering
 from duobench.sim.opengl import BACKENDS
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import RED, cube
-from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 
 SIZE = 96
@@ -32,7 +32,7 @@ SIZE = 96
 def simulation() -> Simulation:
     simulation = Simulation([Prop(name="cube", solid=cube(RED), fixed=True)])
     simulation.place("cube", SE3.at(0.6, 0.0, 0.016))
-    simulation.refresh()
+    simulation.forward()
     return simulation
 
 
@@ -52,23 +52,23 @@ def run_python(code: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_picture_is_an_upright_colour_image(simulation: Simulation, renderer: Renderer) -> None:
-    picture = renderer.render(simulation.data, HEAD)
-    assert picture.shape == (SIZE, SIZE, 3)
-    assert picture.dtype == np.uint8
-    assert picture.flags.c_contiguous
+def test_an_image_is_an_upright_colour_image(simulation: Simulation, renderer: Renderer) -> None:
+    image = renderer.render(simulation.data, HEAD)
+    assert image.shape == (SIZE, SIZE, 3)
+    assert image.dtype == np.uint8
+    assert image.flags.c_contiguous
     # The head sees the wooden table below and the bluish wall above.
-    below, above = picture[-10:].mean(axis=(0, 1)), picture[:10].mean(axis=(0, 1))
+    below, above = image[-10:].mean(axis=(0, 1)), image[:10].mean(axis=(0, 1))
     assert below[0] > below[2]
     assert above[2] > above[0]
     # The red cube lies on the table straight ahead.
-    red = (picture[..., 0] > 120) & (picture[..., 1] < 80)
+    red = (image[..., 0] > 120) & (image[..., 1] < 80)
     rows, columns = np.nonzero(red)
     assert columns.mean() == pytest.approx(SIZE / 2, abs=3)
     assert rows.mean() > SIZE / 2
 
 
-def test_every_picture_is_a_new_array_and_the_same(
+def test_every_image_is_a_new_array_and_the_same(
     simulation: Simulation, renderer: Renderer
 ) -> None:
     first, second = (renderer.render(simulation.data, HEAD) for _ in range(2))
@@ -79,23 +79,23 @@ def test_every_picture_is_a_new_array_and_the_same(
     assert np.array_equal(first, kept)
 
 
-def test_pictures_of_one_observation_are_those_drawn_one_by_one(
+def test_images_of_one_observation_are_those_drawn_one_by_one(
     simulation: Simulation, renderer: Renderer
 ) -> None:
     together = renderer.render_all(simulation.data, POLICY_CAMERAS)
     assert tuple(together) == POLICY_CAMERAS
-    for camera, picture in together.items():
-        assert np.array_equal(picture, renderer.render(simulation.data, camera)), camera
+    for camera, image in together.items():
+        assert np.array_equal(image, renderer.render(simulation.data, camera)), camera
 
 
 def test_shadows_follow_the_state(simulation: Simulation, renderer: Renderer) -> None:
     before = renderer.render_all(simulation.data, POLICY_CAMERAS)
     simulation.place("cube", SE3.at(0.6, 0.0, 0.15))
-    simulation.refresh()
+    simulation.forward()
     after = renderer.render_all(simulation.data, POLICY_CAMERAS)
     alone = renderer.render(simulation.data, POLICY_CAMERAS[-1])
     simulation.place("cube", SE3.at(0.6, 0.0, 0.016))
-    simulation.refresh()
+    simulation.forward()
     assert not np.array_equal(before[POLICY_CAMERAS[-1]], after[POLICY_CAMERAS[-1]])
     assert np.array_equal(after[POLICY_CAMERAS[-1]], alone)
 
@@ -103,10 +103,10 @@ def test_shadows_follow_the_state(simulation: Simulation, renderer: Renderer) ->
 def test_shadows_fall_where_the_lamp_is_hidden(simulation: Simulation) -> None:
     model, data = simulation.model, simulation.data
     with Renderer(model, height=480, width=640) as renderer:
-        picture = renderer.render(data, OVERVIEW).mean(axis=2)
+        image = renderer.render(data, OVERVIEW).mean(axis=2)
         table = renderer.segment(data, OVERVIEW) == model.geom("table").id
-    lamp = next(n for n in range(model.nlight) if model.light_castshadow[n])
-    to_lamp = -data.light_xdir[lamp]
+    light = next(n for n in range(model.nlight) if model.light_castshadow[n])
+    to_lamp = -data.light_xdir[light]
     number = model.camera(OVERVIEW).id
     eye, turn = data.cam_xpos[number], data.cam_xmat[number].reshape(3, 3)
     scale = 2 * np.tan(np.radians(model.cam_fovy[number]) / 2) / 480
@@ -121,7 +121,7 @@ def test_shadows_fall_where_the_lamp_is_hidden(simulation: Simulation) -> None:
             continue  # a side of the table top
         hit = np.full(1, -1, dtype=np.int32)
         distance = mujoco.mj_ray(model, data, point, to_lamp, groups, 1, -1, hit)
-        (lit if distance < 0 else dark).append(picture[row, column])
+        (lit if distance < 0 else dark).append(image[row, column])
     assert len(dark) > 50
     border = (np.median(lit) + np.median(dark)) / 2
     assert np.median(dark) < 0.75 * np.median(lit)
@@ -142,7 +142,7 @@ def test_only_what_is_meant_to_be_seen_is_drawn(simulation: Simulation, renderer
     assert simulation.model.geom("cube:0").id in seen
 
 
-def test_an_average_of_many_pictures_has_smooth_edges(simulation: Simulation) -> None:
+def test_an_average_of_many_images_has_smooth_edges(simulation: Simulation) -> None:
     def drawn(samples: int) -> np.ndarray:
         with Renderer(simulation.model, height=120, width=160, samples=samples) as renderer:
             return renderer.render(simulation.data, OVERVIEW).astype(np.int64)
@@ -151,8 +151,8 @@ def test_an_average_of_many_pictures_has_smooth_edges(simulation: Simulation) ->
     assert np.abs(plain - smooth).mean() < 4.0
     assert np.median(np.abs(plain - smooth)) <= 1.0
 
-    def steps(picture: np.ndarray) -> float:
-        return float(np.percentile(np.abs(np.diff(picture.sum(axis=2), axis=1)), 99))
+    def steps(image: np.ndarray) -> float:
+        return float(np.percentile(np.abs(np.diff(image.sum(axis=2), axis=1)), 99))
 
     assert steps(smooth) < 0.9 * steps(plain)
 
@@ -222,7 +222,7 @@ def test_a_renderer_may_be_used_from_any_thread(simulation: Simulation, renderer
 def test_a_renderer_that_is_gone_leaves_no_thread(simulation: Simulation, how: str) -> None:
     before = set(opengl_threads())
     renderer = Renderer(simulation.model, height=8, width=8)
-    assert set(opengl_threads()) == before, "nothing starts before the first picture"
+    assert set(opengl_threads()) == before, "nothing starts before the first image"
     renderer.render(simulation.data, HEAD)
     (thread,) = set(opengl_threads()) - before
     if how == "closed":
@@ -254,17 +254,17 @@ def test_nothing_is_rendered_in_a_process_that_was_forked_from_one_that_did(
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
-def test_another_process_draws_the_same_picture(simulation: Simulation, renderer: Renderer) -> None:
+def test_another_process_draws_the_same_image(simulation: Simulation, renderer: Renderer) -> None:
     code = f"""
 import hashlib
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import RED, cube
-from duobench.solids.prop import Prop
+from duobench.objects.blocks import RED, cube
+from duobench.objects.prop import Prop
 from duobench.spatial import SE3
 simulation = Simulation([Prop(name="cube", solid=cube(RED), fixed=True)])
 simulation.place("cube", SE3.at(0.6, 0.0, 0.016))
-simulation.refresh()
+simulation.forward()
 renderer = Renderer(simulation.model, height={SIZE}, width={SIZE})
 print(hashlib.sha256(renderer.render(simulation.data, "head").tobytes()).hexdigest())
 """
@@ -272,7 +272,7 @@ print(hashlib.sha256(renderer.render(simulation.data, "head").tobytes()).hexdige
     assert run_python(code).stdout.split() == [here]
 
 
-def test_nothing_of_opengl_is_loaded_before_the_first_picture() -> None:
+def test_nothing_of_opengl_is_loaded_before_the_first_image() -> None:
     code = """
 import os, sys
 os.environ.pop("MUJOCO_GL", None)

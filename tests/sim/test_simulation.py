@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from duobench.errors import DuoBenchError, SimulationError, UnknownNameError
+from duobench.objects.blocks import RED, cube
+from duobench.objects.prop import Prop
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import MAX_SETTLE_STEPS, Simulation
-from duobench.solids.blocks import RED, cube
-from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, DuoCommand
 from tests.sim.props import EDGE, LID, scene
@@ -38,10 +38,10 @@ def sim(shared: Simulation) -> Simulation:
 
 
 def begin(sim: Simulation) -> None:
-    sim.clear()
+    sim.reset_data()
     for name, pose in REST.items():
         sim.place(name, pose)
-    sim.refresh()
+    sim.forward()
     sim.settle()
 
 
@@ -55,7 +55,7 @@ def falling(sim: Simulation) -> None:
     """Something with many contacts is going on."""
     sim.place("cube", SE3.at(0.7, 0.3, 0.15, yaw=0.4))
     sim.place("slab", SE3(SE3.about((1, 2, 3), 1.0).rotation, np.array([0.72, 0.3, 0.3])))
-    sim.refresh()
+    sim.forward()
 
 
 # --- state ---------------------------------------------------------------------------------------
@@ -69,27 +69,27 @@ def test_restoring_and_stepping_is_the_uninterrupted_episode(
     prepare(sim)
     for k in range(at):
         sim.step(busy(k))
-    state = sim.save()
+    state = sim.get_state()
     straight = []
     for k in range(at, at + 12):
         sim.step(busy(k))
-        straight.append(sim.save())
+        straight.append(sim.get_state())
     begin(sim)
     falling(sim)
     for k in range(9):
         sim.step(busy(3 * k))
-    sim.restore(state)
-    assert np.array_equal(sim.save(), state)
+    sim.set_state(state)
+    assert np.array_equal(sim.get_state(), state)
     for number, k in enumerate(range(at, at + 12)):
         sim.step(busy(k))
-        assert np.array_equal(sim.save(), straight[number]), f"step {number} differs"
+        assert np.array_equal(sim.get_state(), straight[number]), f"step {number} differs"
 
 
 def test_a_state_can_be_restored_into_another_simulation_of_the_same_props(sim: Simulation) -> None:
     falling(sim)
-    state = sim.save()
+    state = sim.get_state()
     other = scene()
-    other.restore(state)
+    other.set_state(state)
     for k in range(8):
         sim.step(busy(k))
         other.step(busy(k))
@@ -97,11 +97,11 @@ def test_a_state_can_be_restored_into_another_simulation_of_the_same_props(sim: 
 
 
 def test_restoring_brings_poses_and_contacts_along(sim: Simulation) -> None:
-    state, pose = sim.save(), sim.pose("cube")
+    state, pose = sim.get_state(), sim.pose("cube")
     sim.place("cube", SE3.at(0.5, 0.1, 0.5))
-    sim.refresh()
+    sim.forward()
     assert not sim.contacts.between("cube", "table")
-    sim.restore(state)
+    sim.set_state(state)
     assert sim.contacts.between("cube", "table")
     assert sim.pose("cube").distance(pose) == (0.0, 0.0)
 
@@ -109,7 +109,7 @@ def test_restoring_brings_poses_and_contacts_along(sim: Simulation) -> None:
 @pytest.mark.parametrize("size", [-1, 1])
 def test_a_state_of_another_model_is_refused(sim: Simulation, size: int) -> None:
     with pytest.raises(SimulationError, match="another task or version"):
-        sim.restore(np.zeros(len(sim.save()) + size))
+        sim.set_state(np.zeros(len(sim.get_state()) + size))
 
 
 def test_state_hashes_tell_states_apart(sim: Simulation) -> None:
@@ -120,13 +120,13 @@ def test_state_hashes_tell_states_apart(sim: Simulation) -> None:
 
 
 def test_clearing_forgets_everything(sim: Simulation) -> None:
-    sim.clear()
+    sim.reset_data()
     first = sim.state_hash()
     begin(sim)
     falling(sim)
     for k in range(6):
         sim.step(busy(k))
-    sim.clear()
+    sim.reset_data()
     assert sim.state_hash() == first
     assert np.array_equal(sim.duo.command().flat, HOME.flat)
 
@@ -145,17 +145,17 @@ def test_after_a_step_everything_is_up_to_date(sim: Simulation) -> None:
     falling(sim)
     for k in range(5):
         sim.step(busy(k))
-    pose, lowest = sim.pose("cube"), sim.lowest("cube")
+    pose, lowest = sim.pose("cube"), sim.min_height("cube")
     touching = sim.contacts.partners("cube")
-    sim.refresh()
+    sim.forward()
     assert sim.pose("cube").distance(pose) == (0.0, 0.0)
-    assert sim.lowest("cube") == lowest
+    assert sim.min_height("cube") == lowest
     assert sim.contacts.partners("cube") == touching
 
 
 def test_settling_ends_at_rest_at_time_zero(sim: Simulation) -> None:
     sim.place("cube", SE3.at(0.5, 0.1, EDGE / 2 + 0.005))
-    sim.refresh()
+    sim.forward()
     steps = sim.settle()
     assert 1 < steps < MAX_SETTLE_STEPS
     assert sim.data.time == 0.0
@@ -167,7 +167,7 @@ def test_settling_ends_at_rest_at_time_zero(sim: Simulation) -> None:
 
 def test_settling_is_bounded(sim: Simulation) -> None:
     sim.place("cube", SE3.at(0.5, 0.1, 30.0))
-    sim.refresh()
+    sim.forward()
     assert sim.settle() == MAX_SETTLE_STEPS
 
 
@@ -190,7 +190,7 @@ def test_props_are_placed_where_they_are_told(sim: Simulation) -> None:
     for name in REST:
         pose = SE3.at(0.4, 0.1, 0.6, yaw=-0.7) @ SE3.about((1, 0, 0), 0.5)
         sim.place(name, pose)
-        sim.refresh()
+        sim.forward()
         assert max(sim.pose(name).distance(pose)) < 1e-9
 
 
@@ -205,7 +205,7 @@ def test_a_placed_prop_is_at_rest(sim: Simulation) -> None:
 
 def test_fixed_props_stay(sim: Simulation) -> None:
     sim.place("cube", SE3.at(0.7, -0.3, 0.2))
-    sim.refresh()
+    sim.forward()
     for _ in range(15):
         sim.step(HOME)
     assert max(sim.pose("chest").distance(REST["chest"])) < 1e-9
@@ -217,16 +217,16 @@ def test_positions_and_offsets(sim: Simulation) -> None:
     assert sim.position("cube") == pytest.approx(cube_pose.translation)
     assert sim.rotation("cube") == pytest.approx(cube_pose.rotation)
     expected = chest.inverse().apply(cube_pose.translation)
-    assert sim.offset("cube", "chest") == pytest.approx(expected)
-    assert sim.offset("cube", "cube") == pytest.approx((0, 0, 0))
+    assert sim.relative_position("cube", "chest") == pytest.approx(expected)
+    assert sim.relative_position("cube", "cube") == pytest.approx((0, 0, 0))
 
 
 def test_the_lowest_point_of_a_tilted_block(sim: Simulation) -> None:
     tilt = 0.4
     sim.place("slab", SE3.at(0.5, -0.2, 0.2) @ SE3.about((0, 1, 0), tilt))
-    sim.refresh()
+    sim.forward()
     expected = 0.2 - 0.05 * math.sin(tilt) - 0.01 * math.cos(tilt)
-    assert sim.lowest("slab") == pytest.approx(expected)
+    assert sim.min_height("slab") == pytest.approx(expected)
 
 
 def test_speed_of_a_falling_and_turning_prop(sim: Simulation) -> None:
@@ -248,7 +248,7 @@ def test_what_moves_along_with_a_turning_prop_is_at_rest_on_it(
     for name, velocity in velocities.items():
         start = sim.model.joint(name).dofadr[0]
         sim.data.qvel[start : start + 6] = [*velocity, *turn]
-    sim.refresh()
+    sim.forward()
     assert sim.relative_speed("cube", "slab") == pytest.approx(math.hypot(*own), abs=1e-9)
     assert sim.relative_speed("cube", "chest") == pytest.approx(sim.speed("cube")[0])
 
@@ -265,7 +265,7 @@ def test_the_angle_of_a_hinge(sim: Simulation) -> None:
         lambda sim: sim.position("cbue"),
         lambda sim: sim.pose("cbue"),
         lambda sim: sim.place("cbue", SE3()),
-        lambda sim: sim.offset("cube", "cbue"),
+        lambda sim: sim.relative_position("cube", "cbue"),
         lambda sim: sim.relative_speed("cube", "cbue"),
         lambda sim: sim.angle("cbue"),
         lambda sim: sim.site_pose("cbue"),

@@ -5,15 +5,15 @@ import pytest
 
 from duobench.experts.carry_pot import carry_over, land, let_go, lift
 from duobench.experts.motion import Arms, Script, carry, wait
+from duobench.objects.pot import HEIGHT, PLATE, RADIUS
 from duobench.sim.layout import Layout
-from duobench.solids.pot import HEIGHT, PLATE, RADIUS
 from duobench.spatial import SE3
 from duobench.stages.coordination import BOUNCE, carriage
 from duobench.stages.predicates import Predicate, touching
 from duobench.stages.progress import Progress, Stage
 from duobench.tasks.carry_pot import HANDLES, LIFT, TASK
 from duobench.types import SIDES, DuoCommand, Side
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 STOVE = SE3.at(0.5, 0.3)
@@ -27,12 +27,12 @@ Moments = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
 @pytest.fixture(scope="module")
-def moments(bench: Stageplay) -> Moments:
+def moments(bench: TaskHarness) -> Moments:
     """States by letter: on the (t)able, (c)arried by both, in the air in the (l)eft hand alone or
     in (n)o hand, in both hands against the stove's (s)ide, on the stove in (b)oth hands or (f)ree,
     a (j)olt there that takes one pad of each hand off its handle, (h)opping above the stove, and
@@ -41,11 +41,11 @@ def moments(bench: Stageplay) -> Moments:
     saved: Moments = {}
 
     def keep(letter: str) -> None:
-        saved[letter] = bench.sim.save()
+        saved[letter] = bench.sim.get_state()
 
     def without(*sides: Side) -> None:
         """Open grippers, until they no longer touch the pot, from how it is carried."""
-        bench.sim.restore(saved["c"])
+        bench.sim.set_state(saved["c"])
         command = bench.sim.duo.command()
         openings = command.openings.copy()
         openings[[side.index for side in sides]] = 0.5
@@ -71,16 +71,16 @@ def moments(bench: Stageplay) -> Moments:
         keep("b")
         landed = arms.sim.pose("pot")
         bench.sim.place("pot", landed.moved(y=0.0008))
-        bench.sim.refresh()
+        bench.sim.forward()
         keep("j")
-        bench.sim.restore(saved["b"])
+        bench.sim.set_state(saved["b"])
         yield from carry(arms, "pot", landed.moved(z=BOUNCE + 0.008), speed=0.1)
         keep("u")
         yield from carry(arms, "pot", landed, speed=0.1)
         yield from let_go(arms)
         keep("f")
         bench.sim.place("pot", landed.moved(z=BOUNCE - 0.002))
-        bench.sim.refresh()
+        bench.sim.forward()
         keep("h")
 
     bench.start(layout=LAYOUT)
@@ -92,32 +92,32 @@ def moments(bench: Stageplay) -> Moments:
     return saved
 
 
-def ask(bench: Stageplay, moments: Moments, letters: str, question: Predicate) -> bool:
+def ask(bench: TaskHarness, moments: Moments, letters: str, question: Predicate) -> bool:
     """Whether a predicate holds at the end of a sequence of moments."""
-    bench.sim.restore(moments["t"])
+    bench.sim.set_state(moments["t"])
     progress = Progress((Stage(name="asked", instruction="Do it.", holds=question),))
     progress.reset(bench.sim, {})
     for letter in letters:
-        bench.sim.restore(moments[letter])
+        bench.sim.set_state(moments[letter])
         progress.update(bench.sim)
     return progress.final_holds
 
 
-def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments) -> None:
+def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Moments) -> None:
     hands = {"c": SIDES, "s": SIDES, "b": SIDES, "u": SIDES, "l": (LEFT,)}
     supports = {"t": {"table"}, **{key: {"stove"} for key in "sbjf"}}
     for letter, state in moments.items():
-        bench.sim.restore(state)
+        bench.sim.set_state(state)
         contacts = bench.sim.contacts
         for side, handle in zip(SIDES, HANDLES, strict=True):
             assert contacts.pads(side, handle) == (side in hands.get(letter, ())), letter
         assert contacts.partners("pot") == supports.get(letter, set()), letter
-    bench.sim.restore(moments["u"])
-    assert PLATE[2] + BOUNCE < bench.sim.lowest("pot") < LIFT
-    bench.sim.restore(moments["j"])
+    bench.sim.set_state(moments["u"])
+    assert PLATE[2] + BOUNCE < bench.sim.min_height("pot") < LIFT
+    bench.sim.set_state(moments["j"])
     assert all(map(bench.sim.contacts.gripper, SIDES, HANDLES))
-    bench.sim.restore(moments["s"])
-    assert 0.005 < bench.sim.lowest("pot") < PLATE[2] - 0.005
+    bench.sim.set_state(moments["s"])
+    assert 0.005 < bench.sim.min_height("pot") < PLATE[2] - 0.005
 
 
 @pytest.mark.parametrize(
@@ -157,10 +157,12 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
         ("tcbtbf", False),
     ],
 )
-def test_what_was_put_down(bench: Stageplay, moments: Moments, letters: str, counts: bool) -> None:
+def test_what_was_put_down(
+    bench: TaskHarness, moments: Moments, letters: str, counts: bool
+) -> None:
     assert ask(bench, moments, letters, CARRIAGE.put_down) == counts
 
 
 @pytest.mark.parametrize("letter", "tclnsbjufh")
-def test_what_is_carried(bench: Stageplay, moments: Moments, letter: str) -> None:
+def test_what_is_carried(bench: TaskHarness, moments: Moments, letter: str) -> None:
     assert ask(bench, moments, letter, CARRIAGE.carried) == (letter == "c")

@@ -6,16 +6,16 @@ import pytest
 from duobench.experts.handover import let_go, pick_bar
 from duobench.experts.motion import Arms, Script
 from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.objects.blocks import CUBE_EDGE
 from duobench.sim.layout import Layout
-from duobench.solids.blocks import CUBE_EDGE
 from duobench.spatial import SE3
 from duobench.stages.handover import handover
 from duobench.stages.predicates import Predicate, touching
 from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
 from tests.handovers import bring, drop, meet
-from tests.recall import Recall
-from tests.stageplay import Stageplay
+from tests.predicate_probe import PredicateProbe
+from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 LAYOUT = Layout(
@@ -30,19 +30,19 @@ Moments = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
 @pytest.fixture(scope="module")
-def moments(bench: Stageplay) -> Moments:
+def moments(bench: TaskHarness) -> Moments:
     """States by letter: on the (t)able, held by (r)ight, (b)oth, (l)eft alone, by left against the
     bowl (i), in the bowl and (f)ree, in the air and held by (n)obody.
     """
     saved: Moments = {}
 
     def keep(letter: str) -> None:
-        saved[letter] = bench.sim.save()
+        saved[letter] = bench.sim.get_state()
 
     def whole_way(arms: Arms) -> Script:
         keep("t")
@@ -57,7 +57,7 @@ def moments(bench: Stageplay) -> Moments:
         yield from drop(arms, LEFT)
         keep("f")
         bench.sim.place("cube", SE3.at(0.9, 0.0, 0.3))
-        bench.sim.refresh()
+        bench.sim.forward()
         keep("n")
 
     def meet_again(arms: Arms) -> Script:
@@ -68,19 +68,19 @@ def moments(bench: Stageplay) -> Moments:
     return saved
 
 
-def answer(bench: Stageplay, moments: Moments, letters: str, question: Predicate) -> bool:
+def answer(bench: TaskHarness, moments: Moments, letters: str, question: Predicate) -> bool:
     """Whether a predicate holds at the end of a sequence of moments."""
     bench.start(layout=LAYOUT)
-    lowest = {"cube": bench.sim.lowest("cube")}
-    recall = Recall(question)
+    lowest = {"cube": bench.sim.min_height("cube")}
+    probe = PredicateProbe(question)
     yes = False
     for letter in letters:
-        bench.sim.restore(moments[letter])
-        yes = recall.ask(bench.sim, lowest)
+        bench.sim.set_state(moments[letter])
+        yes = probe.ask(bench.sim, lowest)
     return yes
 
 
-def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments) -> None:
+def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Moments) -> None:
     hands = {
         "t": (),
         "r": (RIGHT,),
@@ -92,7 +92,7 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
     }
     supports = {"t": "table", "i": "bowl", "f": "bowl"}
     for letter, state in moments.items():
-        bench.sim.restore(state)
+        bench.sim.set_state(state)
         contacts = bench.sim.contacts
         for side in Side:
             assert contacts.pads(side, "cube") == (side in hands[letter]), letter
@@ -131,7 +131,7 @@ def test_the_moments_are_what_they_are_called(bench: Stageplay, moments: Moments
     ],
 )
 def test_who_received(
-    bench: Stageplay, moments: Moments, letters: str, receiver: Side | None
+    bench: TaskHarness, moments: Moments, letters: str, receiver: Side | None
 ) -> None:
     received = handover("cube", "bowl").received
     assert [s for s, p in received.items() if answer(bench, moments, letters, p)] == (
@@ -162,7 +162,7 @@ def test_who_received(
         ("trbliftf", False),
     ],
 )
-def test_what_was_put_there(bench: Stageplay, moments: Moments, letters: str, put: bool) -> None:
+def test_what_was_put_there(bench: TaskHarness, moments: Moments, letters: str, put: bool) -> None:
     in_bowl = touching("cube", "bowl")
     words = handover("cube", "bowl")
     assert answer(bench, moments, letters, words.put(in_bowl, until=~in_bowl)) == put
@@ -172,7 +172,7 @@ def test_what_was_put_there(bench: Stageplay, moments: Moments, letters: str, pu
     ("letters", "put"), [("trblif", True), ("trblitf", False), ("trblibf", False)]
 )
 def test_what_was_put_there_is_not_touched_again(
-    bench: Stageplay, moments: Moments, letters: str, put: bool
+    bench: TaskHarness, moments: Moments, letters: str, put: bool
 ) -> None:
     """By the other arm, or by the table."""
     never = touching("cube", "bowl") & ~touching("cube", "bowl")

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from duobench.stages.predicates import Predicate, since
-from tests.recall import Recall
+from tests.predicate_probe import PredicateProbe
 
 STEPS = 5
 
@@ -20,9 +20,9 @@ class Sequence:
         return Predicate(letter, lambda _moment: letter in self.now)
 
     def ask(self, steps: tuple[str, ...], question: Predicate) -> list[bool]:
-        recall, answers = Recall(question), []
+        probe, answers = PredicateProbe(question), []
         for self.now in steps:
-            answers.append(recall.ask())
+            answers.append(probe.ask())
         return answers
 
 

@@ -2,14 +2,14 @@
 
 import pytest
 
+from duobench.objects.blocks import WHITE, cube
+from duobench.objects.gate import RING_HEIGHT, gate
+from duobench.objects.prop import Prop
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import WHITE, cube
-from duobench.solids.gate import RING_HEIGHT, gate
-from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages.passage import EXIT_DEPTH, Hole, passage
 from duobench.stages.predicates import Predicate
-from tests.recall import Recall
+from tests.predicate_probe import PredicateProbe
 
 RADIUS, RIM = 0.10, 0.115
 GATE = SE3.at(0.4, 0.1, yaw=0.5)
@@ -81,14 +81,14 @@ def answers_on(sim: Simulation, way: str, held: str) -> tuple[str, str]:
     grasp = Predicate("held", lambda _: hands["held"])
     hole = Hole(body="gate", height=RING_HEIGHT, radius=RADIUS, rim=RIM)
     words = passage("cube", hole, held=grasp)
-    both = Recall(words.crossing), Recall(words.through)
+    both = PredicateProbe(words.crossing), PredicateProbe(words.through)
     sim.place("gate", GATE)
     answers = []
     for place, hand in zip(way, held, strict=True):
         hands["held"] = hand == "1"
         x, y, z = PLACES[place]
         sim.place("cube", GATE @ SE3.at(x, y, RING_HEIGHT + z))
-        sim.refresh()
-        answers.append([str(int(recall.ask(sim))) for recall in both])
+        sim.forward()
+        answers.append([str(int(probe.ask(sim))) for probe in both])
     crossing, through = ("".join(column) for column in zip(*answers, strict=True))
     return crossing, through

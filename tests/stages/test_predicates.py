@@ -16,8 +16,8 @@ from duobench.spatial import SE3
 from duobench.stages.predicates import (
     BoxRegion,
     CylinderRegion,
-    Moment,
     Predicate,
+    StateView,
     all_of,
     any_of,
     at_least,
@@ -55,7 +55,7 @@ def shared() -> Simulation:
 
 @pytest.fixture
 def sim(shared: Simulation) -> Simulation:
-    shared.clear()
+    shared.reset_data()
     put(shared, **REST)
     shared.settle()
     return shared
@@ -64,7 +64,7 @@ def sim(shared: Simulation) -> Simulation:
 def put(sim: Simulation, **poses: SE3) -> None:
     for name, pose in poses.items():
         sim.place(name, pose)
-    sim.refresh()
+    sim.forward()
 
 
 def gripped(sim: Simulation) -> None:
@@ -77,14 +77,14 @@ def gripped(sim: Simulation) -> None:
         sim.step(CLOSED_LEFT)
 
 
-def moment(sim: Simulation, **changes: object) -> Moment:
+def moment(sim: Simulation, **changes: object) -> StateView:
     fields: dict[str, object] = {
         "simulation": sim,
-        "start_lowest": dict.fromkeys(sim.props, 0.0),
+        "start_heights": dict.fromkeys(sim.props, 0.0),
         "variants": {},
         "remembered": frozenset(),
     }
-    return Moment(**fields | changes)  # type: ignore[arg-type]
+    return StateView(**fields | changes)  # type: ignore[arg-type]
 
 
 def holds(predicate: Predicate, sim: Simulation, **changes: object) -> bool:
@@ -165,9 +165,9 @@ def test_a_gripped_cube_is_held_by_that_arm_alone(sim: Simulation) -> None:
 
 def test_held_needs_ten_millimetres(sim: Simulation) -> None:
     gripped(sim)
-    lowest = sim.lowest("cube")
-    assert holds(lifted(Side.LEFT, "cube"), sim, start_lowest={"cube": lowest - 0.0101})
-    assert not holds(lifted(Side.LEFT, "cube"), sim, start_lowest={"cube": lowest - 0.0099})
+    lowest = sim.min_height("cube")
+    assert holds(lifted(Side.LEFT, "cube"), sim, start_heights={"cube": lowest - 0.0101})
+    assert not holds(lifted(Side.LEFT, "cube"), sim, start_heights={"cube": lowest - 0.0099})
 
 
 def test_clear_means_all_supports(sim: Simulation) -> None:
@@ -191,10 +191,10 @@ def test_a_touch_of_the_palm_is_a_touch_and_no_pinch(sim: Simulation) -> None:
 
 def test_raised_is_about_the_lowest_point(sim: Simulation) -> None:
     put(sim, slab=SE3.at(0.5, -0.2, 0.04) @ SE3.about((0, 1, 0), 0.5))
-    lowest = sim.lowest("slab")
+    lowest = sim.min_height("slab")
     assert lowest < 0.04 - 0.02
-    assert holds(raised("slab", 0.01), sim, start_lowest={"slab": lowest - 0.0101})
-    assert not holds(raised("slab", 0.01), sim, start_lowest={"slab": lowest - 0.0099})
+    assert holds(raised("slab", 0.01), sim, start_heights={"slab": lowest - 0.0101})
+    assert not holds(raised("slab", 0.01), sim, start_heights={"slab": lowest - 0.0099})
 
 
 @pytest.mark.parametrize(

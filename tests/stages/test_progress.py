@@ -6,10 +6,10 @@ import itertools
 
 import pytest
 
+from duobench.objects.blocks import RED, cube
+from duobench.objects.prop import Prop
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
-from duobench.solids.blocks import RED, cube
-from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages.predicates import Predicate, held_for, raised, since, variant
 from duobench.stages.progress import Progress, Stage
@@ -183,16 +183,16 @@ def test_held_for_starts_anew_with_an_episode(bench: Bench) -> None:
 
 def test_heights_count_from_the_start_of_the_episode(sim: Simulation) -> None:
     progress = Progress((Stage(name="up", instruction="up", holds=raised("cube", 0.03)),))
-    sim.clear()
+    sim.reset_data()
     for start in (0.0, 0.2):
         sim.place("cube", SE3.at(0.5, 0.0, start + 0.016))
-        sim.refresh()
+        sim.forward()
         progress.reset(sim, {})
         sim.place("cube", SE3.at(0.5, 0.0, start + 0.016 + 0.029))
-        sim.refresh()
+        sim.forward()
         assert progress.update(sim) == 0
         sim.place("cube", SE3.at(0.5, 0.0, start + 0.016 + 0.031))
-        sim.refresh()
+        sim.forward()
         assert progress.update(sim) == 1
 
 

@@ -18,7 +18,7 @@ from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, Side
 from tests.adversaries import hinge_chest as chest_cheats
 from tests.adversaries import spring_door as door_cheats
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 LONG = round(UNSUPPORTED_TIME * CONTROL_HZ)
 GRAZE = round(GRAZE_TIME * CONTROL_HZ)
@@ -72,7 +72,7 @@ CASES = {
 class Scene:
     """A task on the bench, and states of it by letter."""
 
-    bench: Stageplay
+    bench: TaskHarness
     case: Case
     states: dict[str, np.ndarray]
 
@@ -80,7 +80,7 @@ class Scene:
         """The stage after a sequence of moments."""
         self.bench.start(0)
         for letter in "".join(letters):
-            self.bench.sim.restore(self.states[letter])
+            self.bench.sim.set_state(self.states[letter])
             self.bench.judge()
         return self.bench.stage
 
@@ -89,7 +89,7 @@ def set_lid(sim: Simulation, lid: str, angle: float) -> None:
     joint = sim.model.joint(lid)
     sim.data.qpos[joint.qposadr[0]] = angle
     sim.data.qvel[joint.dofadr[0]] = 0.0
-    sim.refresh()
+    sim.forward()
 
 
 def lower_onto_the_arm(sim: Simulation, case: Case) -> None:
@@ -100,21 +100,21 @@ def lower_onto_the_arm(sim: Simulation, case: Case) -> None:
         set_lid(sim, case.lid, angle)
 
 
-def send_home(bench: Stageplay, start: np.ndarray, side: Side) -> None:
+def send_home(bench: TaskHarness, start: np.ndarray, side: Side) -> None:
     """Put one arm where it was at the start."""
     sim = bench.sim
     now = sim.data.qpos.copy()
-    sim.restore(start)
+    sim.set_state(start)
     home = sim.data.qpos.copy()
     sim.data.qpos[:] = now
     for number in range(sim.model.njnt):
         joint = sim.model.joint(number)
         if joint.name.startswith(f"{side}/"):
             sim.data.qpos[joint.qposadr[0]] = home[joint.qposadr[0]]
-    sim.refresh()
+    sim.forward()
 
 
-def collect(bench: Stageplay, case: Case) -> dict[str, np.ndarray]:
+def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     """States by letter.
 
     What two arms did: (t) at the start; the lid held open and the cube (h)eld, come (n)ear,
@@ -126,10 +126,10 @@ def collect(bench: Stageplay, case: Case) -> dict[str, np.ndarray]:
     sim, saved = bench.sim, dict[str, np.ndarray]()
 
     def keep(letter: str) -> None:
-        saved[letter] = sim.save()
+        saved[letter] = sim.get_state()
 
     def edit(letter: str, base: str, change: Callable[[], Any]) -> None:
-        sim.restore(saved[base])
+        sim.set_state(saved[base])
         change()
         keep(letter)
 
@@ -149,11 +149,11 @@ def collect(bench: Stageplay, case: Case) -> dict[str, np.ndarray]:
     def at_the_other_arm() -> None:
         pads = sim.body_id(f"{case.holder}/gripper/base")
         sim.place("cube", SE3(np.eye(3), sim.data.xpos[pads]))
-        sim.refresh()
+        sim.forward()
 
     def on_the_lid() -> None:
         sim.place("cube", SE3(np.eye(3), sim.data.xipos[sim.body_id(case.lid)]))
-        sim.refresh()
+        sim.forward()
 
     bench.start(0)
     bench.act(honest)
@@ -169,7 +169,7 @@ def collect(bench: Stageplay, case: Case) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module", params=CASES)
 def scene(request: pytest.FixtureRequest) -> Scene:
-    bench, case = Stageplay(catalog.get(request.param)), CASES[request.param]
+    bench, case = TaskHarness(catalog.get(request.param)), CASES[request.param]
     return Scene(bench, case, collect(bench, case))
 
 
@@ -178,7 +178,7 @@ def test_the_moments_are_what_they_shall_be(scene: Scene) -> None:
     contacts = sim.contacts
 
     def at(letter: str) -> Simulation:
-        sim.restore(scene.states[letter])
+        sim.set_state(scene.states[letter])
         return sim
 
     for letter in "hnif":
@@ -277,6 +277,6 @@ def test_no_lid_stays_open_by_itself_for_long(scene: Scene) -> None:
     for speed in np.arange(0.0, 32.0, 2.0):
         set_lid(bench.sim, lid, joint.range[1] if speed == 0 else OPEN)
         bench.sim.data.qvel[joint.dofadr[0]] = speed
-        bench.sim.refresh()
+        bench.sim.forward()
         bench.hold(LONG - 2)
         assert bench.sim.angle(lid) < OPEN, speed

@@ -6,9 +6,7 @@ import pytest
 
 from duobench.experts.ball_maze import grasp, lift, script
 from duobench.experts.motion import Arms, Script, carry, down, grip, move, release, wait
-from duobench.sim.contacts import Limb, limb_owner
-from duobench.sim.layout import Layout
-from duobench.solids.maze_board import (
+from duobench.objects.maze_board import (
     BALL_RADIUS,
     BASE,
     CELLS,
@@ -20,49 +18,51 @@ from duobench.solids.maze_board import (
     wall_numbers,
     wall_variants,
 )
-from duobench.solids.mazes import GOAL, MAZES, START, Direction
+from duobench.objects.mazes import GOAL, MAZES, START, Direction
+from duobench.sim.contacts import Limb, limb_owner
+from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.tasks.ball_maze import RAISE, TASK
 from duobench.types import SIDES, Side
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 HALF_ROOM = (CELLS * PITCH - WALL) / 2 - BALL_RADIUS
 """How far the ball's centre can be from the board's along either axis, in metres."""
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
-def layout_of(bench: Stageplay, seed: int, board: int) -> Layout:
+def layout_of(bench: TaskHarness, seed: int, board: int) -> Layout:
     """A seed's layout with another board."""
     return replace(bench.start(seed), variants={"board": str(board)})
 
 
-def on_board(bench: Stageplay, x: float, y: float, z: float = BALL_RADIUS) -> SE3:
+def on_board(bench: TaskHarness, x: float, y: float, z: float = BALL_RADIUS) -> SE3:
     """A pose of the ball in the table frame, from a point of the board's."""
     return bench.sim.pose("board") @ SE3.at(x, y, z)
 
 
-def ball(bench: Stageplay) -> np.ndarray:
+def ball(bench: TaskHarness) -> np.ndarray:
     """Where the ball is in the board's frame."""
     return bench.sim.pose("board").inverse().apply(bench.sim.position("ball"))
 
 
-def grasped(bench: Stageplay) -> None:
+def grasped(bench: TaskHarness) -> None:
     """Both arms grasp the board, which lies on the table."""
     assert bench.act(lambda arms: grasp(arms, *SIDES)) == 2
     assert bench.sim.contacts.between("board", "table")
 
 
-def lifted(bench: Stageplay) -> None:
+def lifted(bench: TaskHarness) -> None:
     """Both arms hold the board level in the air, with the ball at the start."""
     grasped(bench)
     assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
 
 
-def push_ball(bench: Stageplay, speed: float, angle: float) -> None:
+def push_ball(bench: TaskHarness, speed: float, angle: float) -> None:
     """Let the ball roll at a speed in m/s, at an angle in the board's plane."""
     start = bench.sim.model.joint("ball").dofadr[0]
     direction = bench.sim.rotation("board") @ [math.cos(angle), math.sin(angle), 0.0]
@@ -71,7 +71,7 @@ def push_ball(bench: Stageplay, speed: float, angle: float) -> None:
 
 @pytest.mark.parametrize("number", range(len(MAZES)))
 def test_the_expert_solves_every_board_and_passes_the_stages_in_order(
-    bench: Stageplay, number: int
+    bench: TaskHarness, number: int
 ) -> None:
     bench.start(layout=layout_of(bench, seed=number, board=number))
     assert bench.run_for(script, TASK.horizon) == 4
@@ -83,7 +83,7 @@ def test_the_expert_solves_every_board_and_passes_the_stages_in_order(
 # --- what must not count -----------------------------------------------------------------------
 
 
-def test_a_ball_that_was_moved_on_the_table_does_not_count(bench: Stageplay) -> None:
+def test_a_ball_that_was_moved_on_the_table_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     grasped(bench)
     bench.put(ball=on_board(bench, *cell_centre(GOAL)))
@@ -94,7 +94,7 @@ def test_a_ball_that_was_moved_on_the_table_does_not_count(bench: Stageplay) -> 
     assert not bench.sim.contacts.between("board", "table")
 
 
-def test_a_ball_that_rolled_in_the_air_counts(bench: Stageplay) -> None:
+def test_a_ball_that_rolled_in_the_air_counts(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
     bench.put(ball=on_board(bench, 0.0, 0.0))
@@ -103,7 +103,7 @@ def test_a_ball_that_rolled_in_the_air_counts(bench: Stageplay) -> None:
     assert bench.stage == 4
 
 
-def test_a_ball_at_the_goal_that_skipped_the_way_takes_two_steps(bench: Stageplay) -> None:
+def test_a_ball_at_the_goal_that_skipped_the_way_takes_two_steps(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
     bench.put(ball=on_board(bench, *cell_centre(GOAL)))
@@ -111,7 +111,7 @@ def test_a_ball_at_the_goal_that_skipped_the_way_takes_two_steps(bench: Stagepla
 
 
 def test_a_ball_in_the_goals_cell_but_far_from_its_centre_does_not_count(
-    bench: Stageplay,
+    bench: TaskHarness,
 ) -> None:
     bench.start(0)
     lifted(bench)
@@ -121,7 +121,7 @@ def test_a_ball_in_the_goals_cell_but_far_from_its_centre_does_not_count(
     assert bench.stage == 3
 
 
-def test_a_ball_off_the_board_does_not_count(bench: Stageplay) -> None:
+def test_a_ball_off_the_board_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
     x, y, _ = bench.sim.position("board")
@@ -134,7 +134,7 @@ def test_a_ball_off_the_board_does_not_count(bench: Stageplay) -> None:
         assert bench.stage == 2
 
 
-def test_a_board_that_is_put_down_does_not_count(bench: Stageplay) -> None:
+def test_a_board_that_is_put_down_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
     bench.put(ball=on_board(bench, 0.0, 0.0))
@@ -146,32 +146,32 @@ def test_a_board_that_is_put_down_does_not_count(bench: Stageplay) -> None:
 @pytest.mark.parametrize("rolled", [True, False])
 @pytest.mark.parametrize(("steps", "spoilt"), [(0, False), (1, False), (4, True)])
 def test_a_ball_that_rolls_on_a_board_put_down_again_does_not_count(
-    bench: Stageplay, rolled: bool, steps: int, spoilt: bool
+    bench: TaskHarness, rolled: bool, steps: int, spoilt: bool
 ) -> None:
     bench.start(0)
     grasped(bench)
-    on_table = bench.sim.save()
+    on_table = bench.sim.get_state()
     bench.start(0)
     lifted(bench)
-    aloft = bench.sim.save()
+    aloft = bench.sim.get_state()
     if rolled:
         bench.put(ball=on_board(bench, 0.0, 0.0))
 
-    bench.sim.restore(on_table)
+    bench.sim.set_state(on_table)
     assert bench.sim.contacts.between("board", "table")
     bench.put(ball=on_board(bench, 0.0, 0.0))
     push_ball(bench, 0.1, 0.0)
     for _ in range(steps):
         bench.judge()
 
-    bench.sim.restore(aloft)
+    bench.sim.set_state(aloft)
     for cell in ((2, 2), GOAL):
         bench.put(ball=on_board(bench, *cell_centre(cell)))
     assert bench.stage == (4 if not spoilt else 3 if rolled else 2)
     assert solved_from_the_start(bench)
 
 
-def test_a_board_may_be_put_down_and_lifted_again(bench: Stageplay) -> None:
+def test_a_board_may_be_put_down_and_lifted_again(bench: TaskHarness) -> None:
     bench.start(0)
     bench.reach(script, 3)
 
@@ -189,38 +189,38 @@ def test_a_board_may_be_put_down_and_lifted_again(bench: Stageplay) -> None:
     assert bench.act(rest) == 4
 
 
-def test_a_ball_at_the_goal_of_a_board_on_the_table_does_not_count(bench: Stageplay) -> None:
+def test_a_ball_at_the_goal_of_a_board_on_the_table_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     grasped(bench)
-    on_table = bench.sim.save()
+    on_table = bench.sim.get_state()
     assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
-    aloft = bench.sim.save()
+    aloft = bench.sim.get_state()
     bench.put(ball=on_board(bench, 0.0, 0.0))
     for state, stage in ((on_table, 3), (aloft, 4)):
-        bench.sim.restore(state)
+        bench.sim.set_state(state)
         bench.put(ball=on_board(bench, *cell_centre(GOAL)))
         assert bench.stage == stage
 
 
 @pytest.mark.parametrize(("above", "stage"), [(-0.001, 2), (0.001, 3)])
-def test_a_board_is_lifted_from_10_mm_on(bench: Stageplay, above: float, stage: int) -> None:
+def test_a_board_is_lifted_from_10_mm_on(bench: TaskHarness, above: float, stage: int) -> None:
     bench.start(0)
     grasped(bench)
     x, y, _ = bench.sim.position("board")
     # The grips slide up between the pads.
     bench.sim.place("board", SE3.at(x, y, BASE + RAISE + above, yaw=bench.sim.pose("board").yaw))
-    bench.sim.refresh()
+    bench.sim.forward()
     for cell in (START, (2, 2)):
         bench.put(ball=on_board(bench, *cell_centre(cell)))
     assert all(bench.sim.contacts.pads(side, "board") for side in SIDES)
     assert bench.stage == stage
 
 
-def test_a_board_that_leans_on_the_table_is_not_lifted(bench: Stageplay) -> None:
+def test_a_board_that_leans_on_the_table_is_not_lifted(bench: TaskHarness) -> None:
     bench.start(2)
     lifted(bench)
     pose = bench.sim.pose("board")
-    apart = bench.arms.tool(Side.LEFT).translation - bench.arms.tool(Side.RIGHT).translation
+    apart = bench.arms.tcp_pose(Side.LEFT).translation - bench.arms.tcp_pose(Side.RIGHT).translation
     turn = SE3.about(np.cross((0.0, 0.0, 1.0), apart), 0.2)
     low = np.array([*pose.translation[:2], BASE + 0.010])
     leaning = SE3(turn.rotation @ pose.rotation, low)
@@ -239,30 +239,30 @@ def test_a_board_that_leans_on_the_table_is_not_lifted(bench: Stageplay) -> None
     assert bench.stage == 2
 
 
-def solved_from_the_start(bench: Stageplay) -> bool:
+def solved_from_the_start(bench: TaskHarness) -> bool:
     """Whether the whole way, in the air and in this very moment, is success."""
     for cell in (START, (2, 2), GOAL):
         bench.put(ball=on_board(bench, *cell_centre(cell)))
     return bench.stage == 4
 
 
-def touched(bench: Stageplay, limb: Limb) -> None:
+def touched(bench: TaskHarness, limb: Limb) -> None:
     """For one step let a part of the left arm touch the ball, where it lies on the board."""
-    before = bench.sim.save()
+    before = bench.sim.get_state()
     owner = limb_owner(Side.LEFT, limb)
     for point in bench.sim.data.geom_xpos.copy():
         bench.sim.place("ball", SE3.at(*point))
         bench.sim.place("board", SE3.at(*point).moved(z=-BALL_RADIUS))
-        bench.sim.refresh()
+        bench.sim.forward()
         if owner in bench.sim.contacts.partners("ball") <= {owner, "board"}:
             break
     assert bench.sim.contacts.between("ball", owner)
     bench.judge()
-    bench.sim.restore(before)
+    bench.sim.set_state(before)
 
 
-@pytest.mark.parametrize("limb", [Limb.HAND, Limb.ARM])
-def test_a_ball_that_the_robot_moved_does_not_count(bench: Stageplay, limb: Limb) -> None:
+@pytest.mark.parametrize("limb", [Limb.PALM, Limb.ARM])
+def test_a_ball_that_the_robot_moved_does_not_count(bench: TaskHarness, limb: Limb) -> None:
     bench.start(0)
     lifted(bench)
     touched(bench, limb)
@@ -282,7 +282,7 @@ def test_a_ball_that_the_robot_moved_does_not_count(bench: Stageplay, limb: Limb
 
 @pytest.mark.parametrize(("above", "stages"), [(-0.001, (3, 4)), (0.001, (2, 3))])
 def test_a_ball_that_hops_higher_than_the_walls_does_not_count(
-    bench: Stageplay, above: float, stages: tuple[int, int]
+    bench: TaskHarness, above: float, stages: tuple[int, int]
 ) -> None:
     bench.start(0)
     lifted(bench)
@@ -297,7 +297,7 @@ def test_a_ball_that_hops_higher_than_the_walls_does_not_count(
     assert solved_from_the_start(bench)
 
 
-def test_a_touch_before_the_board_is_taken_up_does_no_harm(bench: Stageplay) -> None:
+def test_a_touch_before_the_board_is_taken_up_does_no_harm(bench: TaskHarness) -> None:
     def touch(arms: Arms) -> Script:
         x, y, z = arms.sim.position("ball")
         above = down(x, y, z + 0.10)
@@ -316,7 +316,7 @@ def test_a_touch_before_the_board_is_taken_up_does_no_harm(bench: Stageplay) -> 
 
 
 @pytest.mark.parametrize("speed", [0.3, 1.0])
-def test_the_ball_cannot_leave_a_level_board(bench: Stageplay, speed: float) -> None:
+def test_the_ball_cannot_leave_a_level_board(bench: TaskHarness, speed: float) -> None:
     for angle in np.linspace(0, 2 * math.pi, 8, endpoint=False):
         bench.start(0)
         for number in wall_numbers().values():
@@ -330,15 +330,15 @@ def test_the_ball_cannot_leave_a_level_board(bench: Stageplay, speed: float) -> 
         assert z == pytest.approx(BALL_RADIUS, abs=0.001)
 
 
-def test_the_ball_stays_at_the_start_while_the_board_is_level(bench: Stageplay) -> None:
+def test_the_ball_stays_at_the_start_while_the_board_is_level(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
     assert np.linalg.norm(ball(bench)[:2] - cell_centre(START)) < 0.012
 
 
-def test_the_walls_of_the_layouts_maze_stand_and_no_others(bench: Stageplay) -> None:
+def test_the_walls_of_the_layouts_maze_stand_and_no_others(bench: TaskHarness) -> None:
     model = bench.sim.model
-    pictures = {board: variant.without_pictures for board, variant in wall_variants().items()}
+    images = {board: variant.without_images for board, variant in wall_variants().items()}
     for board in (9, 0, 4, 4, 1):
         bench.start(layout=layout_of(bench, seed=0, board=board))
         for segment, number in wall_numbers().items():
@@ -347,14 +347,14 @@ def test_the_walls_of_the_layouts_maze_stand_and_no_others(bench: Stageplay) -> 
             assert (geom.contype[0] > 0) == (geom.conaffinity[0] > 0) == stands
         seen = {
             number
-            for number in frozenset().union(*pictures.values())
-            if model.geom(f"board:picture{number}").rgba[3]
+            for number in frozenset().union(*images.values())
+            if model.geom(f"board:image{number}").rgba[3]
         }
-        assert seen == frozenset().union(*pictures.values()) - pictures[str(board)]
+        assert seen == frozenset().union(*images.values()) - images[str(board)]
         assert len(seen) == 1
 
 
-def test_a_wall_stops_the_ball_and_a_passage_lets_it_through(bench: Stageplay) -> None:
+def test_a_wall_stops_the_ball_and_a_passage_lets_it_through(bench: TaskHarness) -> None:
     for board in range(len(MAZES)):
         end = MAZES[board].run(START, Direction.EAST)
         bench.start(layout=layout_of(bench, seed=0, board=board))
@@ -366,7 +366,7 @@ def test_a_wall_stops_the_ball_and_a_passage_lets_it_through(bench: Stageplay) -
 # --- objects -------------------------------------------------------------------------------------
 
 
-def test_objects_rest_apart_at_reset(bench: Stageplay) -> None:
+def test_objects_rest_apart_at_reset(bench: TaskHarness) -> None:
     for seed in range(10):
         layout = bench.start(seed)
         assert bench.sim.contacts.deepest(0.0005) == []

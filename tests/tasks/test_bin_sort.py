@@ -5,28 +5,28 @@ import pytest
 
 from duobench.experts.bin_sort import script
 from duobench.experts.motion import Arms, Script, down, move, pick, pick_cube, release
+from duobench.objects.blocks import CUBE_EDGE
+from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.scene.naming import TABLE
-from duobench.solids.blocks import CUBE_EDGE
-from duobench.solids.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.spatial import SE3
 from duobench.tasks.bin_sort import TASK
 from duobench.types import SIDES, Side
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 IN_BOWL = 0.004 + CUBE_EDGE / 2 + 0.0005
 """Height of a cube's centre above the underside of the bowl that it lies in, in metres."""
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
-def _in(bench: Stageplay, bowl: str) -> SE3:
+def _in(bench: TaskHarness, bowl: str) -> SE3:
     return bench.sim.pose(bowl) @ SE3.at(z=IN_BOWL)
 
 
-def test_the_expert_sorts_both_cubes(bench: Stageplay) -> None:
+def test_the_expert_sorts_both_cubes(bench: TaskHarness) -> None:
     for seed in (3, 17):
         bench.start(seed)
         assert bench.run_for(script, TASK.horizon) == 5
@@ -34,7 +34,7 @@ def test_the_expert_sorts_both_cubes(bench: Stageplay) -> None:
         assert 2 in bench.history
 
 
-def test_the_end_of_the_expert_stays(bench: Stageplay) -> None:
+def test_the_end_of_the_expert_stays(bench: TaskHarness) -> None:
     bench.start(0)
     assert bench.run_for(script, TASK.horizon) == 5
     for _ in range(10):
@@ -44,7 +44,7 @@ def test_the_end_of_the_expert_stays(bench: Stageplay) -> None:
 
 @pytest.mark.parametrize(("one", "other"), [("white", "black"), ("black", "white")])
 def test_a_cube_in_its_bowl_counts_and_both_are_the_end(
-    bench: Stageplay, one: str, other: str
+    bench: TaskHarness, one: str, other: str
 ) -> None:
     bench.start(0)
     bench.put(**{f"{one}_cube": _in(bench, f"{one}_bowl")})
@@ -55,7 +55,7 @@ def test_a_cube_in_its_bowl_counts_and_both_are_the_end(
 
 @pytest.mark.parametrize("side", SIDES)
 def test_a_cube_in_its_bowl_and_the_other_one_lifted_are_stage_four(
-    bench: Stageplay, side: Side
+    bench: TaskHarness, side: Side
 ) -> None:
     lifted, lying = ("white", "black") if side is Side.LEFT else ("black", "white")
     bench.start(0)
@@ -65,7 +65,7 @@ def test_a_cube_in_its_bowl_and_the_other_one_lifted_are_stage_four(
     assert bench.hold(10) == 4
 
 
-def test_both_cubes_lifted_together_are_stage_two(bench: Stageplay) -> None:
+def test_both_cubes_lifted_together_are_stage_two(bench: TaskHarness) -> None:
     bench.start(0)
     for side, cube in ((Side.LEFT, "white_cube"), (Side.RIGHT, "black_cube")):
         bench.act(lambda arms, side=side, cube=cube: pick_cube(arms, side, cube, 0.028))
@@ -75,24 +75,24 @@ def test_both_cubes_lifted_together_are_stage_two(bench: Stageplay) -> None:
 @pytest.mark.parametrize("speed", [0.06, 0.5, 1.5])
 @pytest.mark.parametrize("direction", [0, 2])
 def test_a_cube_that_flies_through_its_bowl_does_not_count(
-    bench: Stageplay, speed: float, direction: int
+    bench: TaskHarness, speed: float, direction: int
 ) -> None:
     """It touches the bowl's floor, and moves."""
     bench.start(0)
     bench.sim.place("white_cube", _in(bench, "white_bowl").moved(z=-0.0007))
     start = bench.sim.model.joint("white_cube").dofadr[0]
     bench.sim.data.qvel[start + direction] = speed
-    bench.sim.refresh()
+    bench.sim.forward()
     assert bench.sim.contacts.between("white_cube", "white_bowl")
     assert bench.judge() == 0
 
 
-def test_a_cube_that_spins_in_its_bowl_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_that_spins_in_its_bowl_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.sim.place("white_cube", _in(bench, "white_bowl").moved(z=-0.0007))
     start = bench.sim.model.joint("white_cube").dofadr[0]
     bench.sim.data.qvel[start + 5] = 0.6
-    bench.sim.refresh()
+    bench.sim.forward()
     assert bench.judge() == 0
 
 
@@ -111,7 +111,7 @@ LYING = SE3.about((1, 0, 0), math.pi / 2)
     ids=["in the air", "on the floor", "on its side", "tipped"],
 )
 def test_a_bowl_that_does_not_stand_on_the_table_does_not_count(
-    bench: Stageplay, bowl: SE3
+    bench: TaskHarness, bowl: SE3
 ) -> None:
     bench.start(0)
     for _ in range(3):
@@ -120,7 +120,7 @@ def test_a_bowl_that_does_not_stand_on_the_table_does_not_count(
     assert bench.stage == 0
 
 
-def test_a_bowl_that_stands_elsewhere_on_the_table_counts(bench: Stageplay) -> None:
+def test_a_bowl_that_stands_elsewhere_on_the_table_counts(bench: TaskHarness) -> None:
     bench.start(0)
     tilt = SE3.about((1, 0, 0), math.radians(15))
     bowl = SE3.at(0.45, 0.45, RADIUS * math.sin(math.radians(15)) - 0.0001) @ tilt
@@ -129,7 +129,7 @@ def test_a_bowl_that_stands_elsewhere_on_the_table_counts(bench: Stageplay) -> N
     assert bench.stage == 3
 
 
-def test_a_bowl_in_the_other_bowl_does_not_count(bench: Stageplay) -> None:
+def test_a_bowl_in_the_other_bowl_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bowl = bench.sim.pose("black_bowl").moved(z=RIM_HEIGHT - 0.0001)
     bench.put(white_bowl=bowl, white_cube=bowl @ SE3.at(z=IN_BOWL - 0.0007))
@@ -137,7 +137,7 @@ def test_a_bowl_in_the_other_bowl_does_not_count(bench: Stageplay) -> None:
     assert bench.stage == 0
 
 
-def test_cubes_in_each_others_bowls_do_not_count(bench: Stageplay) -> None:
+def test_cubes_in_each_others_bowls_do_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(white_cube=_in(bench, "black_bowl"), black_cube=_in(bench, "white_bowl"))
     assert bench.hold(20) == 0
@@ -157,14 +157,14 @@ def carry(height: float) -> Callable[[Arms], Script]:
     return run
 
 
-def test_a_cube_held_above_its_bowl_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_held_above_its_bowl_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     assert bench.act(carry(0.05)) == 1
     assert bench.hold(20) == 1
     assert not bench.sim.contacts.between("white_cube", "white_bowl")
 
 
-def test_a_cube_still_held_in_its_bowl_is_in_it_and_not_released(bench: Stageplay) -> None:
+def test_a_cube_still_held_in_its_bowl_is_in_it_and_not_released(bench: TaskHarness) -> None:
     bench.start(0)
     assert bench.act(carry(0.030)) == 2
     assert bench.hold(20) == 2
@@ -179,7 +179,7 @@ def test_a_cube_still_held_in_its_bowl_is_in_it_and_not_released(bench: Stagepla
     ids=["in the air", "against the rim"],
 )
 def test_a_cube_in_the_air_or_beside_the_bowl_does_not_count(
-    bench: Stageplay, x: float, z: float
+    bench: TaskHarness, x: float, z: float
 ) -> None:
     bench.start(0)
     bench.put(white_cube=bench.sim.pose("white_bowl") @ SE3.at(x=x, z=z))
@@ -188,7 +188,7 @@ def test_a_cube_in_the_air_or_beside_the_bowl_does_not_count(
     assert bench.stage == 0
 
 
-def test_a_cube_on_the_rim_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_on_the_rim_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     rim = SE3.at(x=RADIUS - WALL / 2, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0002)
     bench.put(white_cube=bench.sim.pose("white_bowl") @ rim)
@@ -196,7 +196,7 @@ def test_a_cube_on_the_rim_does_not_count(bench: Stageplay) -> None:
     assert bench.stage == 0
 
 
-def test_a_bowl_turned_over_a_cube_does_not_count(bench: Stageplay) -> None:
+def test_a_bowl_turned_over_a_cube_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     x, y, _ = bench.sim.position("white_bowl")
     cube = SE3.at(x, y, CUBE_EDGE / 2 - 0.0001)

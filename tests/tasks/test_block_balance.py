@@ -5,10 +5,10 @@ import pytest
 
 from duobench.experts.block_balance import lower, script
 from duobench.experts.motion import Arms, Script, down, move, pick, release, together, wait
+from duobench.objects.blocks import block
+from duobench.objects.solid import PLA_DENSITY, mass_properties, printable
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import STILL_SPEED
-from duobench.solids.blocks import block
-from duobench.solids.solid import PLA_DENSITY, mass_properties, printable
 from duobench.spatial import SE3
 from duobench.tasks.block_balance import (
     BEAM,
@@ -21,7 +21,7 @@ from duobench.tasks.block_balance import (
     TIPPING,
 )
 from duobench.types import SIDES, Side
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 PLACE = 0.078
 """Distance of a block from the beam's middle, where the expert puts it."""
@@ -35,11 +35,11 @@ ASIDE = SE3.at(0.3, -0.3, BLOCK[2] / 2)
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
-def _ready(bench: Stageplay) -> None:
+def _ready(bench: TaskHarness) -> None:
     """An episode in which the beam lies on the cube and both arms hold a block in the air."""
     bench.start(0)
     bench.reach(script, 3)
@@ -47,16 +47,16 @@ def _ready(bench: Stageplay) -> None:
     assert bench.stage == 3
 
 
-def _loaded(bench: Stageplay) -> None:
+def _loaded(bench: TaskHarness) -> None:
     """An episode in which both arms hold their blocks on the beam."""
     bench.start(0)
     bench.reach(script, 4)
 
 
-def _build(bench: Stageplay, **poses: SE3) -> None:
+def _build(bench: TaskHarness, **poses: SE3) -> None:
     """Build a state without hands: the arms are at home."""
     here = {name: bench.sim.pose(name) for name in bench.sim.props}
-    bench.sim.clear()
+    bench.sim.reset_data()
     bench.put(**{**here, **poses})
 
 
@@ -65,12 +65,12 @@ def _hands_away(arms: Arms) -> Script:
     yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES})
 
 
-def _bridge(bench: Stageplay) -> dict[str, SE3]:
+def _bridge(bench: TaskHarness) -> dict[str, SE3]:
     x, y, _ = bench.sim.position("cube")
     return {"cube": SE3.at(x, y, CUBE_EDGE / 2), "beam": SE3.at(x, y, ON_CUBE)}
 
 
-def _ends(bench: Stageplay, place: float = PLACE) -> dict[str, SE3]:
+def _ends(bench: TaskHarness, place: float = PLACE) -> dict[str, SE3]:
     x, y, _ = bench.sim.position("cube")
     return {
         name: SE3.at(x, y + sign * place, ON_BEAM)
@@ -78,11 +78,11 @@ def _ends(bench: Stageplay, place: float = PLACE) -> dict[str, SE3]:
     }
 
 
-def _tilt(bench: Stageplay) -> float:
+def _tilt(bench: TaskHarness) -> float:
     return math.acos(min(1.0, float(bench.sim.rotation("beam")[2, 2])))
 
 
-def test_the_expert_passes_the_stages_in_order(bench: Stageplay) -> None:
+def test_the_expert_passes_the_stages_in_order(bench: TaskHarness) -> None:
     for seed in (3, 17):
         bench.start(seed)
         assert bench.run_for(script, TASK.horizon) == 5
@@ -97,7 +97,7 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay) -> None:
 
 @pytest.mark.parametrize("place", [PLACE, TIPPING + 0.002])
 @pytest.mark.parametrize("name", BLOCKS)
-def test_one_block_alone_tips_the_beam(bench: Stageplay, name: str, place: float) -> None:
+def test_one_block_alone_tips_the_beam(bench: TaskHarness, name: str, place: float) -> None:
     bench.start(0)
     bench.put(**_bridge(bench), **{name: _ends(bench, place)[name]})
     tilts = [_tilt(bench) for _ in range(30) if bench.hold(1) == 0]
@@ -105,7 +105,7 @@ def test_one_block_alone_tips_the_beam(bench: Stageplay, name: str, place: float
     assert bench.sim.contacts.between(name, TABLE)
 
 
-def test_both_blocks_together_balance(bench: Stageplay) -> None:
+def test_both_blocks_together_balance(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(**_bridge(bench), **_ends(bench))
     bench.hold(60)
@@ -115,13 +115,13 @@ def test_both_blocks_together_balance(bench: Stageplay) -> None:
 # --- what must not count -----------------------------------------------------------------------
 
 
-def test_a_balance_that_was_not_built_does_not_count(bench: Stageplay) -> None:
+def test_a_balance_that_was_not_built_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(**_bridge(bench), **_ends(bench))
     assert bench.hold(30) == 0
 
 
-def test_a_balance_of_both_counts_once_it_stood_still(bench: Stageplay) -> None:
+def test_a_balance_of_both_counts_once_it_stood_still(bench: TaskHarness) -> None:
     _loaded(bench)
     bench.history.clear()
     _build(bench, **_bridge(bench), **_ends(bench))
@@ -130,19 +130,19 @@ def test_a_balance_of_both_counts_once_it_stood_still(bench: Stageplay) -> None:
     assert bench.history[: STILL_STEPS - 1] == [4] * (STILL_STEPS - 1)
 
 
-def test_a_balance_that_was_not_put_down_by_both_does_not_count(bench: Stageplay) -> None:
+def test_a_balance_that_was_not_put_down_by_both_does_not_count(bench: TaskHarness) -> None:
     _ready(bench)
     _build(bench, **_bridge(bench), **_ends(bench))
     assert bench.hold(30) == 3
 
 
-def _push(bench: Stageplay, name: str, speed: float) -> None:
+def _push(bench: TaskHarness, name: str, speed: float) -> None:
     start = bench.sim.model.joint(name).dofadr[0]
     bench.sim.data.qvel[start] = speed
 
 
 @pytest.mark.parametrize("name", ["left_block", "beam", "cube"])
-def test_a_balance_that_moves_now_and_then_does_not_count(bench: Stageplay, name: str) -> None:
+def test_a_balance_that_moves_now_and_then_does_not_count(bench: TaskHarness, name: str) -> None:
     _loaded(bench)
     _build(bench, **_bridge(bench), **_ends(bench))
     for _ in range(3):
@@ -155,7 +155,7 @@ def test_a_balance_that_moves_now_and_then_does_not_count(bench: Stageplay, name
 
 @pytest.mark.parametrize(("beyond", "stage"), [(0.02, 4), (-0.02, 5)])
 def test_a_balance_on_a_tilted_beam_does_not_count(
-    bench: Stageplay, beyond: float, stage: int
+    bench: TaskHarness, beyond: float, stage: int
 ) -> None:
     _loaded(bench)
     built = {**_bridge(bench), **_ends(bench)}
@@ -168,7 +168,7 @@ def test_a_balance_on_a_tilted_beam_does_not_count(
     assert bench.stage == stage
 
 
-def test_blocks_that_do_not_stand_do_not_count(bench: Stageplay) -> None:
+def test_blocks_that_do_not_stand_do_not_count(bench: TaskHarness) -> None:
     _loaded(bench)
     ends = _ends(bench)
     lying = SE3.at(z=(BLOCK[0] - BLOCK[2]) / 2) @ SE3.about((0, 1, 0), math.pi / 2)
@@ -185,12 +185,12 @@ def test_blocks_that_do_not_stand_do_not_count(bench: Stageplay) -> None:
     assert bench.hold(30) == 5
 
 
-def test_a_balance_that_an_arm_touches_does_not_count(bench: Stageplay) -> None:
+def test_a_balance_that_an_arm_touches_does_not_count(bench: TaskHarness) -> None:
     """Not with its gripper: all that is built is brought to its elbow."""
     _loaded(bench)
     built = {**_bridge(bench), **_ends(bench)}
-    bench.sim.clear()
-    bench.sim.refresh()
+    bench.sim.reset_data()
+    bench.sim.forward()
     elbow = bench.sim.position("left/link4") - built["left_block"].translation
     for shift, stage in ((elbow, 4), (np.zeros(3), 5)):
         x, y, z = shift
@@ -202,7 +202,7 @@ def test_a_balance_that_an_arm_touches_does_not_count(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("place", [TIPPING - 0.002, 0.017])
-def test_blocks_near_the_middle_of_the_beam_do_not_count(bench: Stageplay, place: float) -> None:
+def test_blocks_near_the_middle_of_the_beam_do_not_count(bench: TaskHarness, place: float) -> None:
     _loaded(bench)
     _build(bench, **_bridge(bench), **_ends(bench, place))
     assert bench.hold(30) == 4
@@ -212,13 +212,13 @@ def test_blocks_near_the_middle_of_the_beam_do_not_count(bench: Stageplay, place
 
 
 @pytest.mark.parametrize(("reach", "stage"), [(0.05, 3), (0.07, 4)])
-def test_both_put_their_blocks_onto_the_ends(bench: Stageplay, reach: float, stage: int) -> None:
+def test_both_put_their_blocks_onto_the_ends(bench: TaskHarness, reach: float, stage: int) -> None:
     _ready(bench)
     assert bench.act(lambda arms: lower(arms, reach=reach)) == stage
     assert all(bench.sim.contacts.between(name, "beam") for name in BLOCKS)
 
 
-def test_one_block_on_the_beam_does_not_count(bench: Stageplay) -> None:
+def test_one_block_on_the_beam_does_not_count(bench: TaskHarness) -> None:
     _ready(bench)
     assert bench.act(lambda arms: lower(arms, Side.LEFT)) == 3
     assert bench.sim.contacts.between("left_block", "beam")
@@ -226,7 +226,7 @@ def test_one_block_on_the_beam_does_not_count(bench: Stageplay) -> None:
     assert bench.act(lambda arms: lower(arms, Side.RIGHT)) == 4
 
 
-def test_a_balance_that_a_block_has_left_does_not_count(bench: Stageplay) -> None:
+def test_a_balance_that_a_block_has_left_does_not_count(bench: TaskHarness) -> None:
     _loaded(bench)
     x, y, _ = bench.sim.position("cube")
     # One block in the middle stays level; the other one is back on the table.
@@ -239,23 +239,23 @@ def test_a_balance_that_a_block_has_left_does_not_count(bench: Stageplay) -> Non
 
 @pytest.mark.parametrize(("steps", "stage"), [(2, 4), (3, 3)])
 def test_a_block_that_was_let_go_on_the_beam_does_not_count(
-    bench: Stageplay, steps: int, stage: int
+    bench: TaskHarness, steps: int, stage: int
 ) -> None:
     """And a contact that flickers was not let go."""
     _ready(bench)
     bench.act(lambda arms: lower(arms, Side.LEFT))
-    held = bench.sim.save()
+    held = bench.sim.get_state()
     _build(bench)
     for _ in range(steps - 1):
         bench.judge()
-    bench.sim.restore(held)
+    bench.sim.set_state(held)
     bench.judge()
     assert bench.sim.contacts.pads(Side.LEFT, "left_block")
     assert bench.act(lambda arms: lower(arms, Side.RIGHT)) == stage
 
 
 def test_blocks_above_the_beam_or_on_a_beam_that_lies_elsewhere_do_not_count(
-    bench: Stageplay,
+    bench: TaskHarness,
 ) -> None:
     built = {**_bridge(bench), **_ends(bench)}
     above = {name: built[name].moved(z=0.005) for name in BLOCKS}
@@ -268,7 +268,7 @@ def test_blocks_above_the_beam_or_on_a_beam_that_lies_elsewhere_do_not_count(
         assert bench.stage == 4
 
 
-def test_blocks_that_stand_on_the_table_against_the_beam_do_not_count(bench: Stageplay) -> None:
+def test_blocks_that_stand_on_the_table_against_the_beam_do_not_count(bench: TaskHarness) -> None:
     _loaded(bench)
     bridge = _bridge(bench)
     aside, up = (BEAM[0] + BLOCK[0]) / 2 - 0.0002, BLOCK[2] / 2 - ON_CUBE
@@ -285,7 +285,7 @@ def test_blocks_that_stand_on_the_table_against_the_beam_do_not_count(bench: Sta
     assert bench.hold(30) == 4
 
 
-def test_a_balance_held_by_a_gripper_does_not_count(bench: Stageplay) -> None:
+def test_a_balance_held_by_a_gripper_does_not_count(bench: TaskHarness) -> None:
     def hold_on(arms: Arms) -> Script:
         yield from lower(arms)
         yield from wait(60)
@@ -298,7 +298,7 @@ def test_a_balance_held_by_a_gripper_does_not_count(bench: Stageplay) -> None:
 
 
 def test_carrying_the_beam_over_the_cube_without_putting_it_down_is_stage_one(
-    bench: Stageplay,
+    bench: TaskHarness,
 ) -> None:
     bench.start(0)
 
@@ -311,7 +311,7 @@ def test_carrying_the_beam_over_the_cube_without_putting_it_down_is_stage_one(
     assert bench.act(carry) == 1
 
 
-def test_blocks_taken_before_the_beam_lies_do_not_count(bench: Stageplay) -> None:
+def test_blocks_taken_before_the_beam_lies_do_not_count(bench: TaskHarness) -> None:
     bench.start(0)
 
     def take(arms: Arms, side: Side) -> Script:
@@ -331,7 +331,7 @@ def test_the_parts_weigh_what_they_print() -> None:
         assert np.ptp(printable(solid).vertices, axis=0) == pytest.approx(size)
 
 
-def test_a_reset_leaves_everything_apart_and_at_rest(bench: Stageplay) -> None:
+def test_a_reset_leaves_everything_apart_and_at_rest(bench: TaskHarness) -> None:
     for seed in range(10):
         layout = bench.start(seed)
         assert not bench.sim.contacts.deepest(0.0005)

@@ -6,8 +6,7 @@ import pytest
 
 from duobench.experts.carry_pot import carry_over, grasp, land, let_go, lift, script
 from duobench.experts.motion import Arms, Script, carry, wait
-from duobench.scene.naming import TABLE
-from duobench.solids.pot import (
+from duobench.objects.pot import (
     ARM,
     BAR_LENGTH,
     BAR_RADIUS,
@@ -18,29 +17,30 @@ from duobench.solids.pot import (
     PLATE,
     RADIUS,
 )
-from duobench.solids.solid import manifold_of
+from duobench.objects.solid import manifold_of
+from duobench.scene.naming import TABLE
 from duobench.spatial import SE3
 from duobench.tasks.carry_pot import HANDLES, LIFT, OFF_CENTRE, TASK
 from duobench.types import SIDES, DuoCommand, Side
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 ON_PLATE = PLATE[2] + HEIGHT / 2 + 0.0005
 TOO_FAR = OFF_CENTRE[0] + 0.01
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
-def bring(bench: Stageplay, x: float = 0.0, y: float = 0.0, height: float = 0.04) -> Script:
+def bring(bench: TaskHarness, x: float = 0.0, y: float = 0.0, height: float = 0.04) -> Script:
     """Both arms carry the pot above the plate, beside the middle by x and y of the plate."""
     yield from lift(bench.arms)
     goal_x, goal_y, _ = bench.sim.pose("stove").apply([x, y, 0.0])
     yield from carry_over(bench.arms, goal_x, goal_y, height=height)
 
 
-def put(bench: Stageplay, x: float = 0.0, y: float = 0.0) -> int:
+def put(bench: TaskHarness, x: float = 0.0, y: float = 0.0) -> int:
     """The stage after both arms put the pot onto the plate, beside the middle by x and y."""
 
     def whole(arms: Arms) -> Script:
@@ -52,18 +52,18 @@ def put(bench: Stageplay, x: float = 0.0, y: float = 0.0) -> int:
     return bench.act(whole)
 
 
-def put_aside(bench: Stageplay) -> None:
+def put_aside(bench: TaskHarness) -> None:
     """Both arms put the pot onto the plate, and all that is amiss is how far from the middle."""
     assert put(bench, TOO_FAR) == 2
     assert bench.sim.contacts.partners("pot") == {"stove"}
 
 
-def off_ground(bench: Stageplay) -> bool:
+def off_ground(bench: TaskHarness) -> bool:
     between = bench.sim.contacts.between
     return not any(between(b, s) for b in ("pot", *HANDLES) for s in (TABLE, "stove"))
 
 
-def test_the_expert_passes_the_stages_in_order(bench: Stageplay) -> None:
+def test_the_expert_passes_the_stages_in_order(bench: TaskHarness) -> None:
     for seed in (3, 17):
         bench.start(seed)
         assert bench.run_for(script, TASK.horizon) == 3
@@ -74,7 +74,7 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay) -> None:
         assert bench.progress.final_holds
 
 
-def test_the_stove_may_be_turned(bench: Stageplay) -> None:
+def test_the_stove_may_be_turned(bench: TaskHarness) -> None:
     layout = bench.start(0)
     for turn in (-math.pi / 2, math.pi / 2):
         turned = layout.poses["stove"] @ SE3.at(yaw=turn)
@@ -85,7 +85,7 @@ def test_the_stove_may_be_turned(bench: Stageplay) -> None:
 @pytest.mark.parametrize("share", [0.9, 1.1])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_the_pot_counts_near_the_middle_of_the_plate(
-    bench: Stageplay, axis: int, share: float
+    bench: TaskHarness, axis: int, share: float
 ) -> None:
     aside = [0.0, 0.0]
     aside[axis] = share * OFF_CENTRE[axis]
@@ -95,14 +95,14 @@ def test_the_pot_counts_near_the_middle_of_the_plate(
 # --- what must not count -------------------------------------------------------------------------
 
 
-def test_a_pot_on_the_plate_that_was_not_carried_does_not_count(bench: Stageplay) -> None:
+def test_a_pot_on_the_plate_that_was_not_carried_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(pot=bench.sim.pose("stove") @ SE3.at(z=ON_PLATE))
     assert bench.hold(20) == 0
     assert bench.sim.contacts.between("pot", "stove")
 
 
-def test_a_pot_that_is_still_in_hand_does_not_count(bench: Stageplay) -> None:
+def test_a_pot_that_is_still_in_hand_does_not_count(bench: TaskHarness) -> None:
     def keep(arms: Arms) -> Script:
         yield from bring(bench)
         yield from land(arms)
@@ -116,7 +116,7 @@ def test_a_pot_that_is_still_in_hand_does_not_count(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("height", [0.01, 0.03, 0.17])
-def test_a_pot_let_go_above_the_plate_does_not_count(bench: Stageplay, height: float) -> None:
+def test_a_pot_let_go_above_the_plate_does_not_count(bench: TaskHarness, height: float) -> None:
     def drop(arms: Arms) -> Script:
         yield from bring(bench, height=height)
         yield from wait(10)
@@ -128,7 +128,7 @@ def test_a_pot_let_go_above_the_plate_does_not_count(bench: Stageplay, height: f
     assert bench.sim.contacts.partners("pot") == {"stove"}
 
 
-def test_a_pot_half_on_the_plate_and_half_on_the_table_does_not_count(bench: Stageplay) -> None:
+def test_a_pot_half_on_the_plate_and_half_on_the_table_does_not_count(bench: TaskHarness) -> None:
     put_aside(bench)
     beside = SE3.at(y=-PLATE[1] / 2 - 0.02, z=PLATE[2] + HEIGHT / 2 + 0.001)
     bench.put(pot=bench.sim.pose("stove") @ beside)
@@ -140,14 +140,14 @@ def test_a_pot_half_on_the_plate_and_half_on_the_table_does_not_count(bench: Sta
     assert bench.hold(20) == 2
 
 
-def test_a_pot_above_the_plate_does_not_count(bench: Stageplay) -> None:
+def test_a_pot_above_the_plate_does_not_count(bench: TaskHarness) -> None:
     put_aside(bench)
     bench.put(pot=bench.sim.pose("stove") @ SE3.at(z=ON_PLATE + 0.003))
     assert bench.stage == 2
     assert bench.hold(20) == 3
 
 
-def test_a_pot_leaning_on_the_plate_does_not_count(bench: Stageplay) -> None:
+def test_a_pot_leaning_on_the_plate_does_not_count(bench: TaskHarness) -> None:
     put_aside(bench)
     for degrees, stage in ((12, 2), (8, 3)):
         angle = math.radians(degrees)
@@ -158,19 +158,19 @@ def test_a_pot_leaning_on_the_plate_does_not_count(bench: Stageplay) -> None:
         assert bench.stage == stage
 
 
-def test_a_moving_pot_on_the_plate_does_not_count_yet(bench: Stageplay) -> None:
+def test_a_moving_pot_on_the_plate_does_not_count_yet(bench: TaskHarness) -> None:
     put_aside(bench)
     start = bench.sim.model.joint("pot").dofadr[0]
     bench.sim.place("pot", bench.sim.pose("stove") @ SE3.at(z=ON_PLATE - 0.0006))
     for speed, stage in ((0.1, 2), (0.0, 3)):
         bench.sim.data.qvel[start] = speed
-        bench.sim.refresh()
+        bench.sim.forward()
         assert bench.sim.contacts.between("pot", "stove")
         assert bench.judge() == stage
 
 
 def test_a_pot_in_the_middle_of_the_plate_that_touches_the_table_does_not_count(
-    bench: Stageplay,
+    bench: TaskHarness,
 ) -> None:
     put_aside(bench)
     # As if the plate were let into the table.
@@ -184,25 +184,25 @@ def test_a_pot_in_the_middle_of_the_plate_that_touches_the_table_does_not_count(
 # --- what is carried -----------------------------------------------------------------------------
 
 
-def carried_but_not_judged(bench: Stageplay) -> None:
+def carried_but_not_judged(bench: TaskHarness) -> None:
     """Both arms hold the pot in the air, in an episode that begins to be judged now."""
     bench.start(0)
-    start = bench.sim.save()
+    start = bench.sim.get_state()
     assert bench.act(lift) == 2
-    now = bench.sim.save()
-    bench.sim.restore(start)
+    now = bench.sim.get_state()
+    bench.sim.set_state(start)
     bench.progress.reset(bench.sim, {})
-    bench.sim.restore(now)
+    bench.sim.set_state(now)
 
 
-def test_carrying_is_judged_from_one_state(bench: Stageplay) -> None:
+def test_carrying_is_judged_from_one_state(bench: TaskHarness) -> None:
     carried_but_not_judged(bench)
     assert bench.judge() == 2
 
 
 @pytest.mark.parametrize("side", Side)
 def test_a_pot_in_the_air_that_one_gripper_grasps_is_not_carried(
-    bench: Stageplay, side: Side
+    bench: TaskHarness, side: Side
 ) -> None:
     carried_but_not_judged(bench)
     command = bench.sim.duo.command()
@@ -212,11 +212,11 @@ def test_a_pot_in_the_air_that_one_gripper_grasps_is_not_carried(
         bench.sim.step(DuoCommand(joints=command.joints, openings=openings))
     assert bench.sim.contacts.pads(side.other, f"pot/{side.other}_handle")
     assert off_ground(bench)
-    assert bench.sim.lowest("pot") > LIFT
+    assert bench.sim.min_height("pot") > LIFT
     assert bench.judge() == 1
 
 
-def test_a_pot_held_too_low_is_not_carried(bench: Stageplay) -> None:
+def test_a_pot_held_too_low_is_not_carried(bench: TaskHarness) -> None:
     def lift_a_little(arms: Arms) -> Script:
         yield from grasp(arms)
         yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=0.02), speed=0.1)
@@ -225,16 +225,16 @@ def test_a_pot_held_too_low_is_not_carried(bench: Stageplay) -> None:
     bench.start(0)
     assert bench.act(lift_a_little) == 1
     assert off_ground(bench)
-    assert 0.01 < bench.sim.lowest("pot") < LIFT
+    assert 0.01 < bench.sim.min_height("pot") < LIFT
 
 
-def grasped_by_both(bench: Stageplay) -> bool:
+def grasped_by_both(bench: TaskHarness) -> bool:
     return all(bench.sim.contacts.pads(side, f"pot/{side}_handle") for side in SIDES)
 
 
-def test_a_pot_that_both_hold_on_the_plate_is_not_carried(bench: Stageplay) -> None:
+def test_a_pot_that_both_hold_on_the_plate_is_not_carried(bench: TaskHarness) -> None:
     carried_but_not_judged(bench)
-    state = bench.sim.save()
+    state = bench.sim.get_state()
     # The plate comes to the pot: as high as the pot is, standing on it is all that is amiss.
     bottom = bench.sim.pose("pot") @ SE3.at(z=0.0002 - HEIGHT / 2 - PLATE[2])
     bench.put(stove=bottom)
@@ -242,7 +242,7 @@ def test_a_pot_that_both_hold_on_the_plate_is_not_carried(bench: Stageplay) -> N
     assert grasped_by_both(bench)
     assert bench.stage == 1
     # The same with the bar of one handle on it.
-    bench.sim.restore(state)
+    bench.sim.set_state(state)
     beside = (0.0, HANDLE_OFFSET - 0.004 + PLATE[1] / 2, HANDLE_Z - BAR_RADIUS - PLATE[2])
     bench.put(stove=bench.sim.pose("pot") @ SE3.at(*beside).moved(z=0.0002))
     assert bench.sim.contacts.between(HANDLES[0], "stove")
@@ -251,7 +251,7 @@ def test_a_pot_that_both_hold_on_the_plate_is_not_carried(bench: Stageplay) -> N
     assert bench.stage == 1
 
 
-def test_either_arm_may_hold_either_handle(bench: Stageplay) -> None:
+def test_either_arm_may_hold_either_handle(bench: TaskHarness) -> None:
     carried_but_not_judged(bench)
     # Half a turn of the pot changes the hands at its handles, and is as good.
     bench.put(pot=bench.sim.pose("pot") @ SE3.at(yaw=math.pi))
@@ -261,12 +261,12 @@ def test_either_arm_may_hold_either_handle(bench: Stageplay) -> None:
 # --- objects -------------------------------------------------------------------------------------
 
 
-def test_the_pot_weighs_what_the_task_says(bench: Stageplay) -> None:
+def test_the_pot_weighs_what_the_task_says(bench: TaskHarness) -> None:
     bodies = ("pot", *HANDLES)
     assert sum(bench.sim.model.body(name).mass[0] for name in bodies) == pytest.approx(MASS)
 
 
-def test_the_handles_are_one_rigid_piece_with_the_pot(bench: Stageplay) -> None:
+def test_the_handles_are_one_rigid_piece_with_the_pot(bench: TaskHarness) -> None:
     prop = TASK.props[0]
     shapes = [manifold_of(shape) for shape in prop.solid.shapes]
     for part in prop.parts:
@@ -293,7 +293,7 @@ def test_a_handle_lies_within_the_wall_and_leaves_room_for_a_finger() -> None:
     assert BAR_LENGTH > 0.06
 
 
-def test_objects_rest_apart_at_reset(bench: Stageplay) -> None:
+def test_objects_rest_apart_at_reset(bench: TaskHarness) -> None:
     for seed in range(10):
         layout = bench.start(seed)
         assert bench.sim.contacts.deepest(0.0005) == []
@@ -306,7 +306,7 @@ def test_objects_rest_apart_at_reset(bench: Stageplay) -> None:
         assert np.max(bench.sim.speed("pot")) < 0.005
 
 
-def test_the_pot_starts_in_the_right_half_and_the_plate_in_the_left(bench: Stageplay) -> None:
+def test_the_pot_starts_in_the_right_half_and_the_plate_in_the_left(bench: TaskHarness) -> None:
     for seed in range(10):
         poses = bench.start(seed).poses
         assert poses["pot"].translation[1] < 0 < poses["stove"].translation[1]

@@ -5,11 +5,11 @@ import pytest
 
 from duobench.experts.hinge_chest import HOLDER, INSERTER, LET_GO, fetch, lower, open_lid, script
 from duobench.experts.motion import Arms, Script, move, release, together, wait
-from duobench.solids.blocks import CUBE_EDGE
-from duobench.solids.chest import LID_LIMITS, OUTER_Y, RIM_HEIGHT, WALL
+from duobench.objects.blocks import CUBE_EDGE
+from duobench.objects.chest import LID_LIMITS, OUTER_Y, RIM_HEIGHT, WALL
 from duobench.spatial import SE3
 from duobench.tasks.hinge_chest import OPEN_ANGLE, TASK
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 LID = "chest/lid"
 HALF = CUBE_EDGE / 2
@@ -18,19 +18,19 @@ ON_FLOOR = WALL + HALF - 0.0001
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
-def in_chest(bench: Stageplay, x: float, y: float, z: float) -> SE3:
+def in_chest(bench: TaskHarness, x: float, y: float, z: float) -> SE3:
     return bench.sim.pose("chest") @ SE3.at(x, y, z)
 
 
-def set_lid(bench: Stageplay, angle: float) -> None:
+def set_lid(bench: TaskHarness, angle: float) -> None:
     joint = bench.sim.model.joint(LID)
     bench.sim.data.qpos[joint.qposadr[0]] = angle
     bench.sim.data.qvel[joint.dofadr[0]] = 0.0
-    bench.sim.refresh()
+    bench.sim.forward()
 
 
 def let_the_lid_go(arms: Arms) -> Script:
@@ -39,7 +39,7 @@ def let_the_lid_go(arms: Arms) -> Script:
     yield from wait(30)
 
 
-def lid_held_cube_aside(bench: Stageplay) -> None:
+def lid_held_cube_aside(bench: TaskHarness) -> None:
     """An episode after stage 2: the right arm holds the lid, the cube lies aside."""
     bench.start(0)
     bench.reach(script, 2)
@@ -49,7 +49,7 @@ def lid_held_cube_aside(bench: Stageplay) -> None:
     assert bench.stage == 2
 
 
-def cube_pressed_on_the_floor(bench: Stageplay) -> None:
+def cube_pressed_on_the_floor(bench: TaskHarness) -> None:
     """An episode in which the left arm has the cube on the chest's floor, still pinched."""
 
     def press(arms: Arms) -> Script:
@@ -65,7 +65,7 @@ def cube_pressed_on_the_floor(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("seed", [3, 17])
-def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> None:
+def test_the_expert_passes_the_stages_in_order(bench: TaskHarness, seed: int) -> None:
     bench.start(seed)
     assert bench.run_for(script, TASK.horizon) == 3
     assert bench.history == sorted(bench.history)
@@ -73,7 +73,7 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> N
     assert bench.progress.final_holds
 
 
-def test_what_the_expert_leaves_counts_and_goes_on_counting(bench: Stageplay) -> None:
+def test_what_the_expert_leaves_counts_and_goes_on_counting(bench: TaskHarness) -> None:
     bench.start(0)
     bench.reach(script, 3)
     bench.hold(30)
@@ -83,7 +83,7 @@ def test_what_the_expert_leaves_counts_and_goes_on_counting(bench: Stageplay) ->
     assert bench.progress.final_holds
 
 
-def test_the_expert_holds_the_lid_with_its_gripper_clear_of_the_stop(bench: Stageplay) -> None:
+def test_the_expert_holds_the_lid_with_its_gripper_clear_of_the_stop(bench: TaskHarness) -> None:
     bench.start(0)
     highest = 0.0
     for stage in bench.steps(script):
@@ -97,7 +97,7 @@ def test_the_expert_holds_the_lid_with_its_gripper_clear_of_the_stop(bench: Stag
 # --- what must not count -------------------------------------------------------------------------
 
 
-def test_a_cube_on_top_of_the_shut_lid_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_on_top_of_the_shut_lid_does_not_count(bench: TaskHarness) -> None:
     lid_held_cube_aside(bench)
     bench.act(let_the_lid_go)
     assert bench.sim.angle(LID) < 0.01
@@ -107,7 +107,7 @@ def test_a_cube_on_top_of_the_shut_lid_does_not_count(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_cube_beside_the_chest_does_not_count(bench: Stageplay, side: int) -> None:
+def test_a_cube_beside_the_chest_does_not_count(bench: TaskHarness, side: int) -> None:
     lid_held_cube_aside(bench)
     beside = in_chest(bench, 0.0, side * (OUTER_Y / 2 + HALF - 0.0002), HALF)
     bench.put(cube=beside)
@@ -115,7 +115,7 @@ def test_a_cube_beside_the_chest_does_not_count(bench: Stageplay, side: int) -> 
     assert bench.hold(20) == 2
 
 
-def test_a_cube_across_the_rim_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_across_the_rim_does_not_count(bench: TaskHarness) -> None:
     lid_held_cube_aside(bench)
     on_rim = OUTER_Y / 2 - WALL - 0.001
     across = in_chest(bench, 0.0, on_rim, RIM_HEIGHT + HALF - 0.0002)
@@ -126,13 +126,13 @@ def test_a_cube_across_the_rim_does_not_count(bench: Stageplay) -> None:
         assert bench.stage == 2
 
 
-def test_a_cube_in_the_chest_counts_once_it_is_let_go(bench: Stageplay) -> None:
+def test_a_cube_in_the_chest_counts_once_it_is_let_go(bench: TaskHarness) -> None:
     cube_pressed_on_the_floor(bench)
     assert bench.stage == 2
     assert bench.act(lambda arms: release(arms, INSERTER, opening=LET_GO)) == 3
 
 
-def test_a_cube_on_its_way_out_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_on_its_way_out_does_not_count(bench: TaskHarness) -> None:
     cube_pressed_on_the_floor(bench)
     bench.act(lambda arms: move(arms, {INSERTER: arms.targets[INSERTER].moved(z=0.12)}))
     assert bench.hold(10) == 2
@@ -140,19 +140,19 @@ def test_a_cube_on_its_way_out_does_not_count(bench: Stageplay) -> None:
 
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.3), (0.1, 0.0, 0.0)])
 def test_a_cube_that_moves_in_the_chest_does_not_count(
-    bench: Stageplay, velocity: tuple[float, float, float]
+    bench: TaskHarness, velocity: tuple[float, float, float]
 ) -> None:
     lid_held_cube_aside(bench)
     dof = bench.sim.model.joint("cube").dofadr[0]
     for _ in range(3):
         bench.sim.place("cube", in_chest(bench, 0.0, 0.0, ON_FLOOR))
         bench.sim.data.qvel[dof : dof + 3] = velocity
-        bench.sim.refresh()
+        bench.sim.forward()
         assert bench.judge() == 2
         assert bench.sim.contacts.between("cube", "chest")
 
 
-def test_a_cube_in_the_air_of_the_chest_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_in_the_air_of_the_chest_does_not_count(bench: TaskHarness) -> None:
     lid_held_cube_aside(bench)
     above = in_chest(bench, 0.0, 0.0, ON_FLOOR + 0.010)
     for _ in range(3):
@@ -160,7 +160,7 @@ def test_a_cube_in_the_air_of_the_chest_does_not_count(bench: Stageplay) -> None
     assert bench.stage == 2
 
 
-def test_a_cube_that_was_never_held_over_an_open_chest_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_that_was_never_held_over_an_open_chest_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(cube=in_chest(bench, 0.0, 0.0, ON_FLOOR))
     assert bench.hold(20) == 0
@@ -169,20 +169,20 @@ def test_a_cube_that_was_never_held_over_an_open_chest_does_not_count(bench: Sta
     assert bench.hold(30) == 1
 
 
-def test_a_cube_that_came_after_the_lid_had_shut_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_that_came_after_the_lid_had_shut_does_not_count(bench: TaskHarness) -> None:
     lid_held_cube_aside(bench)
     bench.act(let_the_lid_go)
     bench.put(cube=in_chest(bench, 0.0, 0.0, ON_FLOOR))
     assert bench.hold(20) == 2
 
 
-def test_a_cube_that_came_while_the_lid_was_held_counts(bench: Stageplay) -> None:
+def test_a_cube_that_came_while_the_lid_was_held_counts(bench: TaskHarness) -> None:
     lid_held_cube_aside(bench)
     bench.put(cube=in_chest(bench, 0.0, 0.0, ON_FLOOR))
     assert bench.hold(5) == 3
 
 
-def test_a_lid_that_is_open_by_too_little_does_not_count(bench: Stageplay) -> None:
+def test_a_lid_that_is_open_by_too_little_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     set_lid(bench, OPEN_ANGLE - 0.01)
     assert bench.judge() == 0
@@ -194,7 +194,7 @@ def test_a_lid_that_is_open_by_too_little_does_not_count(bench: Stageplay) -> No
 
 
 @pytest.mark.parametrize("angle", [0.1, 0.2, OPEN_ANGLE, 1.2, LID_LIMITS[1]])
-def test_the_lid_falls_shut_within_a_second(bench: Stageplay, angle: float) -> None:
+def test_the_lid_falls_shut_within_a_second(bench: TaskHarness, angle: float) -> None:
     bench.start(0)
     set_lid(bench, angle)
     bench.hold(1)
@@ -203,7 +203,7 @@ def test_the_lid_falls_shut_within_a_second(bench: Stageplay, angle: float) -> N
     assert bench.sim.angle(LID) < 0.01
 
 
-def test_its_weight_alone_shuts_the_lid(bench: Stageplay) -> None:
+def test_its_weight_alone_shuts_the_lid(bench: TaskHarness) -> None:
     bench.start(0)
     joint = bench.sim.model.joint(LID)
     assert joint.stiffness[0] == 0.0
@@ -214,11 +214,11 @@ def test_its_weight_alone_shuts_the_lid(bench: Stageplay) -> None:
         assert bench.sim.data.qfrc_bias[joint.dofadr[0]] > 0.04
 
 
-def test_the_lid_goes_no_further_than_its_stop(bench: Stageplay) -> None:
+def test_the_lid_goes_no_further_than_its_stop(bench: TaskHarness) -> None:
     bench.start(0)
     set_lid(bench, OPEN_ANGLE)
     bench.sim.data.qvel[bench.sim.model.joint(LID).dofadr[0]] = 20.0
-    bench.sim.refresh()
+    bench.sim.forward()
     highest = 0.0
     for _ in range(30):
         bench.hold(1)
@@ -227,7 +227,7 @@ def test_the_lid_goes_no_further_than_its_stop(bench: Stageplay) -> None:
     assert bench.sim.angle(LID) < 0.01
 
 
-def test_the_lid_shuts_on_its_own_when_the_arm_draws_back(bench: Stageplay) -> None:
+def test_the_lid_shuts_on_its_own_when_the_arm_draws_back(bench: TaskHarness) -> None:
     bench.start(0)
     bench.reach(script, 2)
     assert bench.sim.angle(LID) > OPEN_ANGLE
@@ -235,7 +235,7 @@ def test_the_lid_shuts_on_its_own_when_the_arm_draws_back(bench: Stageplay) -> N
     assert bench.sim.angle(LID) < 0.01
 
 
-def test_the_cavity_is_empty_and_as_large_as_the_task_says(bench: Stageplay) -> None:
+def test_the_cavity_is_empty_and_as_large_as_the_task_says(bench: TaskHarness) -> None:
     bench.start(0)
     inset = HALF + 0.0005
     for x in (-0.065 + inset, 0.065 - inset):
@@ -247,7 +247,7 @@ def test_the_cavity_is_empty_and_as_large_as_the_task_says(bench: Stageplay) -> 
     assert bench.sim.contacts.between("cube", "chest")
 
 
-def test_objects_rest_apart_at_reset(bench: Stageplay) -> None:
+def test_objects_rest_apart_at_reset(bench: TaskHarness) -> None:
     for seed in range(10):
         layout = bench.start(seed)
         assert bench.sim.contacts.deepest(0.0005) == []

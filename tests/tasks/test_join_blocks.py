@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from duobench.experts.join_blocks import script
-from duobench.solids import joint_blocks as bars
-from duobench.solids.solid import (
+from duobench.objects import joint_blocks as bars
+from duobench.objects.solid import (
     PLA_DENSITY,
     Solid,
     manifold_of,
@@ -21,7 +21,7 @@ from duobench.stages.joining import LOST_SECONDS
 from duobench.stages.predicates import grasped_apart
 from duobench.tasks.join_blocks import REST_SECONDS, TASK
 from duobench.types import CONTROL_HZ
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 GREY = (0.5, 0.5, 0.5, 1.0)
 AIR = SE3.at(0.45, 0.0, 0.25)
@@ -35,13 +35,13 @@ LOST_STEPS = round(LOST_SECONDS * CONTROL_HZ)
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
-def tip_inside(bench: Stageplay) -> float:
+def tip_inside(bench: TaskHarness) -> float:
     """How deep the light block's peg is in the dark one's back socket, in metres."""
-    x, y, z = bench.sim.offset("light_block", "dark_block")
+    x, y, z = bench.sim.relative_position("light_block", "dark_block")
     return x + LENGTH + bars.PEG_LENGTH if math.hypot(y, z) < bars.PEG_WIDTH / 2 else -1.0
 
 
@@ -50,28 +50,28 @@ def joined(dark: SE3, depth: float = bars.PEG_LENGTH) -> SE3:
     return dark @ SE3.at(-LENGTH - bars.PEG_LENGTH + depth)
 
 
-def mounted(bench: Stageplay, depth: float = bars.PEG_LENGTH) -> SE3:
+def mounted(bench: TaskHarness, depth: float = bars.PEG_LENGTH) -> SE3:
     """Pose of a dark block that has the wall's peg this deep in its front socket."""
     tip = bars.WALL_TIP.translation
     return bench.sim.pose("wall") @ SE3.at(tip[0] + depth - LENGTH / 2, 0.0, tip[2])
 
 
 @lru_cache(maxsize=1)
-def plugged_state(bench: Stageplay) -> np.ndarray:
+def plugged_state(bench: TaskHarness) -> np.ndarray:
     """The simulation where each arm holds its block, and the peg is 5 mm in."""
     bench.start(0)
     for _ in bench.steps(script):
         if tip_inside(bench) > 0.005:
-            return bench.sim.save()
+            return bench.sim.get_state()
     raise AssertionError("the peg never went in")
 
 
-def plugging_in(bench: Stageplay) -> SE3:
+def plugging_in(bench: TaskHarness) -> SE3:
     """Each arm holds its block since before the peg went in; the pose of the dark block.
 
     Moved by a few millimetres, within the planes of the pads, a block stays grasped.
     """
-    bench.sim.restore(plugged_state(bench))
+    bench.sim.set_state(plugged_state(bench))
     bench.progress.reset(bench.sim, {})
     dark = bench.sim.pose("dark_block")
     for depth in (-0.001, 0.005):
@@ -81,20 +81,20 @@ def plugging_in(bench: Stageplay) -> SE3:
     return dark
 
 
-def let_rest(bench: Stageplay, steps: int = REST_STEPS) -> int:
+def let_rest(bench: TaskHarness, steps: int = REST_STEPS) -> int:
     """Judge the same state for some time."""
     for _ in range(steps):
         bench.judge()
     return bench.stage
 
 
-def both_grasped(bench: Stageplay) -> bool:
+def both_grasped(bench: TaskHarness) -> bool:
     contacts = bench.sim.contacts
     return contacts.pads("left", "light_block") and contacts.pads("right", "dark_block")
 
 
 @pytest.mark.parametrize("seed", [3, 17])
-def test_the_expert_passes_the_stages_and_the_pair_stays(bench: Stageplay, seed: int) -> None:
+def test_the_expert_passes_the_stages_and_the_pair_stays(bench: TaskHarness, seed: int) -> None:
     bench.start(seed)
     assert bench.run_for(script, TASK.horizon) == 3
     assert sorted(set(bench.history)) == [0, 1, 2, 3]
@@ -114,7 +114,7 @@ def test_the_expert_passes_the_stages_and_the_pair_stays(bench: Stageplay, seed:
     ("depth", "stage"), [(-0.001, 1), (0.009, 1), (0.011, 2), (bars.PEG_LENGTH, 2)]
 )
 def test_the_blocks_are_joined_from_ten_millimetres_on(
-    bench: Stageplay, depth: float, stage: int
+    bench: TaskHarness, depth: float, stage: int
 ) -> None:
     dark = plugging_in(bench)
     bench.put(light_block=joined(dark, depth))
@@ -124,7 +124,7 @@ def test_the_blocks_are_joined_from_ten_millimetres_on(
 
 @pytest.mark.parametrize(("beside", "stage"), [(0.0035, 2), (0.0045, 1)])
 def test_a_peg_beside_its_socket_does_not_count(
-    bench: Stageplay, beside: float, stage: int
+    bench: TaskHarness, beside: float, stage: int
 ) -> None:
     dark = plugging_in(bench)
     bench.put(light_block=joined(dark, 0.015).moved(z=beside))
@@ -133,7 +133,7 @@ def test_a_peg_beside_its_socket_does_not_count(
 
 
 @pytest.mark.parametrize(("degrees", "stage"), [(8.0, 2), (12.0, 1)])
-def test_a_peg_askew_does_not_count(bench: Stageplay, degrees: float, stage: int) -> None:
+def test_a_peg_askew_does_not_count(bench: TaskHarness, degrees: float, stage: int) -> None:
     dark = plugging_in(bench)
     tip = SE3(np.eye(3), bars.LIGHT_TIP.translation)
     turn = tip @ SE3.about((0, 1, 0), math.radians(degrees)) @ tip.inverse()
@@ -142,13 +142,13 @@ def test_a_peg_askew_does_not_count(bench: Stageplay, degrees: float, stage: int
     assert bench.stage == stage
 
 
-def test_either_socket_counts(bench: Stageplay) -> None:
+def test_either_socket_counts(bench: TaskHarness) -> None:
     dark = plugging_in(bench)
     bench.put(dark_block=dark @ TURNED, light_block=joined(dark))
     assert bench.stage == 2
 
 
-def test_blocks_side_by_side_do_not_count(bench: Stageplay) -> None:
+def test_blocks_side_by_side_do_not_count(bench: TaskHarness) -> None:
     dark = plugging_in(bench)
     bench.put(light_block=dark.moved(y=bars.BAR[1] - 0.0001))
     assert bench.sim.contacts.between("light_block", "dark_block")
@@ -158,7 +158,7 @@ def test_blocks_side_by_side_do_not_count(bench: Stageplay) -> None:
     assert bench.stage == 1
 
 
-def test_joined_with_no_arm_near_does_not_count(bench: Stageplay) -> None:
+def test_joined_with_no_arm_near_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(dark_block=AIR, light_block=joined(AIR))
     bench.put(wall=ASIDE)
@@ -170,7 +170,7 @@ def test_joined_with_no_arm_near_does_not_count(bench: Stageplay) -> None:
     assert let_rest(bench) == 1
 
 
-def test_joined_on_the_wall_does_not_count(bench: Stageplay) -> None:
+def test_joined_on_the_wall_does_not_count(bench: TaskHarness) -> None:
     dark = plugging_in(bench)
     wall = dark @ SE3.at(LENGTH / 2) @ SE3.at(-bars.WALL_TIP.translation[0] - 0.001)
     bench.put(wall=wall.moved(z=-bars.PEG_HEIGHT), light_block=joined(dark))
@@ -186,7 +186,7 @@ def test_joined_on_the_wall_does_not_count(bench: Stageplay) -> None:
 
 @pytest.mark.parametrize(("steps", "stage"), [(LOST_STEPS - 1, 2), (LOST_STEPS + 1, 1)])
 def test_a_grasp_may_flicker_and_not_be_lost_while_the_peg_goes_in(
-    bench: Stageplay, steps: int, stage: int
+    bench: TaskHarness, steps: int, stage: int
 ) -> None:
     dark = plugging_in(bench)
     away = dark.moved(y=0.1)
@@ -202,7 +202,7 @@ def test_a_grasp_may_flicker_and_not_be_lost_while_the_peg_goes_in(
     assert bench.stage == 2
 
 
-def test_blocks_are_grasped_before_the_peg_goes_in(bench: Stageplay) -> None:
+def test_blocks_are_grasped_before_the_peg_goes_in(bench: TaskHarness) -> None:
     dark = plugging_in(bench)
     bench.progress.reset(bench.sim, {})
     bench.put(light_block=AIR)
@@ -219,7 +219,7 @@ def test_both_are_grasped_one_by_each_arm() -> None:
 # --- on the wall: what counts, and what must not -----------------------------------------------
 
 
-def on_the_wall(bench: Stageplay) -> SE3:
+def on_the_wall(bench: TaskHarness) -> SE3:
     """The blocks were joined; the wall stands where no arm is; the pose of the dark one on it."""
     plugging_in(bench)
     bench.put(light_block=joined(bench.sim.pose("dark_block")))
@@ -233,7 +233,7 @@ def on_the_wall(bench: Stageplay) -> SE3:
     [(0.009, 0.02, 2), (0.02, 0.009, 2), (0.011, 0.011, 3), (0.024, 0.024, 3)],
 )
 def test_both_pegs_go_in_ten_millimetres(
-    bench: Stageplay, wall_depth: float, light_depth: float, stage: int
+    bench: TaskHarness, wall_depth: float, light_depth: float, stage: int
 ) -> None:
     on_the_wall(bench)
     dark = mounted(bench, wall_depth)
@@ -241,13 +241,13 @@ def test_both_pegs_go_in_ten_millimetres(
     assert let_rest(bench) == stage
 
 
-def test_either_socket_goes_onto_the_wall(bench: Stageplay) -> None:
+def test_either_socket_goes_onto_the_wall(bench: TaskHarness) -> None:
     dark = on_the_wall(bench)
     bench.put(dark_block=dark @ TURNED, light_block=joined(dark))
     assert let_rest(bench) == 3
 
 
-def test_the_pair_is_at_rest_for_half_a_second(bench: Stageplay) -> None:
+def test_the_pair_is_at_rest_for_half_a_second(bench: TaskHarness) -> None:
     dark = on_the_wall(bench)
     bench.put(dark_block=dark, light_block=joined(dark))
     assert let_rest(bench, REST_STEPS - 2) == 2
@@ -255,20 +255,20 @@ def test_the_pair_is_at_rest_for_half_a_second(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("block", ["light_block", "dark_block"])
-def test_a_moving_pair_does_not_count(bench: Stageplay, block: str) -> None:
+def test_a_moving_pair_does_not_count(bench: TaskHarness, block: str) -> None:
     dark = on_the_wall(bench)
     for name, pose in (("dark_block", dark), ("light_block", joined(dark))):
         bench.sim.place(name, pose)
     start = bench.sim.model.joint(block).dofadr[0]
     bench.sim.data.qvel[start + 2] = -0.06
-    bench.sim.refresh()
+    bench.sim.forward()
     assert let_rest(bench, 2 * REST_STEPS) == 2
     bench.put(dark_block=dark, light_block=joined(dark))
     assert let_rest(bench) == 3
 
 
 @pytest.mark.parametrize("block", ["light_block", "dark_block"])
-def test_a_pair_that_a_gripper_touches_does_not_count(bench: Stageplay, block: str) -> None:
+def test_a_pair_that_a_gripper_touches_does_not_count(bench: TaskHarness, block: str) -> None:
     """The wall comes to the arms, which are still closed around one of the blocks."""
     plugging_in(bench)
     held = bench.sim.pose(block)
@@ -284,7 +284,7 @@ def test_a_pair_that_a_gripper_touches_does_not_count(bench: Stageplay, block: s
 
 @pytest.mark.parametrize(("depth", "stage"), [(0.004, 3), (0.002, 2)])
 def test_blocks_that_came_apart_are_joined_again(
-    bench: Stageplay, depth: float, stage: int
+    bench: TaskHarness, depth: float, stage: int
 ) -> None:
     dark = on_the_wall(bench)
     bench.put(dark_block=AIR, light_block=joined(AIR, depth))
@@ -293,7 +293,7 @@ def test_blocks_that_came_apart_are_joined_again(
 
 
 def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
-    bench: Stageplay,
+    bench: TaskHarness,
 ) -> None:
     dark = on_the_wall(bench)
     bench.put(dark_block=dark, light_block=AIR)
@@ -307,7 +307,7 @@ def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
 
 
 @pytest.mark.parametrize("short", [0.0005, 0.003])
-def test_a_mounted_pair_stays_for_good(bench: Stageplay, short: float) -> None:
+def test_a_mounted_pair_stays_for_good(bench: TaskHarness, short: float) -> None:
     """From the moment in which it is let go, straight, it droops into its play and stays."""
     on_the_wall(bench)
     dark = mounted(bench, bars.PEG_LENGTH - short)
@@ -322,7 +322,7 @@ def test_a_mounted_pair_stays_for_good(bench: Stageplay, short: float) -> None:
     assert not bench.sim.contacts.deepest(0.0001)
 
 
-def test_a_peg_does_not_pass_through_a_bar(bench: Stageplay) -> None:
+def test_a_peg_does_not_pass_through_a_bar(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(dark_block=AIR, light_block=joined(AIR).moved(y=0.008))
     assert bench.sim.contacts.between("dark_block", "light_block")
@@ -332,7 +332,7 @@ def test_a_peg_does_not_pass_through_a_bar(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("make", [bars.light_bar, bars.dark_bar, bars.wall])
-def test_picture_and_collision_are_one_shape(make) -> None:
+def test_image_and_collision_are_one_shape(make) -> None:
     solid: Solid = make(GREY)
     union = manifold_of(solid.shapes[0])
     for shape in solid.shapes[1:]:
@@ -365,7 +365,7 @@ def test_a_peg_fits_its_socket_with_a_printers_play() -> None:
     assert overlap(full, 1.1 * bars.CLEARANCE) > 1e-10
 
 
-def test_a_reset_leaves_everything_apart_and_at_rest(bench: Stageplay) -> None:
+def test_a_reset_leaves_everything_apart_and_at_rest(bench: TaskHarness) -> None:
     for seed in range(10):
         bench.start(seed)
         assert not bench.sim.contacts.deepest(0.0005)

@@ -46,14 +46,14 @@ class Page:
 
 
 ANY = 180.0
-CUBE = {"solids.blocks.CUBE_EDGE": 0.032}
-LONG_BLOCK = CUBE | {"solids.blocks.LONG_BLOCK": 0.096}
+CUBE = {"objects.blocks.CUBE_EDGE": 0.032}
+LONG_BLOCK = CUBE | {"objects.blocks.LONG_BLOCK": 0.096}
 SUPPORT = {
     "stages.support.UNSUPPORTED_TIME": 0.6,
     "stages.support.GRAZE_TIME": 0.1,
     "stages.support.SLIP_TIME": 0.2,
 }
-BOWL = {"solids.bowl.RADIUS": 0.085, "solids.bowl.RIM_HEIGHT": 0.030}
+BOWL = {"objects.bowl.RADIUS": 0.085, "objects.bowl.RIM_HEIGHT": 0.030}
 
 PAGES = {
     "hinge_chest": Page(
@@ -62,9 +62,9 @@ PAGES = {
         numbers=CUBE
         | SUPPORT
         | {
-            "solids.chest.CAVITY": (0.130, 0.230, 0.060),
-            "solids.chest.WALL": 0.006,
-            "solids.chest.LID_LIMITS": (0.0, math.radians(80)),
+            "objects.chest.CAVITY": (0.130, 0.230, 0.060),
+            "objects.chest.WALL": 0.006,
+            "objects.chest.LID_LIMITS": (0.0, math.radians(80)),
             "tasks.hinge_chest.OPEN_ANGLE": 0.8,
         },
         layout={
@@ -79,12 +79,12 @@ PAGES = {
         numbers=CUBE
         | SUPPORT
         | {
-            "solids.microwave.WIDTH": 0.55,
-            "solids.microwave.DEPTH": 0.32,
-            "solids.microwave.HEIGHT": 0.30,
-            "solids.microwave.CAVITY": (0.26, 0.33, 0.24),
-            "solids.microwave.DOOR_LIMITS": (0.0, 2.09),
-            "solids.microwave.DOOR_STIFFNESS": 4.0,
+            "objects.microwave.WIDTH": 0.55,
+            "objects.microwave.DEPTH": 0.32,
+            "objects.microwave.HEIGHT": 0.30,
+            "objects.microwave.CAVITY": (0.26, 0.33, 0.24),
+            "objects.microwave.DOOR_LIMITS": (0.0, 2.09),
+            "objects.microwave.DOOR_STIFFNESS": 4.0,
             "tasks.spring_door.OPEN_ANGLE": 0.8,
         },
         layout={
@@ -97,10 +97,10 @@ PAGES = {
         stages=6,
         horizon=442,
         numbers={
-            "solids.cup.INNER_RADIUS": 0.030,
-            "solids.cup.WALL": 0.004,
-            "solids.cup.HEIGHT": 0.075,
-            "solids.cup.MARBLE_RADIUS": 0.005,
+            "objects.cup.INNER_RADIUS": 0.030,
+            "objects.cup.WALL": 0.004,
+            "objects.cup.HEIGHT": 0.075,
+            "objects.cup.MARBLE_RADIUS": 0.005,
             "tasks.pour_marbles.RAISE": 0.020,
             "tasks.pour_marbles.HALF_SQUARE": 0.05,
             "stages.pouring.LYING_SPEED": 0.25,
@@ -118,11 +118,11 @@ PAGES = {
         stages=4,
         horizon=350,
         numbers={
-            "solids.maze_board.EDGE": 0.22,
-            "solids.maze_board.PITCH": 0.040,
-            "solids.maze_board.WALL_HEIGHT": 0.015,
-            "solids.maze_board.BALL_RADIUS": 0.010,
-            "solids.mazes.CELLS": 5,
+            "objects.maze_board.EDGE": 0.22,
+            "objects.maze_board.PITCH": 0.040,
+            "objects.maze_board.WALL_HEIGHT": 0.015,
+            "objects.maze_board.BALL_RADIUS": 0.010,
+            "objects.mazes.CELLS": 5,
             "tasks.ball_maze.LEFT_START": 0.020,
             "tasks.ball_maze.AT_GOAL": 0.015,
             "tasks.ball_maze.RAISE": 0.010,
@@ -135,10 +135,10 @@ PAGES = {
         stages=3,
         horizon=450,
         numbers={
-            "solids.pot.RADIUS": 0.11,
-            "solids.pot.HEIGHT": 0.11,
-            "solids.pot.MASS": 2.5,
-            "solids.pot.PLATE": (0.35, 0.28, 0.02),
+            "objects.pot.RADIUS": 0.11,
+            "objects.pot.HEIGHT": 0.11,
+            "objects.pot.MASS": 2.5,
+            "objects.pot.PLATE": (0.35, 0.28, 0.02),
             "tasks.carry_pot.LIFT": 0.030,
             "tasks.carry_pot.OFF_CENTRE": (0.10, 0.08),
         },
@@ -170,11 +170,11 @@ PAGES = {
         stages=3,
         horizon=829,
         numbers={
-            "solids.joint_blocks.BAR": (0.075, 0.030, 0.025),
-            "solids.joint_blocks.PEG_WIDTH": 0.014,
-            "solids.joint_blocks.PEG_LENGTH": 0.024,
-            "solids.joint_blocks.CLEARANCE": 0.0003,
-            "solids.joint_blocks.PEG_HEIGHT": 0.060,
+            "objects.joint_blocks.BAR": (0.075, 0.030, 0.025),
+            "objects.joint_blocks.PEG_WIDTH": 0.014,
+            "objects.joint_blocks.PEG_LENGTH": 0.024,
+            "objects.joint_blocks.CLEARANCE": 0.0003,
+            "objects.joint_blocks.PEG_HEIGHT": 0.060,
             "tasks.join_blocks.DEPTH": 0.010,
             "tasks.join_blocks.REST_SECONDS": 0.5,
             "stages.joining.KEPT_DEPTH": 0.003,
@@ -210,11 +210,11 @@ PAGES = {
         horizon=523,
         numbers=LONG_BLOCK
         | {
-            "solids.gate.SIDES_OF_RING": 8,
-            "solids.gate.RING_RADIUS": 0.115,
-            "solids.gate.RING_HEIGHT": 0.375,
-            "solids.gate.MAT_EDGE": 0.24,
-            "solids.gate.MAT_THICKNESS": 0.01,
+            "objects.gate.SIDES_OF_RING": 8,
+            "objects.gate.RING_RADIUS": 0.115,
+            "objects.gate.RING_HEIGHT": 0.375,
+            "objects.gate.MAT_EDGE": 0.24,
+            "objects.gate.MAT_THICKNESS": 0.01,
             "tasks.transfer_gate.CROSSING_RADIUS": 0.10,
         },
         layout={
@@ -232,9 +232,9 @@ PAGES = {
         stages=4,
         horizon=505,
         numbers={
-            "solids.hexagon_peg.ACROSS_FLATS": 0.034,
-            "solids.hexagon_peg.PEG_LENGTH": 0.100,
-            "solids.hexagon_peg.CLEARANCE": 0.001,
+            "objects.hexagon_peg.ACROSS_FLATS": 0.034,
+            "objects.hexagon_peg.PEG_LENGTH": 0.100,
+            "objects.hexagon_peg.CLEARANCE": 0.001,
             "tasks.transfer_reorient.DEPTH": 0.015,
         },
         layout={
@@ -270,7 +270,7 @@ SHARED = {
     "sim.simulation.STILL_SPEED": 0.05,
     "sim.simulation.STILL_TURN": 0.5,
     "stages.insertion.MAX_OFFSET": 0.004,
-    "solids.solid.PLA_DENSITY": 1240.0,
+    "objects.solid.PLA_DENSITY": 1240.0,
 }
 SHARED_DEG = {"stages.insertion.MAX_ANGLE": 10}
 
@@ -350,9 +350,9 @@ def test_the_layout_of_block_balance_keeps_things_apart() -> None:
 
 
 def test_how_many_there_are() -> None:
-    assert len(value("solids.cup.HEAP")) == 20
-    assert len(value("solids.mazes.MAZES")) == 10
-    assert len(value("solids.hexagon_peg.HOLES")) == 3
+    assert len(value("objects.cup.HEAP")) == 20
+    assert len(value("objects.mazes.MAZES")) == 10
+    assert len(value("objects.hexagon_peg.HOLES")) == 3
 
 
 def test_what_is_drawn_besides_poses() -> None:

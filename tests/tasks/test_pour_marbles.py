@@ -6,8 +6,7 @@ import pytest
 
 from duobench.experts.motion import Arms, Script, move, release, together
 from duobench.experts.pour_marbles import script, take
-from duobench.sim.contacts import Limb, limb_owner
-from duobench.solids.cup import (
+from duobench.objects.cup import (
     HEAP,
     HEIGHT,
     INNER_RADIUS,
@@ -17,11 +16,12 @@ from duobench.solids.cup import (
     cup,
     marble,
 )
-from duobench.solids.solid import PLA_DENSITY, corner_points, mass_properties, printable
+from duobench.objects.solid import PLA_DENSITY, corner_points, mass_properties, printable
+from duobench.sim.contacts import Limb, limb_owner
 from duobench.spatial import SE3
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
 from duobench.types import SIDES, Side
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 IN_CUP = SE3.at(z=0.001)
 BESIDE_CUP = SE3.at(x=OUTER_RADIUS + MARBLE_RADIUS, z=MARBLE_RADIUS)
@@ -33,17 +33,17 @@ SUNK = SE3.at(z=-0.0001)
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
-def _sides(bench: Stageplay, seed: int) -> tuple[Side, Side]:
+def _sides(bench: TaskHarness, seed: int) -> tuple[Side, Side]:
     """Source and target of a seed."""
     full = Side(bench.start(seed).variants["full"])
     return full, full.other
 
 
-def _lifted(bench: Stageplay) -> tuple[Side, Side]:
+def _lifted(bench: TaskHarness) -> tuple[Side, Side]:
     """An episode in which both arms have lifted their cups and have not poured yet."""
     sides = _sides(bench, 0)
     bench.reach(script, 3)
@@ -51,7 +51,7 @@ def _lifted(bench: Stageplay) -> tuple[Side, Side]:
     return sides
 
 
-def _poured(bench: Stageplay) -> Side:
+def _poured(bench: TaskHarness) -> Side:
     """An episode in which all marbles are poured, with the cups still in the air: the target."""
     _, target = _sides(bench, 0)
     bench.reach(script, 5)
@@ -62,7 +62,7 @@ def _marbles(base: SE3) -> dict[str, SE3]:
     return {name: base @ SE3.at(*at) for name, at in zip(MARBLES, HEAP, strict=True)}
 
 
-def _home(bench: Stageplay) -> dict[str, SE3]:
+def _home(bench: TaskHarness) -> dict[str, SE3]:
     return {CUPS[side]: SE3.at(*bench.sim.position(SQUARES[side])) @ SUNK for side in SIDES}
 
 
@@ -70,20 +70,20 @@ def _with_marbles(cups: dict[str, SE3], side: Side) -> dict[str, SE3]:
     return {**cups, **_marbles(cups[CUPS[side]] @ IN_CUP)}
 
 
-def _into(bench: Stageplay, side: Side) -> dict[str, SE3]:
+def _into(bench: TaskHarness, side: Side) -> dict[str, SE3]:
     """Marbles that lie in a cup where it is now."""
     return _marbles(bench.sim.pose(CUPS[side]) @ IN_CUP)
 
 
-def _put_moving(bench: Stageplay, speed: float, prop: str, pose: SE3) -> int:
+def _put_moving(bench: TaskHarness, speed: float, prop: str, pose: SE3) -> int:
     """Build a state in which a prop moves, upwards where the speed is positive."""
     bench.sim.place(prop, pose)
     bench.sim.data.qvel[bench.sim.model.joint(prop).dofadr[0] + 2] = speed
-    bench.sim.refresh()
+    bench.sim.forward()
     return bench.judge()
 
 
-def _in_cup(bench: Stageplay, side: Side) -> int:
+def _in_cup(bench: TaskHarness, side: Side) -> int:
     local = bench.sim.pose(CUPS[side]).inverse().apply([bench.sim.position(m) for m in MARBLES])
     across = np.hypot(local[:, 0], local[:, 1]) < INNER_RADIUS
     return int((across & (local[:, 2] > 0) & (local[:, 2] < HEIGHT)).sum())
@@ -101,7 +101,7 @@ def _watched(play: Callable[[Arms], Script], look: Callable[[], None]) -> Callab
 
 
 @pytest.mark.parametrize("source", SIDES)
-def test_the_expert_pours_either_way(bench: Stageplay, source: Side) -> None:
+def test_the_expert_pours_either_way(bench: TaskHarness, source: Side) -> None:
     seed = next(s for s in range(50) if next(TASK.layouts(s)).variants["full"] == source)
     assert _sides(bench, seed)[0] is source
     partners = bench.sim.contacts.partners
@@ -120,7 +120,7 @@ def test_the_expert_pours_either_way(bench: Stageplay, source: Side) -> None:
     assert {(name, owner) for name, owner in touched if owner in limbs} == grasps
 
 
-def test_the_instruction_names_source_and_target(bench: Stageplay) -> None:
+def test_the_instruction_names_source_and_target(bench: TaskHarness) -> None:
     full, empty = _sides(bench, 0)
     text = TASK.instruct(bench.start(0))
     assert f"from the {full} cup into the {empty} cup" in text
@@ -129,7 +129,7 @@ def test_the_instruction_names_source_and_target(bench: Stageplay) -> None:
 # --- what must not count -----------------------------------------------------------------------
 
 
-def _afresh(bench: Stageplay) -> dict[str, SE3]:
+def _afresh(bench: TaskHarness) -> dict[str, SE3]:
     """Both cups in the grippers, in an episode that has seen nothing of it: their poses."""
     layout = bench.start(0)
     bench.reach(script, 3)
@@ -138,7 +138,7 @@ def _afresh(bench: Stageplay) -> dict[str, SE3]:
     return {CUPS[side]: bench.sim.pose(CUPS[side]) for side in SIDES}
 
 
-def test_a_cup_in_the_gripper_of_the_other_arm_does_not_count(bench: Stageplay) -> None:
+def test_a_cup_in_the_gripper_of_the_other_arm_does_not_count(bench: TaskHarness) -> None:
     left, right = _afresh(bench).values()
     bench.put(left_cup=right, right_cup=left)
     assert all(bench.sim.contacts.pads(side, CUPS[side.other]) for side in SIDES)
@@ -149,7 +149,7 @@ def test_a_cup_in_the_gripper_of_the_other_arm_does_not_count(bench: Stageplay) 
     assert bench.stage == 2
 
 
-def test_both_cups_count_as_lifted_from_20_mm_on(bench: Stageplay) -> None:
+def test_both_cups_count_as_lifted_from_20_mm_on(bench: TaskHarness) -> None:
     held = _afresh(bench)
     bench.put(**{name: pose.moved(x=-0.2, z=0.025) for name, pose in held.items()})
     assert bench.stage == 0
@@ -162,7 +162,7 @@ def test_both_cups_count_as_lifted_from_20_mm_on(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("outside", [BESIDE_CUP, OVER_RIM, BELOW_RIM])
-def test_marbles_beside_and_above_the_target_do_not_count(bench: Stageplay, outside: SE3) -> None:
+def test_marbles_beside_and_above_the_target_do_not_count(bench: TaskHarness, outside: SE3) -> None:
     _, target = _lifted(bench)
     stray = bench.sim.pose(CUPS[target]) @ outside
     column = {name: stray.moved(z=0.011 * k) for k, name in enumerate(MARBLES)}
@@ -172,14 +172,14 @@ def test_marbles_beside_and_above_the_target_do_not_count(bench: Stageplay, outs
         assert bench.stage == stage
 
 
-def test_a_marble_in_the_air_between_the_walls_does_not_count(bench: Stageplay) -> None:
+def test_a_marble_in_the_air_between_the_walls_does_not_count(bench: TaskHarness) -> None:
     _, target = _lifted(bench)
     above = bench.sim.pose(CUPS[target]) @ NEAR_FLOOR
     for speed, stage in ((-1.0, 3), (0.0, 4)):
         assert _put_moving(bench, speed, MARBLES[0], above) == stage
 
 
-def test_marbles_that_fell_into_the_target_count(bench: Stageplay) -> None:
+def test_marbles_that_fell_into_the_target_count(bench: TaskHarness) -> None:
     _, target = _lifted(bench)
     bench.put(**_into(bench, target))
     assert bench.hold(5) == 5
@@ -187,7 +187,7 @@ def test_marbles_that_fell_into_the_target_count(bench: Stageplay) -> None:
 
 @pytest.mark.parametrize(("degrees", "stage"), [(35, 5), (55, 3), (90, 3)])
 def test_marbles_in_a_cup_on_its_side_do_not_count(
-    bench: Stageplay, degrees: float, stage: int
+    bench: TaskHarness, degrees: float, stage: int
 ) -> None:
     _, target = _lifted(bench)
     tool = bench.arms.targets[target].moved(z=0.1)
@@ -199,7 +199,7 @@ def test_marbles_in_a_cup_on_its_side_do_not_count(
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_marbles_count_only_while_both_cups_are_held_up(bench: Stageplay, side: Side) -> None:
+def test_marbles_count_only_while_both_cups_are_held_up(bench: TaskHarness, side: Side) -> None:
     _, target = _lifted(bench)
     held = {name: bench.sim.pose(name) for name in CUPS.values()}
     moved = {**held, CUPS[side]: held[CUPS[side]].moved(x=-0.2)}
@@ -208,7 +208,7 @@ def test_marbles_count_only_while_both_cups_are_held_up(bench: Stageplay, side: 
         assert bench.stage == stage
 
 
-def test_a_target_that_stood_with_marbles_must_be_emptied_first(bench: Stageplay) -> None:
+def test_a_target_that_stood_with_marbles_must_be_emptied_first(bench: TaskHarness) -> None:
     source, target = _lifted(bench)
     held, filled = bench.sim.pose(CUPS[target]), _into(bench, target)
     bench.put(**_with_marbles({CUPS[target]: _home(bench)[CUPS[target]]}, target))
@@ -219,20 +219,22 @@ def test_a_target_that_stood_with_marbles_must_be_emptied_first(bench: Stageplay
     assert bench.stage == 5
 
 
-def test_pouring_into_a_cup_that_stands_does_not_count(bench: Stageplay) -> None:
+def test_pouring_into_a_cup_that_stands_does_not_count(bench: TaskHarness) -> None:
     _, target = _sides(bench, 0)
     bench.put(**_into(bench, target))
     assert bench.hold(5) == 0
 
 
-def test_cups_put_back_without_pouring_do_not_count(bench: Stageplay) -> None:
+def test_cups_put_back_without_pouring_do_not_count(bench: TaskHarness) -> None:
     source, _ = _lifted(bench)
     bench.put(**_with_marbles(_home(bench), source))
     assert bench.stage == 3
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_full_marks_need_both_cups_upright_at_home_and_still(bench: Stageplay, side: Side) -> None:
+def test_full_marks_need_both_cups_upright_at_home_and_still(
+    bench: TaskHarness, side: Side
+) -> None:
     target = _poured(bench)
     home, cup = _home(bench), CUPS[side]
     tilt = SE3.about((1, 0, 0), math.radians(25))
@@ -245,7 +247,7 @@ def test_full_marks_need_both_cups_upright_at_home_and_still(bench: Stageplay, s
         assert _put_moving(bench, speed, cup, home[cup]) == stage
 
 
-def test_full_marks_need_every_marble_to_stay_in_the_target(bench: Stageplay) -> None:
+def test_full_marks_need_every_marble_to_stay_in_the_target(bench: TaskHarness) -> None:
     target = _poured(bench)
     home = _home(bench)
     poured, outside = _with_marbles(home, target), home[CUPS[target]] @ BESIDE_CUP
@@ -255,7 +257,7 @@ def test_full_marks_need_every_marble_to_stay_in_the_target(bench: Stageplay) ->
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_full_marks_need_both_cups_released(bench: Stageplay, side: Side) -> None:
+def test_full_marks_need_both_cups_released(bench: TaskHarness, side: Side) -> None:
     _, target = _sides(bench, 1)
 
     def leave(arms: Arms, side: Side) -> Script:
@@ -276,7 +278,7 @@ def test_full_marks_need_both_cups_released(bench: Stageplay, side: Side) -> Non
 # --- physics -----------------------------------------------------------------------------------
 
 
-def test_marbles_stay_in_a_cup_that_is_carried_upright(bench: Stageplay) -> None:
+def test_marbles_stay_in_a_cup_that_is_carried_upright(bench: TaskHarness) -> None:
     source, _ = _sides(bench, 1)
     name = CUPS[source]
     seen: list[tuple[float, float, int]] = []
@@ -288,7 +290,7 @@ def test_marbles_stay_in_a_cup_that_is_carried_upright(bench: Stageplay) -> None
 
     def look() -> None:
         upright = float(bench.sim.rotation(name)[2, 2])
-        seen.append((bench.sim.lowest(name), upright, _in_cup(bench, source)))
+        seen.append((bench.sim.min_height(name), upright, _in_cup(bench, source)))
 
     assert bench.act(_watched(carry, look)) == 1
     lowest, upright, inside = zip(*seen, strict=True)
@@ -297,7 +299,7 @@ def test_marbles_stay_in_a_cup_that_is_carried_upright(bench: Stageplay) -> None
     assert set(inside) == {len(MARBLES)}
 
 
-def test_a_reset_leaves_every_marble_at_rest_in_the_full_cup(bench: Stageplay) -> None:
+def test_a_reset_leaves_every_marble_at_rest_in_the_full_cup(bench: TaskHarness) -> None:
     for seed in range(5):
         source, _ = _sides(bench, seed)
         assert not bench.sim.contacts.deepest(0.0005)

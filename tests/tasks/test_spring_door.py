@@ -15,8 +15,8 @@ from duobench.experts.spring_door import (
     reach_in,
     script,
 )
-from duobench.solids.blocks import CUBE_EDGE
-from duobench.solids.microwave import (
+from duobench.objects.blocks import CUBE_EDGE
+from duobench.objects.microwave import (
     BAR,
     BAR_LENGTH,
     CAVITY,
@@ -30,7 +30,7 @@ from duobench.solids.microwave import (
 )
 from duobench.spatial import SE3
 from duobench.tasks.spring_door import OPEN_ANGLE, TASK
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 DOOR = "microwave/door"
 HALF = CUBE_EDGE / 2
@@ -39,19 +39,19 @@ TOUCHING = ON_FLOOR - 0.0001
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
-def in_oven(bench: Stageplay, x: float, y: float, z: float, yaw: float = 0.0) -> SE3:
+def in_oven(bench: TaskHarness, x: float, y: float, z: float, yaw: float = 0.0) -> SE3:
     return bench.sim.pose("microwave") @ SE3.at(x, y, z, yaw=yaw)
 
 
-def set_door(bench: Stageplay, angle: float) -> None:
+def set_door(bench: TaskHarness, angle: float) -> None:
     joint = bench.sim.model.joint(DOOR)
     bench.sim.data.qpos[joint.qposadr[0]] = angle
     bench.sim.data.qvel[joint.dofadr[0]] = 0.0
-    bench.sim.refresh()
+    bench.sim.forward()
 
 
 def let_the_door_go(arms: Arms) -> Script:
@@ -60,7 +60,7 @@ def let_the_door_go(arms: Arms) -> Script:
     yield from wait(90)
 
 
-def door_held_open(bench: Stageplay) -> None:
+def door_held_open(bench: TaskHarness) -> None:
     """An episode after stage 2: the left arm holds the door, the cube lies aside."""
     bench.start(0)
     bench.reach(script, 2)
@@ -70,7 +70,7 @@ def door_held_open(bench: Stageplay) -> None:
     assert bench.sim.angle(DOOR) > OPEN_ANGLE
 
 
-def door_shut_again(bench: Stageplay) -> None:
+def door_shut_again(bench: TaskHarness) -> None:
     """An episode after stage 2: the door has shut, the cube lies aside."""
     door_held_open(bench)
     bench.act(let_the_door_go)
@@ -78,7 +78,7 @@ def door_shut_again(bench: Stageplay) -> None:
     assert bench.stage == 2
 
 
-def cube_pressed_on_the_floor(bench: Stageplay) -> None:
+def cube_pressed_on_the_floor(bench: TaskHarness) -> None:
     """An episode in which the right arm has the cube on the cavity's floor, still pinched."""
 
     def press(arms: Arms) -> Script:
@@ -94,7 +94,7 @@ def cube_pressed_on_the_floor(bench: Stageplay) -> None:
 
 
 @pytest.mark.parametrize("seed", [3, 17])
-def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> None:
+def test_the_expert_passes_the_stages_in_order(bench: TaskHarness, seed: int) -> None:
     bench.start(seed)
     assert bench.run_for(script, TASK.horizon) == 3
     assert bench.history == sorted(bench.history)
@@ -102,7 +102,7 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> N
     assert bench.progress.final_holds
 
 
-def test_what_the_expert_leaves_counts_and_goes_on_counting(bench: Stageplay) -> None:
+def test_what_the_expert_leaves_counts_and_goes_on_counting(bench: TaskHarness) -> None:
     bench.start(0)
     bench.reach(script, 3)
     assert bench.hold(30) == 3
@@ -112,21 +112,21 @@ def test_what_the_expert_leaves_counts_and_goes_on_counting(bench: Stageplay) ->
 # --- what must not count -------------------------------------------------------------------------
 
 
-def put_for_a_while(bench: Stageplay, pose: SE3) -> None:
+def put_for_a_while(bench: TaskHarness, pose: SE3) -> None:
     """A cube that stays somewhere for three control steps, while the door is held."""
     for _ in range(3):
         bench.put(cube=pose)
     assert bench.sim.angle(DOOR) > OPEN_ANGLE
 
 
-def test_a_cube_on_the_roof_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_on_the_roof_does_not_count(bench: TaskHarness) -> None:
     door_held_open(bench)
     put_for_a_while(bench, in_oven(bench, 0.0, CAVITY_CENTRE_Y, HEIGHT + HALF - 0.0001))
     assert bench.sim.contacts.between("cube", "microwave")
     assert bench.hold(10) == 2
 
 
-def test_a_cube_behind_the_oven_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_behind_the_oven_does_not_count(bench: TaskHarness) -> None:
     door_held_open(bench)
     for height in (ON_FLOOR, HALF):
         behind = in_oven(bench, DEPTH / 2 + HALF - 0.0001, CAVITY_CENTRE_Y, height)
@@ -136,7 +136,7 @@ def test_a_cube_behind_the_oven_does_not_count(bench: Stageplay) -> None:
     assert bench.hold(10) == 2
 
 
-def test_a_cube_on_the_table_behind_the_door_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_on_the_table_behind_the_door_does_not_count(bench: TaskHarness) -> None:
     door_held_open(bench)
     bench.put(cube=in_oven(bench, FRONT - HALF - 0.03, CAVITY_CENTRE_Y, HALF))
     assert bench.hold(10) == 2
@@ -145,7 +145,7 @@ def test_a_cube_on_the_table_behind_the_door_does_not_count(bench: Stageplay) ->
     assert bench.sim.angle(DOOR) > 0.05
 
 
-def test_a_cube_wedged_in_the_door_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_wedged_in_the_door_does_not_count(bench: TaskHarness) -> None:
     door_held_open(bench)
     # A cube on its edge reaches over the front by 2 mm, and keeps the door from shutting.
     across = in_oven(bench, FRONT + 0.0206, CAVITY_CENTRE_Y, TOUCHING, math.pi / 4)
@@ -160,14 +160,14 @@ def test_a_cube_wedged_in_the_door_does_not_count(bench: Stageplay) -> None:
     assert bench.judge() == 3
 
 
-def test_a_cube_that_sticks_out_of_the_front_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_that_sticks_out_of_the_front_does_not_count(bench: TaskHarness) -> None:
     door_held_open(bench)
     bench.put(cube=in_oven(bench, FRONT + HALF - 0.002, CAVITY_CENTRE_Y, TOUCHING))
     assert bench.hold(10) == 2
     assert bench.sim.contacts.between("cube", "microwave")
 
 
-def test_a_cube_above_the_floor_or_at_the_wall_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_above_the_floor_or_at_the_wall_does_not_count(bench: TaskHarness) -> None:
     door_held_open(bench)
     put_for_a_while(bench, in_oven(bench, 0.0, CAVITY_CENTRE_Y, ON_FLOOR + 0.004))
     assert bench.stage == 2
@@ -177,31 +177,31 @@ def test_a_cube_above_the_floor_or_at_the_wall_does_not_count(bench: Stageplay) 
     assert bench.stage == 2
 
 
-def test_a_cube_that_slides_over_the_floor_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_that_slides_over_the_floor_does_not_count(bench: TaskHarness) -> None:
     door_held_open(bench)
     dof = bench.sim.model.joint("cube").dofadr[0]
     for _ in range(3):
         bench.sim.place("cube", in_oven(bench, 0.0, CAVITY_CENTRE_Y, TOUCHING))
         bench.sim.data.qvel[dof] = 0.1
-        bench.sim.refresh()
+        bench.sim.forward()
         assert bench.judge() == 2
         assert bench.sim.contacts.between("cube", "microwave")
 
 
-def test_a_cube_in_the_oven_counts_once_it_is_let_go(bench: Stageplay) -> None:
+def test_a_cube_in_the_oven_counts_once_it_is_let_go(bench: TaskHarness) -> None:
     cube_pressed_on_the_floor(bench)
     assert bench.stage == 2
     bench.act(lambda arms: release(arms, INSERTER, opening=LET_GO))
     assert bench.hold(10) == 3
 
 
-def test_a_cube_on_its_way_out_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_on_its_way_out_does_not_count(bench: TaskHarness) -> None:
     cube_pressed_on_the_floor(bench)
     bench.act(lambda arms: move(arms, {INSERTER: arms.targets[INSERTER] @ SE3.at(z=-0.2)}))
     assert bench.hold(10) == 2
 
 
-def test_a_cube_that_was_never_held_at_an_open_door_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_that_was_never_held_at_an_open_door_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(cube=in_oven(bench, 0.0, CAVITY_CENTRE_Y, ON_FLOOR))
     assert bench.hold(10) == 0
@@ -210,19 +210,19 @@ def test_a_cube_that_was_never_held_at_an_open_door_does_not_count(bench: Stagep
     assert bench.hold(10) == 1
 
 
-def test_a_cube_that_came_after_the_door_had_shut_does_not_count(bench: Stageplay) -> None:
+def test_a_cube_that_came_after_the_door_had_shut_does_not_count(bench: TaskHarness) -> None:
     door_shut_again(bench)
     bench.put(cube=in_oven(bench, 0.0, CAVITY_CENTRE_Y, TOUCHING))
     assert bench.hold(10) == 2
 
 
-def test_a_cube_that_came_while_the_door_was_held_counts(bench: Stageplay) -> None:
+def test_a_cube_that_came_while_the_door_was_held_counts(bench: TaskHarness) -> None:
     door_held_open(bench)
     bench.put(cube=in_oven(bench, 0.0, CAVITY_CENTRE_Y, TOUCHING))
     assert bench.hold(5) == 3
 
 
-def test_a_door_that_is_open_by_too_little_does_not_count(bench: Stageplay) -> None:
+def test_a_door_that_is_open_by_too_little_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     set_door(bench, OPEN_ANGLE - 0.01)
     assert bench.judge() == 0
@@ -234,7 +234,7 @@ def test_a_door_that_is_open_by_too_little_does_not_count(bench: Stageplay) -> N
 
 
 @pytest.mark.parametrize("angle", [0.3, OPEN_ANGLE, 1.5, DOOR_LIMITS[1]])
-def test_the_door_shuts_within_two_seconds(bench: Stageplay, angle: float) -> None:
+def test_the_door_shuts_within_two_seconds(bench: TaskHarness, angle: float) -> None:
     bench.start(0)
     set_door(bench, angle)
     bench.hold(1)
@@ -243,14 +243,14 @@ def test_the_door_shuts_within_two_seconds(bench: Stageplay, angle: float) -> No
     assert bench.sim.angle(DOOR) < 0.02
 
 
-def test_one_arm_holds_the_door_open(bench: Stageplay) -> None:
+def test_one_arm_holds_the_door_open(bench: TaskHarness) -> None:
     door_held_open(bench)
     angle = bench.sim.angle(DOOR)
     bench.hold(60)
     assert bench.sim.angle(DOOR) == pytest.approx(angle, abs=0.02)
 
 
-def test_the_door_clears_the_oven_at_every_angle(bench: Stageplay) -> None:
+def test_the_door_clears_the_oven_at_every_angle(bench: TaskHarness) -> None:
     """The engine lets a body and the one that carries it overlap, so distances are asked for."""
     model, data = bench.sim.model, bench.sim.data
     bench.start(0)
@@ -265,7 +265,7 @@ def test_the_door_clears_the_oven_at_every_angle(bench: Stageplay) -> None:
 
 
 def test_there_is_room_for_fingers_behind_the_bar(
-    bench: Stageplay,
+    bench: TaskHarness,
 ) -> None:
     bench.start(0)
     behind = bench.sim.pose(DOOR) @ SE3.at(BAR[0] + 0.030, BAR[1], 0.0)
@@ -274,7 +274,7 @@ def test_there_is_room_for_fingers_behind_the_bar(
         assert bench.sim.contacts.partners("cube") == set()
 
 
-def test_the_cavity_is_empty_and_as_large_as_the_task_says(bench: Stageplay) -> None:
+def test_the_cavity_is_empty_and_as_large_as_the_task_says(bench: TaskHarness) -> None:
     bench.start(0)
     inset = HALF + 0.0005
     low_y, high_y = CAVITY_CENTRE_Y - 0.165, CAVITY_CENTRE_Y + 0.165
@@ -285,11 +285,11 @@ def test_the_cavity_is_empty_and_as_large_as_the_task_says(bench: Stageplay) -> 
                 assert bench.sim.contacts.partners("cube") == set()
 
 
-def test_the_door_weighs_what_it_should(bench: Stageplay) -> None:
+def test_the_door_weighs_what_it_should(bench: TaskHarness) -> None:
     assert bench.sim.model.body(DOOR).mass[0] == pytest.approx(DOOR_MASS)
 
 
-def test_objects_rest_apart_at_reset(bench: Stageplay) -> None:
+def test_objects_rest_apart_at_reset(bench: TaskHarness) -> None:
     for seed in range(10):
         layout = bench.start(seed)
         assert bench.sim.contacts.deepest(0.0005) == []

@@ -13,16 +13,16 @@ from duobench.experts.transfer_cube import (
     SLANT,
     script,
 )
+from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
+from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT
+from duobench.objects.solid import PLA_DENSITY
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import STILL_SPEED
-from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK
-from duobench.solids.bowl import FLOOR, RADIUS, RIM_HEIGHT
-from duobench.solids.solid import PLA_DENSITY
 from duobench.spatial import SE3
 from duobench.tasks.transfer_cube import BELOW_RIM, BOWL_TILT, HIGHEST_DROP, TASK
 from duobench.types import Side
 from tests.handovers import bring, drop, meet
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 BOWL = np.array([0.55, 0.15, 0.0])
@@ -42,12 +42,12 @@ ACROSS_RIM = SE3.at(x=0.073, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0002, yaw=math.pi 
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
 @pytest.fixture
-def table(bench: Stageplay) -> Stageplay:
+def table(bench: TaskHarness) -> TaskHarness:
     bench.start(layout=BOTH_REACH)
     return bench
 
@@ -66,7 +66,7 @@ def hand_over_and_bring(arms: Arms) -> Script:
     yield from bring(arms, LEFT, "cube", BOWL + np.array([0.0, 0.0, 0.15]))
 
 
-def in_bowl(bench: Stageplay) -> bool:
+def in_bowl(bench: TaskHarness) -> bool:
     """Whether the cube ended up in the bowl, so that a refused stage says something."""
     offset = bench.sim.position("cube") - bench.sim.position("bowl")
     touching = bench.sim.contacts.partners("cube")
@@ -74,7 +74,7 @@ def in_bowl(bench: Stageplay) -> bool:
 
 
 @pytest.mark.parametrize("seed", [3, 17])
-def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> None:
+def test_the_expert_passes_the_stages_in_order(bench: TaskHarness, seed: int) -> None:
     bench.start(seed)
     assert bench.run_for(script, TASK.horizon) == 4
     assert bench.history == sorted(bench.history)
@@ -86,13 +86,13 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> N
 # --- what must not count; what two arms can do of it is in tests/adversaries ---------------------
 
 
-def test_a_block_in_the_bowl_that_nobody_brought_does_not_count(table: Stageplay) -> None:
+def test_a_block_in_the_bowl_that_nobody_brought_does_not_count(table: TaskHarness) -> None:
     table.put(cube=table.sim.pose("bowl") @ LYING)
     assert table.hold(20) == 0
     assert in_bowl(table)
 
 
-def test_a_block_that_nobody_handed_over_does_not_count(table: Stageplay) -> None:
+def test_a_block_that_nobody_handed_over_does_not_count(table: TaskHarness) -> None:
     assert table.act(lambda arms: pick_bar(arms, BAR)) == 1
     table.act(lambda arms: drop(arms, RIGHT))
     table.put(cube=table.sim.pose("bowl") @ LYING)
@@ -100,20 +100,20 @@ def test_a_block_that_nobody_handed_over_does_not_count(table: Stageplay) -> Non
     assert in_bowl(table)
 
 
-def test_both_arms_hold_what_they_have_lifted(table: Stageplay) -> None:
+def test_both_arms_hold_what_they_have_lifted(table: TaskHarness) -> None:
     """What both grasp on the table may lose contact with it for a step."""
     assert table.act(both_hold) == 2
     table.progress.reset(table.sim, {})  # As if the block had been so high from the start.
     assert table.judge() == 0
 
 
-def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(table: Stageplay) -> None:
+def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(table: TaskHarness) -> None:
     assert table.act(both_hold) == 2
     assert table.hold(15) == 2
     assert table.act(lambda arms: let_go(arms, RIGHT)) == 3
 
 
-def test_a_block_that_is_still_held_in_the_bowl_does_not_count(table: Stageplay) -> None:
+def test_a_block_that_is_still_held_in_the_bowl_does_not_count(table: TaskHarness) -> None:
     def hold_on(arms: Arms) -> Script:
         yield from hand_over(arms)
         yield from bring(arms, LEFT, "cube", IN_BOWL - (0, 0, 0.012))
@@ -126,7 +126,7 @@ def test_a_block_that_is_still_held_in_the_bowl_does_not_count(table: Stageplay)
 
 
 @pytest.mark.parametrize("place", [LYING, LYING.moved(z=0.10)], ids=["pushed", "thrown"])
-def test_a_handover_does_not_excuse_pushing_or_throwing(table: Stageplay, place: SE3) -> None:
+def test_a_handover_does_not_excuse_pushing_or_throwing(table: TaskHarness, place: SE3) -> None:
     assert table.act(hand_over) == 3
     table.act(lambda arms: drop(arms, LEFT))
     table.put(cube=table.sim.pose("bowl") @ place)
@@ -136,7 +136,7 @@ def test_a_handover_does_not_excuse_pushing_or_throwing(table: Stageplay, place:
 
 @pytest.mark.parametrize("pose", [LYING, STANDING], ids=["lying", "standing"])
 def test_a_block_that_was_handed_over_and_brought_counts_in_the_bowl(
-    table: Stageplay, pose: SE3
+    table: TaskHarness, pose: SE3
 ) -> None:
     assert table.act(hand_over_and_bring) == 3
     table.put(cube=table.sim.pose("bowl") @ ACROSS_RIM)
@@ -152,7 +152,9 @@ def test_a_block_that_was_handed_over_and_brought_counts_in_the_bowl(
     [BESIDE, BESIDE.moved(z=0.002), ON_RIM, TOO_HIGH],
     ids=["beside", "hanging outside", "on the rim", "too high"],
 )
-def test_a_block_that_left_the_bowl_again_does_not_count(table: Stageplay, elsewhere: SE3) -> None:
+def test_a_block_that_left_the_bowl_again_does_not_count(
+    table: TaskHarness, elsewhere: SE3
+) -> None:
     table.act(hand_over_and_bring)
     table.put(cube=table.sim.pose("bowl") @ elsewhere)
     assert table.stage == 3
@@ -162,18 +164,18 @@ def test_a_block_that_left_the_bowl_again_does_not_count(table: Stageplay, elsew
 
 
 @pytest.mark.parametrize("tilt", [0.0, BOWL_TILT + 0.05], ids=["in the air", "tipped"])
-def test_the_bowl_stands_on_the_table(table: Stageplay, tilt: float) -> None:
+def test_the_bowl_stands_on_the_table(table: TaskHarness, tilt: float) -> None:
     table.act(hand_over_and_bring)
     tipped = SE3.at(*BOWL) @ SE3.about((1, 0, 0), tilt)
     table.sim.place("bowl", tipped)
-    table.sim.refresh()
+    table.sim.forward()
     touching = -1e-4 if tilt else 0.01
-    bowl = tipped.moved(z=touching - table.sim.lowest("bowl"))
+    bowl = tipped.moved(z=touching - table.sim.min_height("bowl"))
     low_side = LYING.moved(y=-0.05)
     table.put(bowl=bowl, cube=bowl @ low_side.moved(z=-1e-4))
     assert table.sim.contacts.partners("cube") == {"bowl"}
     assert table.sim.contacts.between("bowl", "table") == (tilt > 0)
-    assert table.sim.lowest("cube") < BELOW_RIM
+    assert table.sim.min_height("cube") < BELOW_RIM
     assert table.stage == 3
     upright = SE3.at(*BOWL).moved(z=-1e-4)
     table.put(bowl=upright, cube=upright @ low_side.moved(z=-1e-4))
@@ -183,13 +185,13 @@ def test_the_bowl_stands_on_the_table(table: Stageplay, tilt: float) -> None:
 # --- objects -------------------------------------------------------------------------------------
 
 
-def test_the_cube_weighs_what_it_is_made_of(bench: Stageplay) -> None:
+def test_the_cube_weighs_what_it_is_made_of(bench: TaskHarness) -> None:
     mass = bench.sim.model.body("cube").mass[0]
     assert mass == pytest.approx(LONG_BLOCK * CUBE_EDGE**2 * PLA_DENSITY)
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_objects_rest_apart_at_reset(bench: Stageplay, seed: int) -> None:
+def test_objects_rest_apart_at_reset(bench: TaskHarness, seed: int) -> None:
     layout = bench.start(seed)
     assert bench.sim.contacts.deepest(0.0005) == []
     for name in ("cube", "bowl"):

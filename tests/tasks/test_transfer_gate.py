@@ -12,10 +12,8 @@ from duobench.experts.transfer_gate import (
     reach_through,
     script,
 )
-from duobench.sim import placement
-from duobench.sim.layout import Layout
-from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK
-from duobench.solids.gate import (
+from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
+from duobench.objects.gate import (
     BASE,
     MAT_EDGE,
     MAT_THICKNESS,
@@ -24,14 +22,16 @@ from duobench.solids.gate import (
     RING_THICKNESS,
     gate,
 )
-from duobench.solids.shapes import cylinder
-from duobench.solids.solid import PLA_DENSITY, manifold_of
+from duobench.objects.shapes import cylinder
+from duobench.objects.solid import PLA_DENSITY, manifold_of
+from duobench.sim import placement
+from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.tasks.transfer_gate import CROSSING_RADIUS, TASK
 from duobench.types import Side
 from tests.adversaries.transfer_gate import hand_over, let_fall, onto_mat, take
 from tests.handovers import drop, pick_lying
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 MAT = np.array([0.5, 0.22, MAT_THICKNESS / 2])
@@ -50,29 +50,29 @@ GATE_AWAY = SE3.at(0.2, 0.5)
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
 @pytest.fixture
-def table(bench: Stageplay) -> Stageplay:
+def table(bench: TaskHarness) -> TaskHarness:
     bench.start(layout=LAYOUT)
     return bench
 
 
-def slide_gate_over_block(bench: Stageplay, *, aside: float = 0.0) -> None:
+def slide_gate_over_block(bench: TaskHarness, *, aside: float = 0.0) -> None:
     """Let the block cross the ring, in whatever hand, by moving the ring."""
     x, y, z = bench.sim.position("block")
     for beyond in (-0.02, 0.02):
         bench.put(gate=SE3.at(x - aside, y - beyond, z - RING_HEIGHT))
 
 
-def on_mat(bench: Stageplay) -> bool:
+def on_mat(bench: TaskHarness) -> bool:
     """Whether the block ended up on the mat, so that a refused stage says something."""
     return bench.sim.contacts.partners("block") == {"mat"}
 
 
-def on_mat_in_hand(bench: Stageplay) -> bool:
+def on_mat_in_hand(bench: TaskHarness) -> bool:
     contacts = bench.sim.contacts
     return contacts.pads(LEFT, "block") and contacts.between("block", "mat")
 
@@ -84,7 +84,7 @@ def both_hold(arms: Arms) -> Script:
 
 
 @pytest.mark.parametrize("seed", [3, 17])
-def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> None:
+def test_the_expert_passes_the_stages_in_order(bench: TaskHarness, seed: int) -> None:
     bench.start(seed)
     assert bench.run_for(script, TASK.horizon) == 4
     assert bench.history == sorted(bench.history)
@@ -96,7 +96,7 @@ def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> N
 # --- what must not count; what two arms can do of it is in tests/adversaries ---------------------
 
 
-def test_a_block_on_the_mat_that_nobody_handed_over_does_not_count(table: Stageplay) -> None:
+def test_a_block_on_the_mat_that_nobody_handed_over_does_not_count(table: TaskHarness) -> None:
     table.put(block=SE3.at(MAT[0], MAT[1], LYING_HEIGHT))
     assert table.hold(20) == 0
     assert on_mat(table)
@@ -107,14 +107,14 @@ def test_a_block_on_the_mat_that_nobody_handed_over_does_not_count(table: Stagep
     [(0.0, 2), (CROSSING_RADIUS - 0.002, 2), (CROSSING_RADIUS + 0.002, 1), (0.2, 1)],
 )
 def test_the_plane_must_be_crossed_inside_the_ring(
-    table: Stageplay, aside: float, stage: int
+    table: TaskHarness, aside: float, stage: int
 ) -> None:
     assert table.act(lambda arms: pick_bar(arms, BAR)) == 1
     slide_gate_over_block(table, aside=aside)
     assert table.stage == stage
 
 
-def test_crossing_on_the_table_does_not_count(table: Stageplay) -> None:
+def test_crossing_on_the_table_does_not_count(table: TaskHarness) -> None:
     def grasp(arms: Arms) -> Script:
         x, y, z = arms.sim.position("block")
         yield from move(arms, {RIGHT: down(x, y, z + 0.1, yaw=0.3)})
@@ -128,13 +128,13 @@ def test_crossing_on_the_table_does_not_count(table: Stageplay) -> None:
     assert table.stage == 0
 
 
-def test_flying_through_the_ring_does_not_count(table: Stageplay) -> None:
+def test_flying_through_the_ring_does_not_count(table: TaskHarness) -> None:
     for y in (-0.03, -0.01, 0.01, 0.03):
         table.put(block=SE3.at(0.4, y, RING_HEIGHT))
     assert table.stage == 0
 
 
-def test_taking_it_on_the_near_side_does_not_count(table: Stageplay) -> None:
+def test_taking_it_on_the_near_side_does_not_count(table: TaskHarness) -> None:
     def on_the_near_side(arms: Arms) -> Script:
         yield from pick_bar(arms, BAR)
         yield from move(arms, {RIGHT: present(BAR, (0.55, 0.03, RING_HEIGHT), RISE)})
@@ -152,7 +152,7 @@ def test_taking_it_on_the_near_side_does_not_count(table: Stageplay) -> None:
     assert on_mat(table)
 
 
-def test_a_block_that_goes_back_before_it_is_taken_does_not_count(table: Stageplay) -> None:
+def test_a_block_that_goes_back_before_it_is_taken_does_not_count(table: TaskHarness) -> None:
     assert table.act(both_hold) == 2
     table.put(gate=GATE_AWAY)
     assert table.act(lambda arms: let_go(arms, RIGHT)) == 2
@@ -160,26 +160,26 @@ def test_a_block_that_goes_back_before_it_is_taken_does_not_count(table: Stagepl
     assert table.stage == 2
 
 
-def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(table: Stageplay) -> None:
+def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(table: TaskHarness) -> None:
     assert table.act(both_hold) == 2
     assert table.hold(15) == 2
     assert table.act(lambda arms: let_go(arms, RIGHT)) == 3
 
 
-def test_a_block_that_was_handed_back_does_not_count(table: Stageplay) -> None:
+def test_a_block_that_was_handed_back_does_not_count(table: TaskHarness) -> None:
     table.act(lambda arms: pick_bar(arms, BAR))
-    in_right_hand = table.sim.save()
+    in_right_hand = table.sim.get_state()
     table.start(layout=LAYOUT)
     assert table.act(hand_over) == 3
     assert table.act(lambda arms: lower_onto_mat(arms, LEFT)) == 3
-    table.sim.restore(in_right_hand)
+    table.sim.set_state(in_right_hand)
     table.put(gate=GATE_AWAY)
     table.arms = Arms(table.sim)
     assert table.act(lambda arms: onto_mat(arms, RIGHT)) == 3
     assert on_mat(table)
 
 
-def test_a_block_that_is_still_held_on_the_mat_does_not_count(table: Stageplay) -> None:
+def test_a_block_that_is_still_held_on_the_mat_does_not_count(table: TaskHarness) -> None:
     def hold_on(arms: Arms) -> Script:
         yield from hand_over(arms)
         yield from lower_onto_mat(arms, LEFT)
@@ -190,35 +190,37 @@ def test_a_block_that_is_still_held_on_the_mat_does_not_count(table: Stageplay) 
     assert table.act(lambda arms: drop(arms, LEFT)) == 4
 
 
-def test_a_block_released_before_it_rests_does_not_count(table: Stageplay) -> None:
+def test_a_block_released_before_it_rests_does_not_count(table: TaskHarness) -> None:
     """Not even from a few millimetres."""
     table.act(hand_over)
     for _ in table.steps(lambda arms: lower_onto_mat(arms, LEFT)):
-        if table.sim.lowest("block") < MAT_THICKNESS + 0.008:
+        if table.sim.min_height("block") < MAT_THICKNESS + 0.008:
             break
-    table.arms.targets[LEFT] = table.arms.tool(LEFT)
+    table.arms.targets[LEFT] = table.arms.tcp_pose(LEFT)
     assert not table.sim.contacts.between("block", "mat")
     assert table.act(lambda arms: drop(arms, LEFT)) == 3
     assert table.hold(20) == 3
     assert on_mat(table)
 
 
-def test_a_block_that_was_let_go_on_the_far_side_must_come_through_again(table: Stageplay) -> None:
+def test_a_block_that_was_let_go_on_the_far_side_must_come_through_again(
+    table: TaskHarness,
+) -> None:
     assert table.act(both_hold) == 2
-    both = table.sim.save()
+    both = table.sim.get_state()
     assert table.act(lambda arms: let_go(arms, RIGHT)) == 3
-    left = table.sim.save()
+    left = table.sim.get_state()
     table.start(layout=LAYOUT)
     table.act(lambda arms: pick_bar(arms, BAR))
     assert table.act(reach_through) == 2
     fallen = SE3.at(0.7, 0.2, CUBE_EDGE / 2)
     table.put(block=fallen)
     for state in (both, left):
-        table.sim.restore(state)
+        table.sim.set_state(state)
         assert table.judge() == 2
 
 
-def test_a_block_that_fell_onto_the_mat_may_be_picked_up_and_put_down(table: Stageplay) -> None:
+def test_a_block_that_fell_onto_the_mat_may_be_picked_up_and_put_down(table: TaskHarness) -> None:
     assert table.act(let_fall) == 3
 
     def again(arms: Arms) -> Script:
@@ -228,7 +230,7 @@ def test_a_block_that_fell_onto_the_mat_may_be_picked_up_and_put_down(table: Sta
     assert table.act(again) == 4
 
 
-def test_only_a_block_that_rests_on_the_mat_counts(table: Stageplay) -> None:
+def test_only_a_block_that_rests_on_the_mat_counts(table: TaskHarness) -> None:
     table.act(hand_over)
     assert table.act(lambda arms: lower_onto_mat(arms, LEFT)) == 3
     assert on_mat_in_hand(table)
@@ -247,7 +249,7 @@ def test_only_a_block_that_rests_on_the_mat_counts(table: Stageplay) -> None:
 # --- objects -------------------------------------------------------------------------------------
 
 
-def test_the_block_weighs_what_it_is_made_of(bench: Stageplay) -> None:
+def test_the_block_weighs_what_it_is_made_of(bench: TaskHarness) -> None:
     mass = bench.sim.model.body("block").mass[0]
     assert mass == pytest.approx(LONG_BLOCK * CUBE_EDGE**2 * PLA_DENSITY)
 
@@ -264,7 +266,7 @@ def test_the_ring_is_as_wide_as_the_task_says() -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_objects_rest_apart_at_reset(bench: Stageplay, seed: int) -> None:
+def test_objects_rest_apart_at_reset(bench: TaskHarness, seed: int) -> None:
     layout = bench.start(seed)
     assert bench.sim.contacts.deepest(0.0005) == []
     assert bench.sim.contacts.partners("block") == {"table"}
@@ -289,7 +291,7 @@ def test_objects_rest_apart_at_reset(bench: Stageplay, seed: int) -> None:
     ids=["on the stand", "in the hand", "too close"],
 )
 def test_a_bad_place_for_the_fixed_ring_is_found(
-    bench: Stageplay, moved: dict[str, SE3], problem: str
+    bench: TaskHarness, moved: dict[str, SE3], problem: str
 ) -> None:
     layout = Layout(poses={**LAYOUT.poses, **moved})
     assert any(problem in found for found in placement.problems(bench.sim, layout))

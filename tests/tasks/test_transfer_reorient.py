@@ -18,10 +18,8 @@ from duobench.experts.transfer_reorient import (
     lead,
     script,
 )
-from duobench.sim.layout import Layout
-from duobench.sim.simulation import STILL_SPEED
-from duobench.solids.blocks import WHITE
-from duobench.solids.hexagon_peg import (
+from duobench.objects.blocks import WHITE
+from duobench.objects.hexagon_peg import (
     ACROSS_FLATS,
     BOARD_FLOOR,
     BOARD_HEIGHT,
@@ -34,13 +32,15 @@ from duobench.solids.hexagon_peg import (
     peg,
     socket_board,
 )
-from duobench.solids.shapes import circle, prism
-from duobench.solids.solid import PLA_DENSITY, Solid, manifold_of, mass_properties, printable
+from duobench.objects.shapes import circle, prism
+from duobench.objects.solid import PLA_DENSITY, Solid, manifold_of, mass_properties, printable
+from duobench.sim.layout import Layout
+from duobench.sim.simulation import STILL_SPEED
 from duobench.spatial import SE3
 from duobench.tasks.transfer_reorient import BLUE, DEPTH, TASK
 from duobench.types import Side
 from tests.handovers import meet
-from tests.stageplay import Stageplay
+from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 BOARD = SE3.at(0.5, 0.2)
@@ -53,18 +53,18 @@ UPRIGHT = SE3.about((0, 1, 0), math.pi / 2)
 
 
 @pytest.fixture(scope="module")
-def bench() -> Stageplay:
-    return Stageplay(TASK)
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
 
 
 @pytest.fixture
-def table(bench: Stageplay) -> Stageplay:
+def table(bench: TaskHarness) -> TaskHarness:
     bench.start(layout=LAYOUT)
     return bench
 
 
 @pytest.fixture(scope="module")
-def moments(bench: Stageplay) -> dict[str, np.ndarray]:
+def moments(bench: TaskHarness) -> dict[str, np.ndarray]:
     """States by letter: held by (r)ight, (b)oth, (l)eft alone, by left (i)n the hole, by left and
     almost (o)ut of it, (f)ree in the hole.
     """
@@ -72,19 +72,19 @@ def moments(bench: Stageplay) -> dict[str, np.ndarray]:
 
     def whole_way(arms: Arms) -> Script:
         yield from pick_bar(arms, BAR)
-        saved["r"] = bench.sim.save()
+        saved["r"] = bench.sim.get_state()
         yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP)
-        saved["b"] = bench.sim.save()
+        saved["b"] = bench.sim.get_state()
         yield from let_go(arms, RIGHT)
-        saved["l"] = bench.sim.save()
+        saved["l"] = bench.sim.get_state()
         arms.posture[LEFT.index] = OVER_BOARD
         yield from insert(arms, LEFT, mouth(HEXAGON))
-        saved["i"] = bench.sim.save()
+        saved["i"] = bench.sim.get_state()
         yield from lead(arms, LEFT, mouth(HEXAGON), -0.008, speed=0.06)
-        saved["o"] = bench.sim.save()
+        saved["o"] = bench.sim.get_state()
         yield from insert(arms, LEFT, mouth(HEXAGON))
         yield from let_go(arms, LEFT)
-        saved["f"] = bench.sim.save()
+        saved["f"] = bench.sim.get_state()
 
     bench.start(layout=LAYOUT)
     bench.act(whole_way)
@@ -95,22 +95,22 @@ def moments(bench: Stageplay) -> dict[str, np.ndarray]:
 class Replay:
     """Moments, one after another."""
 
-    table: Stageplay
+    table: TaskHarness
     moments: dict[str, np.ndarray]
 
     def stage_after(self, letters: str, **peg: SE3) -> int:
         """The stage after moments, and then with the peg free at a pose."""
         for letter in letters:
-            self.table.sim.restore(self.moments[letter])
+            self.table.sim.set_state(self.moments[letter])
             self.table.judge()
         if peg:
-            self.table.sim.restore(self.moments["f"])
+            self.table.sim.set_state(self.moments["f"])
             self.table.put(**peg)
         return self.table.stage
 
 
 @pytest.fixture
-def replay(table: Stageplay, moments: dict[str, np.ndarray]) -> Replay:
+def replay(table: TaskHarness, moments: dict[str, np.ndarray]) -> Replay:
     table.start(layout=LAYOUT)
     return Replay(table, moments)
 
@@ -126,7 +126,7 @@ def standing(hole: Hole, depth: float, *, aside: float = 0.0, lean: float = 0.0)
 
 
 @pytest.mark.parametrize("seed", [3, 17])
-def test_the_expert_passes_the_stages_in_order(bench: Stageplay, seed: int) -> None:
+def test_the_expert_passes_the_stages_in_order(bench: TaskHarness, seed: int) -> None:
     bench.start(seed)
     assert bench.run_for(script, TASK.horizon) == 4
     assert bench.history == sorted(bench.history)
@@ -187,11 +187,11 @@ def test_depth_offset_and_angle_are_those_of_the_task(
 def test_a_peg_that_moves_does_not_count(replay: Replay) -> None:
     replay.stage_after("rbli")
     sim = replay.table.sim
-    sim.restore(replay.moments["f"])
+    sim.set_state(replay.moments["f"])
     start = sim.model.joint("peg").dofadr[0]
     for speed in (STILL_SPEED + 0.01, 0.0):
         sim.data.qvel[start] = speed
-        sim.refresh()
+        sim.forward()
         replay.table.judge()
         assert replay.table.stage == (3 if speed else 4)
 
@@ -216,7 +216,7 @@ def test_the_peg_does_not_go_into_another_hole(replay: Replay, hole: Hole) -> No
     table.arms = Arms(table.sim)
     assert table.act(into) == 3
     assert table.sim.contacts.between("peg", "board")
-    assert table.sim.lowest("peg") > BOARD_HEIGHT - TILTED_IN[hole]
+    assert table.sim.min_height("peg") > BOARD_HEIGHT - TILTED_IN[hole]
 
 
 # --- objects -------------------------------------------------------------------------------------
@@ -232,7 +232,7 @@ def test_what_collides_is_what_is_drawn_and_weighed(solid: Solid) -> None:
     assert mass_properties(solid).mass == pytest.approx(drawn.volume * PLA_DENSITY)
 
 
-def test_the_peg_is_a_hexagon(bench: Stageplay) -> None:
+def test_the_peg_is_a_hexagon(bench: TaskHarness) -> None:
     face = ACROSS_FLATS**2 * math.sqrt(3) / 2
     assert bench.sim.model.body("peg").mass[0] == pytest.approx(face * PEG_LENGTH * PLA_DENSITY)
 
@@ -255,7 +255,7 @@ def test_only_the_hexagonal_hole_takes_the_peg_and_with_little_play() -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_objects_rest_apart_at_reset(bench: Stageplay, seed: int) -> None:
+def test_objects_rest_apart_at_reset(bench: TaskHarness, seed: int) -> None:
     layout = bench.start(seed)
     assert bench.sim.contacts.deepest(0.0005) == []
     assert bench.sim.contacts.partners("peg") == {"table"}

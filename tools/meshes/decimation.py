@@ -75,7 +75,7 @@ class Part:
 
 
 def decimate(parts: Sequence[Part], *, triangles: int, cell: float) -> list[Mesh]:
-    """Reduce picture meshes to one triangle budget.
+    """Reduce image meshes to one triangle budget.
 
     Parts that touch, such as a white shell and the black band in its cut-out, are reduced
     together: they keep a common border, so no gap opens, and the budget goes where it shows.
@@ -98,7 +98,7 @@ def decimate(parts: Sequence[Part], *, triangles: int, cell: float) -> list[Mesh
 
 
 def outline(mesh: Mesh, vertices: int) -> Mesh:
-    """Replace a picture mesh by its convex hull with a limited number of corners."""
+    """Replace an image mesh by its convex hull with a limited number of corners."""
     hull = convex_hull(mesh.vertices, vertices)
     return _shaded(to_grid(hull.vertices), hull.faces)
 

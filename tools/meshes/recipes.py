@@ -16,7 +16,7 @@ HULL_VERTICES = 24
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VisualGroup:
-    """Picture meshes that are made together, because they touch each other."""
+    """Image meshes that are made together, because they touch each other."""
 
     fills_mm: Mapping[str, float]
     """Names of the meshes, each with the longest rim in millimetres of holes to be closed."""
@@ -52,10 +52,10 @@ VISUAL_GROUPS: tuple[VisualGroup, ...] = (
     _gripper("follower", 110),  # large in the images of the wrist camera, like the next
     _gripper("tongue", 92),
 )
-"""Picture meshes, but for the outlines below.
+"""Image meshes, but for the outlines below.
 
 Two arms and two grippers with two fingers each, outlines included, are 5,732 triangles. On two
-cores, a thousand more would add 0.4 ms to a picture with shadows, and show in no camera image.
+cores, a thousand more would add 0.4 ms to an image with shadows, and show in no camera image.
 """
 
 VISUAL_OUTLINES: Mapping[str, int] = MappingProxyType(
@@ -65,7 +65,7 @@ VISUAL_OUTLINES: Mapping[str, int] = MappingProxyType(
         "robotiq_2f85/c-a01-85-open": 14,  # a plate between the fingers
     }
 )
-"""Picture meshes of which only the outline shows: convex hulls, with their number of vertices."""
+"""Image meshes of which only the outline shows: convex hulls, with their number of vertices."""
 
 VISUAL: Mapping[str, str] = MappingProxyType(
     {
@@ -74,7 +74,7 @@ VISUAL: Mapping[str, str] = MappingProxyType(
         for name in names
     }
 )
-"""Source file of every picture mesh by name."""
+"""Source file of every image mesh by name."""
 
 _COLLIDING = ("base", "driver", "coupler", "spring_link", "follower")
 _HULLS = (

@@ -12,13 +12,13 @@ from duobench.cli.engine import load_engine
 from duobench.errors import DuoBenchError
 
 FRAMES = 20
-"""Pictures that are timed; their median is told."""
+"""Images that are timed; their median is told."""
 IMAGE_SIZE = (224, 224)
 """Height and width of what policies see by default."""
 
 
 def doctor() -> None:
-    """Show versions and graphics, with the time of a picture; exit code 1 if one fails."""
+    """Show versions and graphics, with the time of an image; exit code 1 if one fails."""
     screen = console()
     is_well = True
     for heading, examine in (("Versions", _versions), ("Graphics", _graphics)):
@@ -43,7 +43,7 @@ def _versions() -> dict[str, str]:
 
 
 def _graphics() -> dict[str, str]:
-    """What draws, and how long a picture takes."""
+    """What draws, and how long an image takes."""
     load_engine()
     from duobench.envs.sim_env import SimEnv
     from duobench.scene.cameras import HEAD, POLICY_CAMERAS
@@ -64,7 +64,7 @@ def _graphics() -> dict[str, str]:
         "vendor": info.vendor,
         "OpenGL": info.version,
         "drawn by": "the processor (software)" if info.software else "a graphics card",
-        "one picture": f"{one:.1f} ms at {width}x{height}, shadows included",
+        "one image": f"{one:.1f} ms at {width}x{height}, shadows included",
         "three cameras": f"{three:.1f} ms",
     }
 

@@ -1,4 +1,4 @@
-"""`duobench render`: pictures of how an episode begins."""
+"""`duobench render`: images of how an episode begins."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from duobench.cli.console import console
 from duobench.cli.engine import load_engine
 
 SAMPLES = 16
-"""Pictures averaged into the one for people; what policies see has one."""
+"""Images averaged into the one for people; what policies see has one."""
 
 
 def render(
@@ -24,8 +24,8 @@ def render(
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
         seed: Seed of the reset.
-        size: Height and width of the pictures in pixels.
-        out: Folder of the pictures.
+        size: Height and width of the images in pixels.
+        out: Folder of the images.
     """
     load_engine()
     from PIL import Image
@@ -46,13 +46,13 @@ def render(
     make_folder(out)
     RandomizedReset(base).reset(seed=seed)
     simulation = base.simulation
-    pictures = {}
+    images = {}
     for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
         with Renderer(simulation.model, height=height, width=width, samples=samples) as renderer:
-            pictures |= renderer.render_all(simulation.data, cameras)
+            images |= renderer.render_all(simulation.data, cameras)
     screen = console()
-    for camera, picture in pictures.items():
+    for camera, image in images.items():
         path = out / f"{info.id}-{seed}-{camera}.png"
         with writing(path):
-            Image.fromarray(picture).save(path)
+            Image.fromarray(image).save(path)
         screen.print(str(path), soft_wrap=True)

@@ -43,7 +43,7 @@ class DuoEnv(gym.Env[Observation, Any]):
     `info["clipped"]` (16 booleans) says which. Grippers move at the speed of their motor.
     `info["sent"]` (16,) is the command that was really sent.
 
-    An observation holds `agent_pos` (16,), measured, in the order of an action, and `tool_pose`
+    An observation holds `agent_pos` (16,), measured, in the order of an action, and `tcp_pose`
     (14,), the left and the right tool centre point in the table frame, x y z qx qy qz qw each.
 
     The reward is zero and an episode never ends. A subclass says how an episode begins.
@@ -133,7 +133,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         Raises:
             ActionError: It has another shape, or holds NaN or infinity.
         """
-        return spaces.checked_action(action, spaces.JOINT_LABELS)
+        return spaces.checked_action(action, spaces.JOINT_NAMES)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
         """Advance one control step.
@@ -170,7 +170,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         state = self.backend.read()
         return {
             "agent_pos": state.flat.astype(np.float32),
-            "tool_pose": state.tool_poses.astype(np.float32).ravel(),
+            "tcp_pose": state.tcp_poses.astype(np.float32).ravel(),
         }
 
     def close(self) -> None:

@@ -135,7 +135,7 @@ class SimEnv(DuoEnv):
         Raises:
             ResetNeededError: There was no reset yet.
         """
-        return EpisodeState(layout=self.layout, physics=self.simulation.save())
+        return EpisodeState(layout=self.layout, physics=self.simulation.get_state())
 
     def state_hash(self) -> str:
         """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
@@ -154,7 +154,7 @@ class SimEnv(DuoEnv):
         self._running = False
         instruction = self._instruct(state.layout)
         self.simulation.apply(state.layout)
-        self.simulation.restore(state.physics)
+        self.simulation.set_state(state.physics)
         self._layout, self._instruction = state.layout, instruction
         self._sent = self.backend.last_command.flat
         self._running = True

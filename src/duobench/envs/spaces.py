@@ -29,20 +29,20 @@ MAX_SHIFT = 0.1
 MAX_TURN = 0.2
 """Largest relative rotation vector component in one control step, in radians: 6 rad/s."""
 
-JOINT_LABELS = tuple(
-    f"{side} {what}"
+JOINT_NAMES = tuple(
+    f"{side}_{what}"
     for side in SIDES
-    for what in (*(f"joint {number}" for number in range(1, ARM_JOINTS + 1)), "opening")
+    for what in (*(f"joint_{number}" for number in range(1, ARM_JOINTS + 1)), "gripper")
 )
 """What the 16 numbers of a joint action are."""
-POSE_LABELS = tuple(
-    f"{side} {what}"
+POSE_NAMES = tuple(
+    f"{side}_{what}"
     for side in SIDES
-    for what in ("x", "y", "z", "qx", "qy", "qz", "qw", "opening")
+    for what in ("x", "y", "z", "qx", "qy", "qz", "qw", "gripper")
 )
 """What the 16 numbers of a Cartesian action are."""
-SHIFT_LABELS = tuple(
-    f"{side} {what}" for side in SIDES for what in ("dx", "dy", "dz", "rx", "ry", "rz", "opening")
+SHIFT_NAMES = tuple(
+    f"{side}_{what}" for side in SIDES for what in ("dx", "dy", "dz", "rx", "ry", "rz", "gripper")
 )
 """What the 14 numbers of a relative Cartesian action are."""
 
@@ -90,7 +90,7 @@ def observations(limits: DuoLimits) -> gym.spaces.Dict:
 
     Returns:
         Dict of `agent_pos` (16,), measured joints and openings in the order of an action, and
-        `tool_pose` (14,), both tool centre points in the table frame, x y z qx qy qz qw each.
+        `tcp_pose` (14,), both tool centre points in the table frame, x y z qx qy qz qw each.
     """
     margin = np.tile([*[JOINT_MARGIN] * ARM_JOINTS, 0.0], len(SIDES))
     pose = np.tile([*[REACH] * 3, *[1.0] * 4], len(SIDES))
@@ -100,7 +100,7 @@ def observations(limits: DuoLimits) -> gym.spaces.Dict:
             (limits.high + margin).astype(np.float32),
             dtype=np.float32,
         ),
-        tool_pose=gym.spaces.Box(
+        tcp_pose=gym.spaces.Box(
             (-pose).astype(np.float32), pose.astype(np.float32), dtype=np.float32
         ),
     )

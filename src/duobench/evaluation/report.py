@@ -161,7 +161,7 @@ def _task_link(task: TaskInfo) -> Markup:
 
 
 def _whisker(score: Score) -> Markup:
-    """A small picture of the success rate and its interval on a line from 0 to 100 %."""
+    """A small image of the success rate and its interval on a line from 0 to 100 %."""
     low, high = (100 * end for end in score.interval)
     rate = 100 * (score.success_rate or 0.0)
     return Markup(

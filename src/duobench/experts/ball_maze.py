@@ -17,8 +17,8 @@ from duobench.experts.motion import (
     grip,
     nearest_turn,
 )
-from duobench.solids.maze_board import GRIP_OFFSET, cell_at, cell_centre
-from duobench.solids.mazes import MAZES, Cell, Direction, Maze
+from duobench.objects.maze_board import GRIP_OFFSET, cell_at, cell_centre
+from duobench.objects.mazes import MAZES, Cell, Direction, Maze
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 

@@ -14,7 +14,7 @@ from duobench.experts.motion import (
     release,
     wait,
 )
-from duobench.solids.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
+from duobench.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 
@@ -64,7 +64,7 @@ def land(arms: Arms, *sides: Side) -> Script:
             break
         yield
     # The servos lag behind: from here on they shall not press the pot down.
-    arms.targets.update({side: arms.tool(side) for side in sides or SIDES})
+    arms.targets.update({side: arms.tcp_pose(side) for side in sides or SIDES})
     yield from wait(3)
 
 

@@ -58,7 +58,7 @@ def hanging(arms: Arms, side: Side, body: str) -> SE3:
     """
     pose = arms.sim.pose(body)
     axis = pose.rotation[:, 0]
-    end_in_hand = -np.copysign(1.0, axis @ arms.tool(side).rotation[:, 2]) * axis
+    end_in_hand = -np.copysign(1.0, axis @ arms.tcp_pose(side).rotation[:, 2]) * axis
     turn = np.cross(end_in_hand, (0.0, 0.0, 1.0))
     sine = float(np.linalg.norm(turn))
     if sine < _UPRIGHT_SINE:
@@ -83,7 +83,7 @@ class Bar:
     def free_end(self, arms: Arms) -> Array:
         """Direction (3,) of the bar's axis, out of the giver's hand."""
         axis = arms.sim.rotation(self.body)[:, 0]
-        return -np.copysign(1.0, axis @ arms.tool(self.giver).rotation[:, 0]) * axis
+        return -np.copysign(1.0, axis @ arms.tcp_pose(self.giver).rotation[:, 0]) * axis
 
 
 def pick_bar(arms: Arms, bar: Bar) -> Script:
@@ -123,7 +123,7 @@ def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
             positive one comes from above.
     """
     free = bar.free_end(arms)
-    opening = arms.tool(bar.giver).rotation[:, 1]
+    opening = arms.tcp_pose(bar.giver).rotation[:, 1]
     normal = opening - (opening @ free) * free
     upwards = np.cross(normal, free)
     upwards *= np.sign(upwards[2])

@@ -26,7 +26,7 @@ from duobench.experts.motion import (
     together,
     wait_until,
 )
-from duobench.solids.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X
+from duobench.objects.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X
 from duobench.spatial import SE3
 from duobench.types import Side
 

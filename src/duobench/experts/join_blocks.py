@@ -22,7 +22,7 @@ from duobench.experts.motion import (
     tool_for,
     wait,
 )
-from duobench.solids.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
+from duobench.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 

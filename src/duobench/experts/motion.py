@@ -72,7 +72,7 @@ class Arms:
         self.joints = self.kinematics.step(self.joints, self.targets, posture=self.posture)
         return DuoCommand(joints=self.joints, openings=self.openings).flat
 
-    def tool(self, side: Side) -> SE3:
+    def tcp_pose(self, side: Side) -> SE3:
         """Where a tool centre point really is, in the table frame."""
         return self.sim.site_pose(tcp_name(side))
 
@@ -188,7 +188,7 @@ def move(
 
 def arrived(arms: Arms, goals: Mapping[Side, SE3], tolerance: float = ARRIVED) -> bool:
     """Whether the tools are at their goals."""
-    errors = [arms.tool(side).distance(goal) for side, goal in goals.items()]
+    errors = [arms.tcp_pose(side).distance(goal) for side, goal in goals.items()]
     return all(length <= tolerance and angle <= ARRIVED_TURN for length, angle in errors)
 
 
@@ -274,7 +274,7 @@ def come_down(arms: Arms, grasps: Mapping[Side, SE3], *, opening: float, above: 
 
 def tool_for(arms: Arms, side: Side, body: str, goal: SE3) -> SE3:
     """Tool pose at which a body, as it lies in the hand now, has a pose in the table frame."""
-    return goal @ arms.sim.pose(body).inverse() @ arms.tool(side)
+    return goal @ arms.sim.pose(body).inverse() @ arms.tcp_pose(side)
 
 
 def place(

@@ -25,7 +25,7 @@ from duobench.experts.motion import (
     tool_for,
     wait_until,
 )
-from duobench.solids.cup import HEIGHT, INNER_RADIUS
+from duobench.objects.cup import HEIGHT, INNER_RADIUS
 from duobench.spatial import SE3
 from duobench.types import Side
 
@@ -73,7 +73,7 @@ def script(arms: Arms) -> Script:
 
 def pour(arms: Arms, source: Side, target: SE3) -> Script:
     """Pour all marbles from the cup in an arm into the one at a pose, and turn it upright again."""
-    cup_from_tool = arms.sim.pose(_cup(source)).inverse() @ arms.tool(source)
+    cup_from_tool = arms.sim.pose(_cup(source)).inverse() @ arms.tcp_pose(source)
 
     def turn(fraction: float, aside: float = 0.0) -> dict[Side, SE3]:
         away = aside * 0.07 * (np.array([0.0, 0.0, 1.0]) - _inward(source))

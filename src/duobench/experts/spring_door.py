@@ -25,7 +25,7 @@ from duobench.experts.motion import (
     together,
     wait_until,
 )
-from duobench.solids.microwave import BAR, FLOOR, FRONT, HEIGHT, HINGE
+from duobench.objects.microwave import BAR, FLOOR, FRONT, HEIGHT, HINGE
 from duobench.spatial import SE3
 from duobench.types import Side
 

@@ -26,8 +26,8 @@ from duobench.experts.motion import (
     tool_for,
     wait_until,
 )
-from duobench.solids.blocks import LONG_BLOCK
-from duobench.solids.gate import MAT_THICKNESS, RING_HEIGHT
+from duobench.objects.blocks import LONG_BLOCK
+from duobench.objects.gate import MAT_THICKNESS, RING_HEIGHT
 from duobench.spatial import SE3
 from duobench.types import Side
 

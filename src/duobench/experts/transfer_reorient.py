@@ -17,7 +17,7 @@ from duobench.experts.handover import (
     tool,
 )
 from duobench.experts.motion import NEAR, Arms, Script, move, nearest_turn, together, tool_for
-from duobench.solids.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
+from duobench.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 from duobench.spatial import SE3
 from duobench.types import Side
 

@@ -81,7 +81,7 @@ class Policy(Protocol):
         """Decide on the next actions.
 
         Args:
-            observation: The environment's observation: `agent_pos` (16,), `tool_pose` (14,) and
+            observation: The environment's observation: `agent_pos` (16,), `tcp_pose` (14,) and
                 `pixels` with one HWC uint8 image per camera.
 
         Returns:

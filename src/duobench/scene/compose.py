@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import mujoco
 
 from duobench.errors import DuoBenchError
+from duobench.objects.prop import Prop
 from duobench.scene.cameras import (
     NATIVE_HEIGHT,
     NATIVE_WIDTH,
@@ -17,7 +18,7 @@ from duobench.scene.cameras import (
 )
 from duobench.scene.props import add_prop
 from duobench.scene.robot import add_robot
-from duobench.scene.station import (
+from duobench.scene.workcell import (
     FLOOR_Z,
     ROOM_HEIGHT,
     ROOM_X,
@@ -26,7 +27,6 @@ from duobench.scene.station import (
     SCENE_EXTENT,
     add_station,
 )
-from duobench.solids.prop import Prop
 from duobench.types import CONTROL_HZ
 
 SUBSTEPS = 16
@@ -37,7 +37,7 @@ MEMORY_BYTES = 32 * 2**20
 """Arena for contacts and constraints; twenty marbles in a cup need about a tenth of it."""
 SHADOW_MAP_SIZE = 704
 """Side of the shadow map in texels; together with its reach, 2.5 mm a texel, about a pixel of a
-square wrist picture. Drawing the map is the dearest part of a picture on a processor."""
+square wrist image. Drawing the map is the dearest part of an image on a processor."""
 SHADOW_REACH = 0.62
 """Half the side of the shadow map as a share of the scene's extent: table and arms."""
 BALL_SLICES, BALL_STACKS = 12, 6

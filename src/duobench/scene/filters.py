@@ -57,7 +57,7 @@ def collide_as(geom: mujoco.MjsGeom, group: Group) -> None:
 
 
 def visual_only(geom: mujoco.MjsGeom, *, shadow: bool = True) -> None:
-    """Make a geom a picture without contacts and without mass, with or without a shadow."""
+    """Make a geom an image without contacts and without mass, with or without a shadow."""
     geom.contype = 0
     geom.conaffinity = 0
     geom.density = 0.0

@@ -88,7 +88,7 @@ class Link:
     visuals: tuple[tuple[str, Vector], ...]
 
 
-# The published model has eleven more pictures: buttons, plugs and lettering, less than a pixel in
+# The published model has eleven more images: buttons, plugs and lettering, less than a pixel in
 # any camera. `tools/meshes` leaves them out.
 LINKS = (
     Link(
@@ -261,7 +261,7 @@ fall in. All other trim lies on the shells."""
 
 
 def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) -> None:
-    """Add the pictures and the collision hulls of one arm to its bodies."""
+    """Add the images and the collision hulls of one arm to its bodies."""
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
         for name, rgba in link.visuals:
             geom = body.add_geom(

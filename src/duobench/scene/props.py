@@ -5,6 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from duobench.objects.prop import Hinge, Prop
+from duobench.objects.shapes import Shape, ShapeKind
+from duobench.objects.solid import Image, Solid, images_of, mass_properties
 from duobench.scene.filters import (
     COLLISION_GEOM_GROUP,
     VISUAL_GEOM_GROUP,
@@ -12,12 +15,9 @@ from duobench.scene.filters import (
     collide_as,
     visual_only,
 )
-from duobench.scene.shading import add_drawn_mesh
+from duobench.scene.mesh_normals import add_drawn_mesh
 from duobench.scene.shadows import add_ribs
 from duobench.scene.surfaces import CONTACT_SOLIMP, CONTACT_SOLREF, stiffen
-from duobench.solids.prop import Hinge, Prop
-from duobench.solids.shapes import Shape, ShapeKind
-from duobench.solids.solid import Picture, Solid, mass_properties, pictures_of
 
 _GEOM_TYPES = {
     ShapeKind.BOX: mujoco.mjtGeom.mjGEOM_BOX,
@@ -62,7 +62,7 @@ def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
 def _fill(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, prop: Prop, *, moving: bool = False
 ) -> None:
-    """Give a body its mass, its collision shapes and its picture."""
+    """Give a body its mass, its collision shapes and its image."""
     properties = mass_properties(solid)
     body.explicitinertial = True
     body.mass = properties.mass
@@ -80,8 +80,8 @@ def _fill(
         geom.group = VISUAL_GEOM_GROUP if drawn_alone else COLLISION_GEOM_GROUP
         collide_as(geom, group)
     if not drawn_alone:
-        for number, picture in enumerate(_pictures(solid)):
-            _add_picture(spec, body, f"{body.name}:picture{number}", picture)
+        for number, image in enumerate(_images(solid)):
+            _add_image(spec, body, f"{body.name}:image{number}", image)
 
 
 def _drawn_alone(solid: Solid) -> bool:
@@ -90,23 +90,23 @@ def _drawn_alone(solid: Solid) -> bool:
     return solid.mesh is None and len(kinds) == 1 and kinds[0] in _DRAWN_WELL
 
 
-def _pictures(solid: Solid) -> tuple[Picture, ...]:
-    if solid.pictures:
-        return solid.pictures
+def _images(solid: Solid) -> tuple[Image, ...]:
+    if solid.images:
+        return solid.images
     if solid.mesh is not None:
-        return (Picture(mesh=solid.mesh, rgba=solid.rgba),)
-    return pictures_of(solid.shapes, solid.rgba)
+        return (Image(mesh=solid.mesh, rgba=solid.rgba),)
+    return images_of(solid.shapes, solid.rgba)
 
 
-def _add_picture(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, picture: Picture) -> None:
-    mesh = add_ribs(picture.mesh) if picture.shadow else picture.mesh
+def _add_image(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, image: Image) -> None:
+    mesh = add_ribs(image.mesh) if image.shadow else image.mesh
     geom = body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=add_drawn_mesh(spec, name, mesh.vertices, mesh.faces),
-        rgba=picture.rgba,
+        rgba=image.rgba,
     )
-    visual_only(geom, shadow=picture.shadow)
+    visual_only(geom, shadow=image.shadow)
 
 
 def _add_shape(

@@ -1,6 +1,6 @@
 """Shadows of thin walls: no light comes through the seam between a wall and the floor beside it.
 
-MuJoCo moves every face of the shadow map away from the lamp by one and a half texels times the
+MuJoCo moves every face of the shadow map away from the light by one and a half texels times the
 face's slope, so that no surface lies in its own shadow. A wall that runs along the light is so
 steep that it moves by centimetres, to beyond the floor: its seam is lit, in bright dashes. A level
 face moves by 2 mm only. Inside the wall nobody sees it, and light for the seam has to pass it.
@@ -11,7 +11,7 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
-from duobench.solids.solid import SolidMesh, manifold_from
+from duobench.objects.solid import SolidMesh, manifold_from
 
 RIB_HEIGHT = 0.0015
 """Height in metres above a floor of the level face in the walls around it. Measured on bowls and

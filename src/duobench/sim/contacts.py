@@ -29,7 +29,7 @@ class Limb(StrEnum):
 
     LEFT_PAD = "left_pad"
     RIGHT_PAD = "right_pad"
-    HAND = "hand"
+    PALM = "palm"
     ARM = "arm"
 
 
@@ -44,7 +44,7 @@ def _owner_of_body(name: str) -> str:
             limb = Limb.LEFT_PAD if name == pad_names(side)[0] else Limb.RIGHT_PAD
             return limb_owner(side, limb)
         if name.startswith(f"{gripper_name(side)}/"):
-            return limb_owner(side, Limb.HAND)
+            return limb_owner(side, Limb.PALM)
         if name.startswith(f"{side}/"):
             return limb_owner(side, Limb.ARM)
     return name
@@ -75,7 +75,7 @@ class Contacts:
             )
             for side in SIDES
         }
-        self._hands = {side: self._index[limb_owner(side, Limb.HAND)] for side in SIDES}
+        self._hands = {side: self._index[limb_owner(side, Limb.PALM)] for side in SIDES}
         self._arms = {side: self._index[limb_owner(side, Limb.ARM)] for side in SIDES}
         self._pad_bodies = {
             side: [model.body(name).id for name in pad_names(side)] for side in SIDES

@@ -62,7 +62,7 @@ class Duo:
         self.limits = _limits(model, self.handles)
         """What the arms obey."""
 
-    def ramp(self, command: DuoCommand) -> Iterator[None]:
+    def interpolate(self, command: DuoCommand) -> Iterator[None]:
         """Lead the controls linearly from where they are to a command.
 
         Yields:
@@ -79,7 +79,7 @@ class Duo:
             target[:] = row
             yield
 
-    def hold(self, command: DuoCommand) -> None:
+    def set_configuration(self, command: DuoCommand) -> None:
         """Put the arms at a command without moving there: positions, controls, linkages open.
 
         The linkages of the grippers are at rest at opening 1, the only one that this accepts.
@@ -113,7 +113,7 @@ class Duo:
         return DuoState(
             joints=self._qpos[self.handles.qpos],
             openings=np.array([min(max(opening, 0.0), 1.0) for opening in openings]),
-            tool_poses=np.array(tools).reshape(2, 7),
+            tcp_poses=np.array(tools).reshape(2, 7),
         )
 
     @staticmethod

@@ -1,7 +1,7 @@
 """Off-screen OpenGL: which library to use, and a thread that owns what was made with it.
 
 A driver can be missing, crash its process or hang it for good, and a process that has loaded one
-library cannot turn to another. So the choice is made by child processes that draw a picture under
+library cannot turn to another. So the choice is made by child processes that draw an image under
 a time limit; only then does this process load the winner. All calls of one context run on one
 thread, which lets the caller stop waiting for a driver that does not come back.
 """
@@ -49,11 +49,11 @@ CHOSEN = "DUOBENCH_GL"
 PROBE_TIMEOUT_S = 30.0
 """A child that has not drawn by then hangs; it needs less than a second on an idle machine."""
 FRAME_TIMEOUT_S = 60.0
-"""A picture that has not come by then never will."""
-CROWD = 8
+"""An image that has not come by then never will."""
+PARALLEL_PROBES = 8
 """Most processes that a probe lets draw at the same time: with eight, a data-centre driver was
 seen to hang that serves one [mujoco issue 3444]."""
-CROWD_S = 1.0
+PARALLEL_PROBE_S = 1.0
 """How long they draw at the same time."""
 
 _AUTOMATIC = ("", "enable", "enabled", "on", "true", "1")
@@ -75,7 +75,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenderingInfo:
-    """What draws the pictures."""
+    """What draws the images."""
 
     backend: str
     """How the context is made: egl, osmesa, glfw or cgl."""
@@ -93,7 +93,7 @@ def choose(processes: int = 1) -> str:
     """Find a backend that draws, and tell child processes about it.
 
     `MUJOCO_GL` is obeyed without a probe, and so is the choice of a parent process. Otherwise a
-    child process draws a picture with each candidate, best first, until one succeeds. The first
+    child process draws an image with each candidate, best first, until one succeeds. The first
     process that finds only software rendering says so in the log.
 
     Args:
@@ -109,7 +109,7 @@ def choose(processes: int = 1) -> str:
     asked = os.environ.get(ASKED, "").lower().strip()
     if asked in _OFF:
         raise RenderingError(
-            f"Rendering is switched off by {ASKED}={asked}; unset it to get pictures."
+            f"Rendering is switched off by {ASKED}={asked}; unset it to get images."
         )
     if asked not in _AUTOMATIC:
         return _ALIASES.get(asked, asked)
@@ -120,16 +120,16 @@ def choose(processes: int = 1) -> str:
     for backend in _candidates():
         outcome = probe(backend)
         if isinstance(outcome, RenderingInfo) and not outcome.software and processes > 1:
-            crowd = min(processes, CROWD)
-            outcome = probe(backend, processes=crowd, seconds=CROWD_S)
+            parallel = min(processes, PARALLEL_PROBES)
+            outcome = probe(backend, processes=parallel, seconds=PARALLEL_PROBE_S)
             if isinstance(outcome, str):
-                outcome = f"works for one process, but with {crowd} at the same time: {outcome}"
+                outcome = f"works for one process, but with {parallel} at the same time: {outcome}"
         if isinstance(outcome, RenderingInfo):
             os.environ[CHOSEN] = backend
             if outcome.software:
                 _log.warning(
                     "No graphics card draws here, so the processor does: %s through %s. "
-                    "Pictures are the same and take longer.",
+                    "Images are the same and take longer.",
                     outcome.renderer,
                     backend,
                 )
@@ -165,7 +165,7 @@ def probe(
     Args:
         backend: A key of `BACKENDS`.
         processes: How many children draw at the same time.
-        seconds: How long each goes on drawing after its first picture.
+        seconds: How long each goes on drawing after its first image.
         timeout_s: When to give up on a child that does not answer.
         python: The interpreter that the children run; this process's by default.
 
@@ -209,7 +209,7 @@ def _outcome(
             answer, complaint = child.communicate(timeout=max(0.0, deadline - time.monotonic()))
         except subprocess.TimeoutExpired:
             child.kill()
-            return f"no picture within {timeout_s:g} s; the driver hangs"
+            return f"no image within {timeout_s:g} s; the driver hangs"
     lines = answer.splitlines()
     if child.returncode == 0 and lines:
         return RenderingInfo(**json.loads(lines[-1]))
@@ -242,7 +242,7 @@ def answer(backend: str, seconds: float) -> None:
         if time.monotonic() >= deadline:
             break
     if not pixels.any():
-        sys.stderr.write("the picture stayed black\n")
+        sys.stderr.write("the image stayed black\n")
         os._exit(1)
     sys.stdout.write(json.dumps(asdict(info_of(backend))) + "\n")
     sys.stdout.flush()
@@ -301,7 +301,7 @@ def open_context(backend: str, height: int, width: int) -> Any:
 
 
 def _check_window() -> None:
-    """MuJoCo's GLFW context only warns where there is no display, and fails at the first picture.
+    """MuJoCo's GLFW context only warns where there is no display, and fails at the first image.
 
     Raises:
         RuntimeError: There is no window to draw into.
@@ -326,7 +326,7 @@ def _reason(error: BaseException) -> str:
 
 def info_of(backend: str) -> RenderingInfo:
     """What the context that is current on the calling thread draws with."""
-    # The low-level module: importing all of `OpenGL.GL` would take longer than a picture.
+    # The low-level module: importing all of `OpenGL.GL` would take longer than an image.
     from OpenGL.raw.GL.VERSION import GL_1_0
 
     read = cast(Callable[[int], Any], GL_1_0.glGetString)
@@ -370,7 +370,7 @@ class Thread:
             self._lost = not wait((future,), self._timeout_s).done
         if self._lost:
             raise RenderingError(
-                f"No picture came within {self._timeout_s:g} s: the graphics driver hangs. Some "
+                f"No image came within {self._timeout_s:g} s: the graphics driver hangs. Some "
                 "do when several processes draw on one card at the same time. Draw in fewer "
                 f"processes, or without the card: {ASKED}=osmesa."
             )

@@ -24,7 +24,7 @@ def problems(simulation: Simulation, layout: Layout) -> list[str]:
 
     The simulation is left in the layout, with the arms at home.
     """
-    simulation.clear()
+    simulation.reset_data()
     simulation.apply(layout)
     found = [
         f"{one} and {other} overlap by {depth * 1000:.1f} mm"
@@ -38,7 +38,7 @@ def problems(simulation: Simulation, layout: Layout) -> list[str]:
         reachable = REACH_X[0] <= x <= REACH_X[1] and REACH_Y[0] <= y <= REACH_Y[1]
         if not reachable:
             found.append(f"{name} is out of reach at ({x:.3f}, {y:.3f})")
-        if simulation.lowest(name) < -MAX_OVERLAP:
+        if simulation.min_height(name) < -MAX_OVERLAP:
             found.append(f"{name} is below the table top")
     return found
 

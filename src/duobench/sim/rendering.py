@@ -1,7 +1,7 @@
-"""Pictures of a simulation, drawn off screen.
+"""Images of a simulation, drawn off screen.
 
-Importing this module touches no OpenGL, and neither does making a `Renderer`: the first picture
-does. A picture shows the whole field of view of its camera whatever its size, so a square picture
+Importing this module touches no OpenGL, and neither does making a `Renderer`: the first image
+does. An image shows the whole field of view of its camera whatever its size, so a square image
 is the native one squeezed to a square.
 """
 
@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.scene.cameras import check_image_size
+from duobench.sim.offscreen import Image, OffscreenRenderer
 from duobench.sim.opengl import RenderingInfo, Thread, choose, info_of, open_context
-from duobench.sim.painting import Image, Painter
 
 T = TypeVar("T")
 
 MAX_SAMPLES = 64
-"""Most pictures that are averaged into one."""
+"""Most images that are averaged into one."""
 
 
 def prepare(processes: int = 1) -> None:
@@ -44,7 +44,7 @@ def prepare(processes: int = 1) -> None:
 
 
 def describe() -> RenderingInfo:
-    """Say what draws pictures in this process; makes an OpenGL context to find out.
+    """Say what draws images in this process; makes an OpenGL context to find out.
 
     Raises:
         RenderingError: No library works, or rendering is switched off.
@@ -66,21 +66,21 @@ def _describe(backend: str) -> RenderingInfo:
 
 
 class Renderer:
-    """Draws pictures of one size from the cameras of one model.
+    """Draws images of one size from the cameras of one model.
 
     May be used from any thread, one at a time. A process may hold several; a renderer cannot be
     taken into another process.
     """
 
     def __init__(self, model: mujoco.MjModel, *, height: int, width: int, samples: int = 1) -> None:
-        """Remember what to draw; OpenGL is first touched by the first picture.
+        """Remember what to draw; OpenGL is first touched by the first image.
 
         Args:
             model: The compiled model; `Simulation.model`.
-            height: Height of the pictures in pixels, at most 720.
-            width: Width of the pictures in pixels, at most 1280.
-            samples: Pictures that are averaged into one, each with the camera moved by a part of
-                a pixel and the lamp by a part of its size. One is what policies see; with 4 or
+            height: Height of the images in pixels, at most 720.
+            width: Width of the images in pixels, at most 1280.
+            samples: Images that are averaged into one, each with the camera moved by a part of
+                a pixel and the light by a part of its size. One is what policies see; with 4 or
                 more, edges are smooth and shadows soft, for people.
 
         Raises:
@@ -94,11 +94,11 @@ class Renderer:
         self._shape = height, width, samples
         self._pid = os.getpid()
         self._closed = False
-        self._open: tuple[Thread, Painter] | None = None
+        self._open: tuple[Thread, OffscreenRenderer] | None = None
         self._free: weakref.finalize[Any, Any] | None = None
 
     def render(self, data: mujoco.MjData, camera: str) -> Image:
-        """Draw one picture.
+        """Draw one image.
 
         Args:
             data: State of the model, with up-to-date kinematics.
@@ -114,7 +114,7 @@ class Renderer:
         return self.render_all(data, (camera,))[camera]
 
     def render_all(self, data: mujoco.MjData, cameras: Iterable[str]) -> dict[str, Image]:
-        """Draw one picture of the same state from each of several cameras.
+        """Draw one image of the same state from each of several cameras.
 
         Faster than one call for each: the shadows are computed once.
 
@@ -131,8 +131,8 @@ class Renderer:
         """
         numbers = {name: self._number(name) for name in cameras}
 
-        def draw(painter: Painter) -> dict[str, Image]:
-            return dict(zip(numbers, painter.paint(data, numbers.values()), strict=True))
+        def draw(offscreen: OffscreenRenderer) -> dict[str, Image]:
+            return dict(zip(numbers, offscreen.render(data, numbers.values()), strict=True))
 
         return self._run(draw)
 
@@ -151,12 +151,12 @@ class Renderer:
             RenderingError: OpenGL does not work, or the renderer was closed.
         """
         number = self._number(camera)
-        return self._run(lambda painter: painter.segment(data, number))
+        return self._run(lambda offscreen: offscreen.segment(data, number))
 
     @property
     def info(self) -> RenderingInfo:
-        """What draws the pictures."""
-        return self._run(lambda painter: painter.info)
+        """What draws the images."""
+        return self._run(lambda offscreen: offscreen.info)
 
     def close(self) -> None:
         """Free the renderer; closing twice is harmless."""
@@ -184,8 +184,8 @@ class Renderer:
             raise UnknownNameError("camera", camera, self._cameras)
         return number
 
-    def _run(self, job: Callable[[Painter], T]) -> T:
-        """Run a job with the painter, on its thread."""
+    def _run(self, job: Callable[[OffscreenRenderer], T]) -> T:
+        """Run a job with the offscreen, on its thread."""
         if self._closed:
             raise RenderingError("This renderer was closed; make a new one.")
         if os.getpid() != self._pid:
@@ -193,18 +193,18 @@ class Renderer:
                 "This renderer belongs to the process that made it; make a new one in this "
                 "process, and start processes with the method 'spawn'."
             )
-        thread, painter = self._open = self._open or self._start()
-        return thread.call(lambda: job(painter))
+        thread, offscreen = self._open = self._open or self._start()
+        return thread.call(lambda: job(offscreen))
 
-    def _start(self) -> tuple[Thread, Painter]:
+    def _start(self) -> tuple[Thread, OffscreenRenderer]:
         model, shape, backend = self._model, self._shape, choose()
         thread = Thread()
         try:
-            painter = thread.call(lambda: Painter(model, *shape, backend))
+            offscreen = thread.call(lambda: OffscreenRenderer(model, *shape, backend))
         except BaseException:
             thread.finish()
             raise
         # A renderer that is dropped takes its thread along; at exit there is no need.
-        self._free = weakref.finalize(self, thread.finish, painter.free)
+        self._free = weakref.finalize(self, thread.finish, offscreen.free)
         self._free.atexit = False
-        return thread, painter
+        return thread, offscreen

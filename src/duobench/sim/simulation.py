@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import LayoutError, SimulationError, UnknownNameError
+from duobench.objects.prop import Prop
+from duobench.objects.solid import corner_points
 from duobench.scene.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
 from duobench.sim.contacts import Contacts
@@ -18,8 +20,6 @@ from duobench.sim.duo import HOME, Duo
 from duobench.sim.handles import resolve
 from duobench.sim.layout import Layout
 from duobench.sim.variants import Variants
-from duobench.solids.prop import Prop
-from duobench.solids.solid import corner_points
 from duobench.spatial import SE3
 from duobench.types import DuoCommand, DuoState
 
@@ -74,31 +74,31 @@ class Simulation:
         slides = self.model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_FREE
         slides &= self._loose - self.model.jnt_dofadr[joints] < 3  # noqa: PLR2004 - x, y and z
         self._settled = np.where(slides, SETTLE_SPEED, SETTLE_TURN)
-        self.clear()
-        self.refresh()
+        self.reset_data()
+        self.forward()
 
     # --- state ---------------------------------------------------------------------------------
 
-    def clear(self) -> None:
+    def reset_data(self) -> None:
         """Forget everything: time, velocities, controls, warm start; arms home, grippers open.
 
-        Call `refresh` before the next step, once everything is where it shall be.
+        Call `forward` before the next step, once everything is where it shall be.
         """
         mujoco.mj_resetData(self.model, self.data)
-        self.duo.hold(HOME)
+        self.duo.set_configuration(HOME)
 
-    def refresh(self) -> None:
+    def forward(self) -> None:
         """Bring poses, velocities and contacts up to date with the state, without moving time."""
         mujoco.mj_step1(self.model, self.data)
         self.contacts.update()
 
-    def save(self) -> Array:
+    def get_state(self) -> Array:
         """The full state (n,); continuing from it is bit-exact."""
         state = np.empty(self._state_size)
         mujoco.mj_getState(self.model, self.data, state, STATE)
         return state
 
-    def restore(self, state: Array) -> None:
+    def set_state(self, state: Array) -> None:
         """Continue from a saved state of the same model.
 
         In an environment use its `restore_state`, which also brings what this state does not hold.
@@ -115,11 +115,11 @@ class Simulation:
         # list and solver statistics of the last step beside the state.
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, np.asarray(state, dtype=np.float64), STATE)
-        self.refresh()
+        self.forward()
 
     def state_hash(self) -> str:
         """SHA-256 of the full state's bytes; equal states, equal state_hashes."""
-        return hashlib.sha256(self.save().tobytes()).hexdigest()
+        return hashlib.sha256(self.get_state().tobytes()).hexdigest()
 
     # --- motion --------------------------------------------------------------------------------
 
@@ -140,7 +140,7 @@ class Simulation:
         """
         model, data = self.model, self.data
         begin, finish = mujoco.mj_step1, mujoco.mj_step2
-        for _ in self.duo.ramp(command):
+        for _ in self.duo.interpolate(command):
             finish(model, data)
             begin(model, data)
         self._raise_on_warning()
@@ -197,10 +197,10 @@ class Simulation:
         self.variants = dict(layout.variants)
         for name, pose in layout.poses.items():
             self.place(name, pose)
-        self.refresh()
+        self.forward()
 
     def place(self, name: str, pose: SE3) -> None:
-        """Put a prop at a pose in the table frame, at rest; call `refresh` after the last one."""
+        """Put a prop at a pose in the table frame, at rest; call `forward` after the last one."""
         prop = self.props.get(name)
         if prop is None:
             raise UnknownNameError("object", name, self.props)
@@ -232,7 +232,7 @@ class Simulation:
         """Rotation matrix (3, 3) of a body in the table frame; a view."""
         return self._xmat[self.body_id(body)].reshape(3, 3)
 
-    def offset(self, body: str, frame: str) -> tuple[float, float, float]:
+    def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
         """Origin of a body in the frame of another body, in metres."""
         origin = self.body_id(frame)
         x, y, z = self._xpos[self.body_id(body)].tolist()
@@ -257,7 +257,7 @@ class Simulation:
 
     def relative_speed(self, prop: str, frame: str) -> float:
         """Speed in m/s of a prop's origin, seen from the frame of another prop that may move."""
-        px, py, pz = self.offset(prop, frame)
+        px, py, pz = self.relative_position(prop, frame)
         x, y, z = self._velocity(prop)[:3]
         ox, oy, oz, turn_x, turn_y, turn_z = self._velocity(frame)
         x, y, z = x - ox, y - oy, z - oz
@@ -278,7 +278,7 @@ class Simulation:
         number = resolve(self.model, mujoco.mjtObj.mjOBJ_JOINT, hinge)
         return float(self.data.qpos[self.model.jnt_qposadr[number]])
 
-    def lowest(self, prop: str) -> float:
+    def min_height(self, prop: str) -> float:
         """Height of the lowest point of a prop's root part above the table top, in metres."""
         up = self.rotation(prop)[2]
         return float((self._corners[prop] @ up).min() + self.position(prop)[2])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import mujoco
 
 from duobench.errors import LayoutError
-from duobench.solids.prop import Prop
+from duobench.objects.prop import Prop
 
 
 class Variants:
-    """Switches shapes and pictures of props on and off."""
+    """Switches shapes and images of props on and off."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         """Remember how a model was compiled, with everything on."""
@@ -37,7 +37,7 @@ class Variants:
                 there = number not in chosen.without_shapes
                 model.geom_contype[geom] = self._contype[geom] if there else 0
                 model.geom_conaffinity[geom] = self._conaffinity[geom] if there else 0
-            for number in variant.without_pictures:
-                geom = model.geom(f"{prop.name}:picture{number}").id
-                there = number not in chosen.without_pictures
+            for number in variant.without_images:
+                geom = model.geom(f"{prop.name}:image{number}").id
+                there = number not in chosen.without_images
                 model.geom_rgba[geom, 3] = self._alpha[geom] if there else 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.predicates import Moment, Predicate
+from duobench.stages.predicates import Predicate, StateView
 
 MAX_ANGLE = math.radians(10.0)
 """Largest angle between the axes of an inserted peg and its socket [task definitions]."""
@@ -50,7 +50,7 @@ def is_far(simulation: Simulation, peg: Port, socket: Port, distance: float) -> 
 
     Costs a tenth of the exact question, and is the answer at most steps of an episode.
     """
-    centre = simulation.offset(peg.body, socket.body)
+    centre = simulation.relative_position(peg.body, socket.body)
     return math.dist(centre, socket.pose.translation.tolist()) > distance + peg.reach
 
 
@@ -66,7 +66,7 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
     """
     furthest = math.hypot(MAX_DEPTH, MAX_OFFSET)
 
-    def test(m: Moment) -> bool:
+    def test(m: StateView) -> bool:
         sim = m.simulation
         if is_far(sim, peg, socket, furthest):
             return False

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from duobench.stages.insertion import MAX_DEPTH, Port, inserted, is_far
 from duobench.stages.predicates import (
-    Moment,
     Predicate,
+    StateView,
     any_of,
     grasped_apart,
     held_for,
@@ -41,7 +41,7 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
     """
     furthest = math.hypot(MAX_DEPTH, SOCKET_REACH)
 
-    def test(m: Moment) -> bool:
+    def test(m: StateView) -> bool:
         sim = m.simulation
         if is_far(sim, peg, socket, furthest):
             return False

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from duobench.stages.predicates import Moment, Predicate, all_of, since
+from duobench.stages.predicates import Predicate, StateView, all_of, since
 
 EXIT_DEPTH = 0.05
 """How far from the plane, in metres, an object is still in front of the hole. It is more than an
@@ -50,13 +50,13 @@ def passage(prop: str, hole: Hole, *, held: Predicate) -> Passage:
         held: What must hold when the object comes through, at that step or at the one before.
     """
 
-    def where(m: Moment) -> tuple[float, float]:
+    def where(m: StateView) -> tuple[float, float]:
         """Distance beyond the plane, and from the hole's axis, in metres."""
-        x, y, z = m.simulation.offset(prop, hole.body)
+        x, y, z = m.simulation.relative_position(prop, hole.body)
         return y, math.hypot(x, z - hole.height)
 
     def in_front(radius: float) -> Predicate:
-        def test(m: Moment) -> bool:
+        def test(m: StateView) -> bool:
             beyond, off_axis = where(m)
             return abs(beyond) <= EXIT_DEPTH and off_axis <= radius
 

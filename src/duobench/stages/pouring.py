@@ -70,7 +70,7 @@ def pouring(
 
 
 def _is_in(simulation: Simulation, thing: str, region: CylinderRegion) -> bool:
-    return region.contains(simulation.offset(thing, region.body))
+    return region.contains(simulation.relative_position(thing, region.body))
 
 
 def _lies_in(simulation: Simulation, thing: str, region: CylinderRegion) -> bool:

@@ -1,6 +1,6 @@
 """The words that stages are written in: one implementation of each.
 
-A predicate is a pure question about one `Moment`. Predicates combine with `&`, `|` and `~`; the
+A predicate is a pure question about one `StateView`. Predicates combine with `&`, `|` and `~`; the
 only memories are `since(p, reset=q)`, which can be forgotten, and, for "still for half a second",
 `held_for(p, seconds)`. They are kept by `stages.progress`. That two hands were there once says
 nothing: where coordination is the point, ask for it at the moment that matters, or forget it.
@@ -25,12 +25,12 @@ LIFTED_HEIGHT = 0.010
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Moment:
+class StateView:
     """One control step as predicates see it."""
 
     simulation: Simulation
     """The simulation, whose contacts are those of this step."""
-    start_lowest: dict[str, float]
+    start_heights: dict[str, float]
     """Height of each prop's lowest point when the episode began, in metres."""
     variants: Mapping[str, str]
     """The layout's named choices."""
@@ -47,16 +47,16 @@ class Predicate:
     """A named pure question about a moment."""
 
     name: str
-    test: Callable[[Moment], bool]
+    test: Callable[[StateView], bool]
     parts: tuple[Predicate, ...] = field(default=())
-    ask: Callable[[Moment], bool] = field(init=False, repr=False)
+    ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """The same as a call, as a plain function, which Python calls in half the time."""
 
     def __post_init__(self) -> None:
         """Make the function that asks at most once a moment."""
         test = self.test
 
-        def ask(moment: Moment) -> bool:
+        def ask(moment: StateView) -> bool:
             answer = moment.answers.get(self)
             if answer is None:
                 answer = moment.answers[self] = test(moment)
@@ -64,7 +64,7 @@ class Predicate:
 
         object.__setattr__(self, "ask", ask)
 
-    def __call__(self, moment: Moment) -> bool:
+    def __call__(self, moment: StateView) -> bool:
         """Whether it holds."""
         return self.ask(moment)
 
@@ -145,7 +145,7 @@ def all_of(*predicates: Predicate) -> Predicate:
     name = " and ".join(p.name for p in predicates)
     asks = tuple(p.ask for p in predicates)
 
-    def test(m: Moment) -> bool:
+    def test(m: StateView) -> bool:
         for ask in asks:  # noqa: SIM110 - a third of the time of a generator
             if not ask(m):
                 return False
@@ -159,7 +159,7 @@ def any_of(*predicates: Predicate) -> Predicate:
     name = " or ".join(p.name for p in predicates)
     asks = tuple(p.ask for p in predicates)
 
-    def test(m: Moment) -> bool:
+    def test(m: StateView) -> bool:
         for ask in asks:  # noqa: SIM110 - a third of the time of a generator
             if ask(m):
                 return True
@@ -212,7 +212,7 @@ def raised(prop: str, height: float) -> Predicate:
     """Its lowest point is at least `height` metres above where it was at the episode's start."""
     return Predicate(
         f"{prop} is raised by {height * 1000:.0f} mm",
-        lambda m: m.simulation.lowest(prop) >= m.start_lowest[prop] + height,
+        lambda m: m.simulation.min_height(prop) >= m.start_heights[prop] + height,
     )
 
 
@@ -238,7 +238,7 @@ def released(body: str) -> Predicate:
 def still(prop: str) -> Predicate:
     """Slower than `STILL_SPEED` and `STILL_TURN`."""
 
-    def test(m: Moment) -> bool:
+    def test(m: StateView) -> bool:
         speed, turn = m.simulation.speed(prop)
         return speed < STILL_SPEED and turn < STILL_TURN
 
@@ -302,7 +302,7 @@ def inside(prop: str, region: Region) -> Predicate:
     """Its centre (the origin of its frame) lies in a region that is fixed to another body."""
     return Predicate(
         f"{prop} is inside {region.body}",
-        lambda m: region.contains(m.simulation.offset(prop, region.body)),
+        lambda m: region.contains(m.simulation.relative_position(prop, region.body)),
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import HeldFor, Memory, Moment, Predicate, Since
+from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -33,7 +33,7 @@ def memories_of(*predicates: Predicate) -> tuple[Memory, ...]:
     return tuple(dict.fromkeys(cast("Memory", part.parts) for part in parts if type(part) is Since))
 
 
-def recalled(memories: Sequence[Memory], moment: Moment) -> frozenset[Memory]:
+def recalled(memories: Sequence[Memory], moment: StateView) -> frozenset[Memory]:
     """What is remembered after a moment. All of it sees the same moment, so the order is free."""
     before = moment.remembered
     new, gone = [], []
@@ -59,7 +59,7 @@ class ProgressState:
     """For each `since`, in the order of the stages, whether it holds."""
     lasted: tuple[int, ...] = ()
     """For each `held_for`, in the same order, for how many control steps in a row."""
-    start_lowest: tuple[tuple[str, float], ...] = ()
+    start_heights: tuple[tuple[str, float], ...] = ()
     """Height of each prop's lowest point when the episode began, in metres."""
 
     def to_json(self) -> dict[str, Any]:
@@ -80,9 +80,9 @@ def check_names(
     Raises:
         UnknownNameError: A predicate names what is not there; near misses are listed.
     """
-    lowest = {name: simulation.lowest(name) for name in simulation.props}
-    moment = Moment(
-        simulation=simulation, start_lowest=lowest, variants=variants, remembered=frozenset()
+    lowest = {name: simulation.min_height(name) for name in simulation.props}
+    moment = StateView(
+        simulation=simulation, start_heights=lowest, variants=variants, remembered=frozenset()
     )
     for stage in stages:
         for part in stage.holds.walk():
@@ -110,7 +110,7 @@ class Progress:
             )
         )
         self._lasted: dict[Predicate, int] = {}
-        self._start_lowest: dict[str, float] = {}
+        self._start_heights: dict[str, float] = {}
         self._variants: Mapping[str, str] = {}
         self.stage = 0
         """The highest stage so far."""
@@ -137,7 +137,7 @@ class Progress:
         self._variants = dict(variants)
         self._remembered = frozenset()
         self._lasted = dict.fromkeys(self._timed, 0)
-        self._start_lowest = {name: simulation.lowest(name) for name in simulation.props}
+        self._start_heights = {name: simulation.min_height(name) for name in simulation.props}
         self.stage = 0
         self.final_holds = False
 
@@ -148,7 +148,7 @@ class Progress:
             final_holds=self.final_holds,
             remembered=tuple(memory in self._remembered for memory in self._memories),
             lasted=tuple(self._lasted[predicate] for predicate in self._timed),
-            start_lowest=tuple(self._start_lowest.items()),
+            start_heights=tuple(self._start_heights.items()),
         )
 
     def set_state(self, state: ProgressState, variants: Mapping[str, str]) -> None:
@@ -164,15 +164,15 @@ class Progress:
         memories = zip(self._memories, state.remembered, strict=True)
         self._remembered = frozenset(memory for memory, holds in memories if holds)
         self._lasted = dict(zip(self._timed, state.lasted, strict=True))
-        self._start_lowest = dict(state.start_lowest)
+        self._start_heights = dict(state.start_heights)
         self._variants = dict(variants)
         self.stage, self.final_holds = state.stage, state.final_holds
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        moment = Moment(
+        moment = StateView(
             simulation=simulation,
-            start_lowest=self._start_lowest,
+            start_heights=self._start_heights,
             variants=self._variants,
             remembered=self._remembered,
             lasted=self._lasted,

@@ -15,10 +15,7 @@ from __future__ import annotations
 
 from math import inf
 
-from duobench.randomness import ANY_YAW, Choice, around
-from duobench.scene.naming import TABLE
-from duobench.sim.layout import Layout
-from duobench.solids.maze_board import (
+from duobench.objects.maze_board import (
     BALL_RADIUS,
     BASE,
     HALF,
@@ -28,8 +25,11 @@ from duobench.solids.maze_board import (
     cell_centre,
     wall_variants,
 )
-from duobench.solids.mazes import GOAL, MAZES, START, Cell
-from duobench.solids.prop import Prop
+from duobench.objects.mazes import GOAL, MAZES, START, Cell
+from duobench.objects.prop import Prop
+from duobench.randomness import ANY_YAW, Choice, around
+from duobench.scene.naming import TABLE
+from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.predicates import (
     BoxRegion,

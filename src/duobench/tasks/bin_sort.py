@@ -13,11 +13,11 @@ Success:
 
 from __future__ import annotations
 
+from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
+from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
+from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.sim.layout import Layout
-from duobench.solids.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
-from duobench.solids.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
-from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
     CylinderRegion,
     Predicate,

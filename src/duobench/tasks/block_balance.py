@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 
+from duobench.objects.blocks import RED, WOOD, YELLOW, block
+from duobench.objects.prop import Prop
 from duobench.randomness import around
-from duobench.solids.blocks import RED, WOOD, YELLOW, block
-from duobench.solids.prop import Prop
 from duobench.stages import predicates as is_
 from duobench.stages.coordination import brought, interrupted
 from duobench.stages.predicates import all_of, any_of, off_table, since, touching

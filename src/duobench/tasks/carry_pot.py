@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import math
 
+from duobench.objects.pot import HEIGHT, PLATE, pot, stove_plate
+from duobench.objects.prop import Prop
 from duobench.randomness import Uniform, around
-from duobench.solids.pot import HEIGHT, PLATE, pot, stove_plate
-from duobench.solids.prop import Prop
 from duobench.stages.coordination import carriage
 from duobench.stages.predicates import (
     BoxRegion,

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import math
 
+from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
+from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL, chest
+from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
-from duobench.solids.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
-from duobench.solids.chest import CAVITY, RIM_HEIGHT, WALL, chest
-from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
     BoxRegion,
     all_of,

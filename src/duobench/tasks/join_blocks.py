@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import math
 
+from duobench.objects import joint_blocks as bars
+from duobench.objects.prop import Prop
 from duobench.randomness import Uniform, around
 from duobench.scene.cameras import View
-from duobench.solids import joint_blocks as bars
-from duobench.solids.prop import Prop
 from duobench.stages.insertion import Port, inserted
 from duobench.stages.joining import engaged, joining
 from duobench.stages.predicates import (

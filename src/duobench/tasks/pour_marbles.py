@@ -16,11 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from duobench.objects import cup as cups
+from duobench.objects.prop import Prop
 from duobench.randomness import Choice, around
 from duobench.scene.naming import TABLE
 from duobench.sim.layout import Layout
-from duobench.solids import cup as cups
-from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages import predicates as is_
 from duobench.stages.pouring import Pouring, pouring

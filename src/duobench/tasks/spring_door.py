@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import math
 
+from duobench.objects.blocks import CUBE_EDGE, WHITE, cube
+from duobench.objects.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
+from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.scene.cameras import View
-from duobench.solids.blocks import CUBE_EDGE, WHITE, cube
-from duobench.solids.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
-from duobench.solids.prop import Prop
 from duobench.stages.predicates import (
     BoxRegion,
     all_of,

@@ -9,10 +9,10 @@ from enum import StrEnum
 import numpy as np
 
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
+from duobench.objects.prop import Prop
 from duobench.randomness import Choice, Uniform, generator
 from duobench.scene.cameras import OVERVIEW_VIEW, View
 from duobench.sim.layout import Layout
-from duobench.solids.prop import Prop
 from duobench.spatial import SE3
 from duobench.stages.progress import Stage
 

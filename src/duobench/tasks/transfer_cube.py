@@ -20,11 +20,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
+from duobench.objects.bowl import RADIUS, WALL, bowl
+from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.scene.naming import TABLE
-from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
-from duobench.solids.bowl import RADIUS, WALL, bowl
-from duobench.solids.prop import Prop
 from duobench.stages.handover import handover
 from duobench.stages.predicates import (
     CylinderRegion,

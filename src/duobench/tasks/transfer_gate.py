@@ -16,9 +16,8 @@ Success:
 
 from __future__ import annotations
 
-from duobench.randomness import ANY_YAW, around
-from duobench.solids.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
-from duobench.solids.gate import (
+from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
+from duobench.objects.gate import (
     MAT_EDGE,
     MAT_THICKNESS,
     RING_HEIGHT,
@@ -26,7 +25,8 @@ from duobench.solids.gate import (
     gate,
     mat,
 )
-from duobench.solids.prop import Prop
+from duobench.objects.prop import Prop
+from duobench.randomness import ANY_YAW, around
 from duobench.stages.handover import handover
 from duobench.stages.passage import Hole, passage
 from duobench.stages.predicates import (

@@ -19,9 +19,8 @@ import math
 
 import numpy as np
 
-from duobench.randomness import Uniform, around
-from duobench.solids.blocks import WHITE
-from duobench.solids.hexagon_peg import (
+from duobench.objects.blocks import WHITE
+from duobench.objects.hexagon_peg import (
     ACROSS_FLATS,
     BOARD_HEIGHT,
     HEXAGON,
@@ -29,7 +28,8 @@ from duobench.solids.hexagon_peg import (
     peg,
     socket_board,
 )
-from duobench.solids.prop import Prop
+from duobench.objects.prop import Prop
+from duobench.randomness import Uniform, around
 from duobench.spatial import SE3
 from duobench.stages.handover import handover
 from duobench.stages.insertion import Port, inserted

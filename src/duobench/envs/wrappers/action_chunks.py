@@ -44,7 +44,7 @@ class ActionChunks(DuoWrapper):
         )
         self._shape = (length, *single.shape)
         self._check_one = env.get_wrapper_attr("check_action")
-        # Pictures that are taken once a step play in real time at this rate.
+        # Images that are taken once a step play in real time at this rate.
         self.metadata = {**env.metadata, "render_fps": env.metadata["render_fps"] / length}
 
     def check_action(self, action: Any) -> Array:

@@ -1,4 +1,4 @@
-"""Cameras: pictures in the observation."""
+"""Cameras: images in the observation."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from duobench.errors import UnknownNameError
 from duobench.scene.cameras import POLICY_CAMERAS, check_image_size
 
 PIXELS = "pixels"
-"""Key of the pictures in an observation."""
+"""Key of the images in an observation."""
 
 
 class Cameras(DuoWrapper):
-    """Adds `pixels` to the observation: one picture (height, width, 3), uint8, for each camera.
+    """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
 
-    It belongs outside action chunks: one picture of each camera is drawn for each step and each
-    reset, nothing before the first reset. `set_rendering` leaves pictures out that nobody looks
+    It belongs outside action chunks: one image of each camera is drawn for each step and each
+    reset, nothing before the first reset. `set_rendering` leaves images out that nobody looks
     at; `env.get_wrapper_attr` finds it through any wrappers.
     """
 
@@ -38,7 +38,7 @@ class Cameras(DuoWrapper):
         Args:
             env: A `DuoEnv`, wrapped or not.
             cameras: Names of cameras.
-            image_size: Height and width in pixels, at most the native 720 x 1280. A picture shows
+            image_size: Height and width in pixels, at most the native 720 x 1280. An image shows
                 the whole native field of view whatever its size.
 
         Raises:
@@ -55,17 +55,17 @@ class Cameras(DuoWrapper):
         check_image_size(height, width)
         inner = env.observation_space
         if not isinstance(inner, gym.spaces.Dict):
-            raise TypeError(f"Pictures are added to a Dict of observations, got {inner}.")
+            raise TypeError(f"Images are added to a Dict of observations, got {inner}.")
 
-        def picture() -> gym.spaces.Box:
+        def image() -> gym.spaces.Box:
             return gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)
 
         self.observation_space = gym.spaces.Dict(
-            {**inner.spaces, PIXELS: gym.spaces.Dict({name: picture() for name in cameras})}
+            {**inner.spaces, PIXELS: gym.spaces.Dict({name: image() for name in cameras})}
         )
 
     def set_rendering(self, is_on: bool) -> None:
-        """Switch pictures on or off; while they are off, an observation has no `pixels`."""
+        """Switch images on or off; while they are off, an observation has no `pixels`."""
         self._is_rendering = is_on
 
     def reset(

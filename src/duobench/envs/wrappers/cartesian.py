@@ -45,7 +45,7 @@ class CartesianActions(DuoWrapper):
         Raises:
             ActionError: It has another shape, holds NaN or infinity, or a quaternion is zero.
         """
-        numbers = spaces.checked_action(action, spaces.POSE_LABELS)
+        numbers = spaces.checked_action(action, spaces.POSE_NAMES)
         for side in SIDES:
             start = side.index * SIDE_SIZE
             quaternion = numbers[start + 3 : start + 7]

@@ -16,8 +16,8 @@ from duobench.sim.kinematics import Kinematics
 from duobench.spatial import SE3, rotation_about
 from duobench.types import SIDES, Array, Side
 
-LEASH = 0.02
-LEASH_TURN = 0.1
+MAX_TRACKING_LAG = 0.02
+MAX_TRACKING_LAG_ROTATION = 0.1
 """How far (metres, radians) the arms may stay behind the poses that displacements add up to."""
 
 
@@ -44,7 +44,7 @@ class RelativeJointActions(DuoWrapper):
         Raises:
             ActionError: It has another shape, or holds NaN or infinity.
         """
-        return spaces.checked_action(action, spaces.JOINT_LABELS)
+        return spaces.checked_action(action, spaces.JOINT_NAMES)
 
     def step(self, action: Any) -> Transition:
         """Advance one control step.
@@ -116,7 +116,7 @@ class RelativeCartesianActions(DuoWrapper):
         Raises:
             ActionError: It has another shape, or holds NaN or infinity.
         """
-        return spaces.checked_action(action, spaces.SHIFT_LABELS)
+        return spaces.checked_action(action, spaces.SHIFT_NAMES)
 
     def step(self, action: Any) -> Transition:
         """Advance one control step.
@@ -139,7 +139,11 @@ class RelativeCartesianActions(DuoWrapper):
         for side, pose in commanded.items():
             target = self._targets.get(side, pose)
             length, angle = target.distance(pose)
-            starts[side] = target if length <= LEASH and angle <= LEASH_TURN else pose
+            starts[side] = (
+                target
+                if length <= MAX_TRACKING_LAG and angle <= MAX_TRACKING_LAG_ROTATION
+                else pose
+            )
         return starts
 
 

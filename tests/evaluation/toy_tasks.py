@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from duobench.errors import RenderingError
+from duobench.objects.blocks import CUBE_EDGE, RED, cube
+from duobench.objects.prop import Prop
 from duobench.policy import HoldPolicy, PolicyMetadata, RandomPolicy
 from duobench.randomness import around, episode_seed
-from duobench.solids.blocks import CUBE_EDGE, RED, cube
-from duobench.solids.prop import Prop
-from duobench.stages.predicates import Moment, Predicate
+from duobench.stages.predicates import Predicate, StateView
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -36,14 +36,14 @@ MARKS = "DUOBENCH_TEST_MARKS"
 def left_tool_moved(distance: float) -> Predicate:
     """Left tool is that far (metres) above or below its height at home."""
 
-    def test(moment: Moment) -> bool:
+    def test(moment: StateView) -> bool:
         height = moment.simulation.site_pose("left/tcp").translation[2]
         return abs(float(height) - HOME_HEIGHT) > distance
 
     return Predicate(f"left tool moved {distance}", test)
 
 
-def sticks_once(moment: Moment) -> bool:
+def sticks_once(moment: StateView) -> bool:
     """The simulation itself does not come back, once, while an episode runs."""
     if moment.simulation.data.time > 0.0 and mark("stuck"):
         time.sleep(1000)
@@ -246,7 +246,7 @@ class UsesGlobalGenerators(HoldPolicy):
 
 
 class Sees(HoldPolicy):
-    """Asks for a small picture and acts in chunks of five."""
+    """Asks for a small image and acts in chunks of five."""
 
     metadata = PolicyMetadata(name="sees", cameras=("head",), image_size=(24, 32))
 

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
+from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class SolidMesh:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Picture:
+class Image:
     """A part of what is drawn, in one colour."""
 
     mesh: SolidMesh
@@ -53,7 +53,7 @@ class Solid:
     """Colour."""
     mesh: SolidMesh | None = None
     """What is printed; the union of the shapes where it is not given."""
-    pictures: tuple[Picture, ...] = ()
+    images: tuple[Image, ...] = ()
     """What is drawn: the mesh, or the shapes, where none are given."""
     density: float = PLA_DENSITY
     """Density in kg/m³."""
@@ -123,10 +123,10 @@ def manifold_from(mesh: SolidMesh) -> manifold3d.Manifold:
     )
 
 
-def pictures_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Picture, ...]:
+def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
     """What is drawn of overlapping shapes: the union of those of one colour, without the others.
 
-    No two faces lie in one place: the renderer adds the lamp's light once for each of them, and
+    No two faces lie in one place: the renderer adds the light's light once for each of them, and
     shows bright dashes there.
     """
     groups: dict[tuple[Colour, bool], list[manifold3d.Manifold]] = {}
@@ -135,7 +135,7 @@ def pictures_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Picture, ...]:
     drawn, before = [], manifold3d.Manifold()
     for (colour, shadow), parts in groups.items():
         union = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
-        drawn.append(Picture(mesh=mesh_of(union - before), rgba=colour, shadow=shadow))
+        drawn.append(Image(mesh=mesh_of(union - before), rgba=colour, shadow=shadow))
         before += union
     return tuple(drawn)
 

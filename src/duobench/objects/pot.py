@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from duobench.solids.prop import Part, Prop
-from duobench.solids.shapes import CIRCLE_SEGMENTS, box, circle, cylinder, prism
-from duobench.solids.solid import Solid, mass_properties
+from duobench.objects.prop import Part, Prop
+from duobench.objects.shapes import CIRCLE_SEGMENTS, box, circle, cylinder, prism
+from duobench.objects.solid import Solid, mass_properties
 from duobench.spatial import SE3
 
 RADIUS = 0.110

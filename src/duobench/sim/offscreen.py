@@ -17,13 +17,13 @@ Image = NDArray[np.uint8]
 
 DRAWN_GROUPS = 3
 """Geom groups 0 to 2 are drawn; collision shapes are in group 3."""
-LAMP_RADIUS = 0.007
-"""Tangent of half the angle under which the lamp appears, times the root of the number of samples:
+LIGHT_RADIUS = 0.007
+"""Tangent of half the angle under which the light appears, times the root of the number of samples:
 the more samples, the wider a shadow's edge can be before it shows the single ones."""
 
 _OPAQUE = 0.995
 """What is less opaque than this is drawn as transparent [MuJoCo's renderer]."""
-_STAND_IN = 4
+_DUMMY_SHADOW_MAP = 4
 """Side of the stand-in for a shadow map: the smallest that leaves something inside its border."""
 _EVERYTHING = mujoco.mjtCatBit.mjCAT_ALL.value
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
@@ -36,7 +36,7 @@ _EFFECTS = [
 _SEGMENTATION = [mujoco.mjtRndFlag.mjRND_SEGMENT.value, mujoco.mjtRndFlag.mjRND_IDCOLOR.value]
 
 
-class Painter:
+class OffscreenRenderer:
     """What lives on the thread of a renderer: the context and all that was made with it."""
 
     def __init__(
@@ -46,9 +46,9 @@ class Painter:
 
         Args:
             model: The compiled model.
-            height: Height of the pictures in pixels.
-            width: Width of the pictures in pixels.
-            samples: Pictures that are averaged into one.
+            height: Height of the images in pixels.
+            width: Width of the images in pixels.
+            samples: Images that are averaged into one.
             backend: A backend of `duobench.sim.opengl`.
 
         Raises:
@@ -64,8 +64,8 @@ class Painter:
             self._context.free()
             raise RenderingError(f"{self.info.renderer} cannot draw the scene: {error}") from error
         self._shadows = self._drawing.shadowFBO, self._drawing.shadowSize
-        # A stand-in for the shadow map, for pictures that use the shadows of the one before.
-        mujoco.mjr_addAux(0, _STAND_IN, _STAND_IN, 0, self._drawing)
+        # A stand-in for the shadow map, for images that use the shadows of the one before.
+        mujoco.mjr_addAux(0, _DUMMY_SHADOW_MAP, _DUMMY_SHADOW_MAP, 0, self._drawing)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom)
         self._scene.flags[_EFFECTS] = 0
@@ -82,16 +82,16 @@ class Painter:
         self._pixels = np.empty((height, width, 3), dtype=np.uint8)
         self._offsets = _offsets(samples)
 
-    def paint(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
-        """One picture of each camera."""
+    def render(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
+        """One image of each camera."""
         if len(self._offsets) > 1:
             return [self._average(data, camera) for camera in cameras]
-        pictures = []
+        images = []
         for number, camera in enumerate(cameras):
             self._update(data, camera)
             self._draw(new_shadows=number == 0)
-            pictures.append(self._pixels[::-1].copy())
-        return pictures
+            images.append(self._pixels[::-1].copy())
+        return images
 
     def segment(self, data: mujoco.MjData, camera: int) -> NDArray[np.int32]:
         """Geom ids seen by a camera."""
@@ -114,17 +114,17 @@ class Painter:
         self._context.free()
 
     def _average(self, data: mujoco.MjData, camera: int) -> Image:
-        """The mean of pictures with the camera moved within a pixel and the lamp within itself."""
+        """The mean of images with the camera moved within a pixel and the light within itself."""
         self._update(data, camera)
         lenses = [_Lens(lens, self._pixels.shape) for lens in self._scene.camera]
-        radius = LAMP_RADIUS * math.sqrt(len(self._offsets))
-        lamps = [_Lamp(lamp, radius) for lamp in self._scene.lights if lamp.castshadow]
+        radius = LIGHT_RADIUS * math.sqrt(len(self._offsets))
+        lights = [_Light(light, radius) for light in self._scene.lights if light.castshadow]
         total = np.zeros(self._pixels.shape, dtype=np.uint32)
-        for pixel_x, pixel_y, lamp_u, lamp_v in self._offsets:
+        for pixel_x, pixel_y, light_u, light_v in self._offsets:
             for lens in lenses:
                 lens.shift(pixel_x, pixel_y)
-            for lamp in lamps:
-                lamp.shift(lamp_u, lamp_v)
+            for light in lights:
+                light.shift(light_u, light_v)
             self._draw()
             total += self._pixels
         half = len(self._offsets) // 2
@@ -150,7 +150,7 @@ class Painter:
             self._restore_shadows()
         else:
             self._drawing.shadowFBO = self._drawing.auxFBO[0]
-            self._drawing.shadowSize = _STAND_IN
+            self._drawing.shadowSize = _DUMMY_SHADOW_MAP
             for geom in self._geoms[: self._scene.ngeom]:
                 geom.category = _DECOR
         mujoco.mjr_render(self._rectangle, self._scene, self._drawing)
@@ -161,7 +161,7 @@ class Painter:
 
 
 def _offsets(samples: int) -> NDArray[np.float64]:
-    """Offsets (samples, 4) of pixel x and y and lamp u and v, in [-1/2, 1/2) and evenly spread.
+    """Offsets (samples, 4) of pixel x and y and light u and v, in [-1/2, 1/2) and evenly spread.
 
     The additive recurrence with powers of the inverse of the root of x^5 = x + 1 fills four
     dimensions evenly with any number of points [Roberts, quasirandom sequences].
@@ -190,7 +190,7 @@ class _Lens:
         self._camera.frustum_top = top + y * self._pixel_y
 
 
-class _Lamp:
+class _Light:
     """A light of the scene that casts shadows."""
 
     def __init__(self, light: mujoco.MjvLight, radius: float) -> None:
@@ -202,7 +202,7 @@ class _Lamp:
         self._along = np.cross(self._direction, self._across)
 
     def shift(self, u: float, v: float) -> None:
-        """Shine from a point of the lamp, which is round; u and v are in [-1/2, 1/2)."""
+        """Shine from a point of the light, which is round; u and v are in [-1/2, 1/2)."""
         radius, angle = self._radius * math.sqrt(u + 0.5), 2 * math.pi * v
         direction = self._direction + radius * (
             math.cos(angle) * self._across + math.sin(angle) * self._along

@@ -17,7 +17,7 @@ from duobench.tasks.task import Task
 from duobench.types import DuoCommand
 
 
-class Stageplay:
+class TaskHarness:
     """One task with its simulation and its stage rule, without Gymnasium around it."""
 
     def __init__(self, task: Task) -> None:
@@ -48,7 +48,7 @@ class Stageplay:
         """Build a state: props at poses, at rest, as no policy could; then judge it."""
         for name, pose in poses.items():
             self.sim.place(name, pose)
-        self.sim.refresh()
+        self.sim.forward()
         self.judge()
 
     def judge(self) -> int:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from duobench.solids.shapes import Colour, Shape, box, hull
-from duobench.solids.solid import Solid, manifold_of, mesh_of
+from duobench.objects.shapes import Colour, Shape, box, hull
+from duobench.objects.solid import Solid, manifold_of, mesh_of
 from duobench.spatial import SE3
 
 BAR = (0.075, 0.030, 0.025)

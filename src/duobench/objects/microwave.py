@@ -7,9 +7,9 @@ hinge turns about -z to open.
 
 from __future__ import annotations
 
-from duobench.solids.prop import Hinge, Part, Prop
-from duobench.solids.shapes import box, cylinder
-from duobench.solids.solid import Solid, pictures_of
+from duobench.objects.prop import Hinge, Part, Prop
+from duobench.objects.shapes import box, cylinder
+from duobench.objects.solid import Solid, images_of
 from duobench.spatial import SE3
 
 WIDTH, DEPTH, HEIGHT = 0.55, 0.32, 0.30
@@ -117,7 +117,7 @@ def _door() -> Solid:
     )
     return Solid(
         shapes=shapes,
-        pictures=pictures_of((*shapes, cylinder(_BARREL, height)), _FRAME),
+        images=images_of((*shapes, cylinder(_BARREL, height)), _FRAME),
         rgba=_FRAME,
         mass=DOOR_MASS,
     )

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from duobench.solids.mazes import CELLS, GOAL, MAZES, SEGMENTS, START, Cell, Maze, Segment
-from duobench.solids.prop import Variant
-from duobench.solids.shapes import Shape, box, sphere
-from duobench.solids.solid import Picture, Solid, mass_properties, pictures_of
+from duobench.objects.mazes import CELLS, GOAL, MAZES, SEGMENTS, START, Cell, Maze, Segment
+from duobench.objects.prop import Variant
+from duobench.objects.shapes import Shape, box, sphere
+from duobench.objects.solid import Image, Solid, images_of, mass_properties
 from duobench.spatial import SE3
 
 PITCH = 0.040
@@ -78,13 +78,13 @@ def ball() -> Solid:
 def board() -> Solid:
     """The board for a simulation: it has all walls, of which `wall_variants()` leaves some out.
 
-    The walls of each maze have a picture of their own.
+    The walls of each maze have an image of their own.
 
     Its mass is that of any of the printed boards, which all weigh the same.
     """
     return Solid(
         shapes=(*_frame(), *map(_wall, SEGMENTS)),
-        pictures=(*pictures_of(_frame(), _FLOOR_COLOUR), *map(_walls_picture, MAZES)),
+        images=(*images_of(_frame(), _FLOOR_COLOUR), *map(_walls_image, MAZES)),
         rgba=_FLOOR_COLOUR,
         mass=mass_properties(printable_board(MAZES[0])).mass,
     )
@@ -98,11 +98,11 @@ def wall_numbers() -> dict[Segment, int]:
 def wall_variants() -> dict[str, Variant]:
     """What of `board()` each maze leaves out, by the maze's number: other walls and images."""
     numbers = wall_numbers()
-    first = len(board().pictures) - len(MAZES)
+    first = len(board().images) - len(MAZES)
     return {
         str(index): Variant(
             without_shapes=frozenset(numbers[s] for s in SEGMENTS if s not in maze.walls),
-            without_pictures=frozenset(
+            without_images=frozenset(
                 first + other for other in range(len(MAZES)) if other != index
             ),
         )
@@ -167,10 +167,10 @@ def _wall(segment: Segment) -> Shape:
     return box(*size, WALL_HEIGHT + ROOT, at=middle, rgba=_WALL_COLOUR)
 
 
-def _walls_picture(maze: Maze) -> Picture:
-    """The walls of a maze in one picture, without their ends in the rim."""
+def _walls_image(maze: Maze) -> Image:
+    """The walls of a maze in one image, without their ends in the rim."""
     walls = (_wall(segment) for segment in SEGMENTS if segment in maze.walls)
-    return pictures_of((*_rim(), *walls), _WALL_COLOUR)[-1]
+    return images_of((*_rim(), *walls), _WALL_COLOUR)[-1]
 
 
 def _quarter_turns() -> tuple[SE3, ...]:

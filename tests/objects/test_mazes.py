@@ -2,7 +2,7 @@ from functools import reduce
 
 import pytest
 
-from duobench.solids.mazes import (
+from duobench.objects.mazes import (
     CELLS,
     GOAL,
     MAZES,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from duobench.solids.maze_board import (
+from duobench.objects.maze_board import (
     BALL_RADIUS,
     BAR,
     BASE,
@@ -18,8 +18,8 @@ from duobench.solids.maze_board import (
     printable_board,
     wall_numbers,
 )
-from duobench.solids.mazes import CELLS, MAZES, SEGMENTS, Direction, Maze, Segment
-from duobench.solids.solid import PLA_DENSITY, mass_properties, printable
+from duobench.objects.mazes import CELLS, MAZES, SEGMENTS, Direction, Maze, Segment
+from duobench.objects.solid import PLA_DENSITY, mass_properties, printable
 
 mazes = pytest.mark.parametrize("maze", MAZES, ids=range(len(MAZES)))
 

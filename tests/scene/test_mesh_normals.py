@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from duobench.scene.shading import FLAT, add_drawn_mesh, corner_normals
-from duobench.solids.bowl import bowl
-from duobench.solids.shapes import CIRCLE_SEGMENTS, box, cylinder
-from duobench.solids.solid import SolidMesh, manifold_of, mesh_of, printable
+from duobench.objects.bowl import bowl
+from duobench.objects.shapes import CIRCLE_SEGMENTS, box, cylinder
+from duobench.objects.solid import SolidMesh, manifold_of, mesh_of, printable
+from duobench.scene.mesh_normals import FLAT, add_drawn_mesh, corner_normals
 
 MESHES = {
     "box": mesh_of(manifold_of(box(0.1, 0.2, 0.3))),

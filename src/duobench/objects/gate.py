@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from duobench.solids.blocks import block
-from duobench.solids.shapes import box
-from duobench.solids.solid import Solid
+from duobench.objects.blocks import block
+from duobench.objects.shapes import box
+from duobench.objects.solid import Solid
 from duobench.spatial import SE3
 
 RING_RADIUS = 0.115

@@ -14,7 +14,7 @@ from duobench.spatial import SE3
 
 Array = NDArray[np.float64]
 CIRCLE_SEGMENTS = 64
-"""Segments of a circle in pictures and prints."""
+"""Segments of a circle in images and prints."""
 
 
 class ShapeKind(StrEnum):

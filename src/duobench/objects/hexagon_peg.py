@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from duobench.solids.shapes import Array, Colour, Shape, box, circle, hull
-from duobench.solids.solid import Solid, mesh_of
+from duobench.objects.shapes import Array, Colour, Shape, box, circle, hull
+from duobench.objects.solid import Solid, mesh_of
 from duobench.spatial import SE3
 
 ACROSS_FLATS = 0.034

@@ -6,8 +6,8 @@ import math
 
 import manifold3d
 
-from duobench.solids.shapes import Colour, prism, ring_wall, sphere
-from duobench.solids.solid import Solid, mesh_of
+from duobench.objects.shapes import Colour, prism, ring_wall, sphere
+from duobench.objects.solid import Solid, mesh_of
 from duobench.spatial import SE3
 
 WALLS = 8

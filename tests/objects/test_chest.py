@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from duobench.solids.chest import (
+from duobench.objects.chest import (
     HINGE,
     LID_LIMITS,
     OUTER_Y,
@@ -12,9 +12,9 @@ from duobench.solids.chest import (
     chest_box,
     chest_lid,
 )
-from duobench.solids.shapes import cylinder
-from duobench.solids.solid import PLA_DENSITY, Solid, mass_properties, mesh_of, printable
-from duobench.solids.solid import manifold_of as exact
+from duobench.objects.shapes import cylinder
+from duobench.objects.solid import PLA_DENSITY, Solid, mass_properties, mesh_of, printable
+from duobench.objects.solid import manifold_of as exact
 from duobench.spatial import SE3
 
 GREY = (0.5, 0.5, 0.5, 1.0)

@@ -1,4 +1,4 @@
-"""How long pictures take: one frame, and an observation of three cameras."""
+"""How long images take: one frame, and an observation of three cameras."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ MILLI = 1e-3
 
 
 def measure(name: str, repeats: int = 60) -> Iterator[Measurement]:
-    """Measure pictures of the default size, shadows included."""
+    """Measure images of the default size, shadows included."""
     env = duobench.make(name, cameras=False)
     begin(env)
     simulation = sim_of(env).simulation

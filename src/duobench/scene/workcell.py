@@ -10,6 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.objects.shapes import Colour, Shape, hull
+from duobench.objects.solid import manifold_of, mesh_of
 from duobench.scene.cameras import HEAD_POSITION
 from duobench.scene.filters import (
     SHADOWLESS_GEOM_GROUP,
@@ -18,11 +20,9 @@ from duobench.scene.filters import (
     visual_only,
 )
 from duobench.scene.fr3 import BASE_POSES
+from duobench.scene.mesh_normals import FLAT, add_drawn_mesh
 from duobench.scene.naming import TABLE
-from duobench.scene.shading import FLAT, add_drawn_mesh
 from duobench.scene.surfaces import set_metal
-from duobench.solids.shapes import Colour, Shape, hull
-from duobench.solids.solid import manifold_of, mesh_of
 from duobench.spatial import SE3
 
 FLOOR_Z = -0.8095
@@ -45,11 +45,11 @@ ROOM_HEIGHT = 2.7
 
 SCENE_CENTRE = (0.4, 0.0, 0.1)
 SCENE_EXTENT = 1.4
-"""Centre and radius (metres) of what lights and shadows must cover; fixed, so that the picture
+"""Centre and radius (metres) of what lights and shadows must cover; fixed, so that the image
 does not depend on a task's objects."""
 SHADOW_CENTRE = (0.24, 0.0, 0.24)
 """Where the lights aim, and so the middle of the shadow map: between the table's far edge and the
-elbows, as the lamp sees them."""
+elbows, as the light sees them."""
 
 _BIRCH = (0.82, 0.74, 0.63, 1.0)
 _STEEL = (0.20, 0.21, 0.23, 1.0)
@@ -211,18 +211,18 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
-    """One lamp with a shadow, two soft fills without, and ambient light.
+    """One light with a shadow, two soft fills without, and ambient light.
 
-    The lamp stands in front of the robot, so that the arms throw their shadows back on themselves
+    The light stands in front of the robot, so that the arms throw their shadows back on themselves
     and not on the objects. It stands straight ahead, because the slope of horizontal surfaces then
     follows one axis of the shadow map, and none is speckled by its own shadow. A level white
-    surface has nine tenths of full brightness under the lamp, and a bit over half in its shadow.
+    surface has nine tenths of full brightness under the light, and a bit over half in its shadow.
     """
     spec.visual.headlight.ambient = (0.43, 0.43, 0.44)
     spec.visual.headlight.diffuse = (0.0, 0.0, 0.0)
     spec.visual.headlight.specular = (0.0, 0.0, 0.0)
     for name, eye, colour, glint, shadow in (
-        ("lamp", (1.55, 0.00, 2.30), (0.45, 0.44, 0.42), 0.22, True),
+        ("light", (1.55, 0.00, 2.30), (0.45, 0.44, 0.42), 0.22, True),
         ("window", (-0.8, -2.2, 1.6), (0.20, 0.21, 0.23), 0.0, False),
         ("table_glow", (0.5, 0.0, -1.0), (0.12, 0.10, 0.08), 0.0, False),
     ):

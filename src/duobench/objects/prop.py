@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from duobench.solids.solid import Solid
+from duobench.objects.solid import Solid
 from duobench.spatial import SE3
 
 
@@ -42,8 +42,8 @@ class Variant:
 
     without_shapes: frozenset[int] = frozenset()
     """Numbers of the solid's shapes that cannot be felt."""
-    without_pictures: frozenset[int] = frozenset()
-    """Numbers of the solid's pictures that cannot be seen."""
+    without_images: frozenset[int] = frozenset()
+    """Numbers of the solid's images that cannot be seen."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import manifold3d
 
-from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, cylinder, ring_wall
-from duobench.solids.solid import Picture, Solid, mesh_of
+from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, cylinder, ring_wall
+from duobench.objects.solid import Image, Solid, mesh_of
 from duobench.spatial import SE3
 
 RADIUS = 0.085
@@ -17,7 +17,7 @@ FLOOR = 0.004
 """Thickness of wall and floor in metres: two and a half printed walls."""
 RIM = 0.005
 """Height in metres of the part of the wall that has the rim's colour: two pixels of the head's
-square picture."""
+square image."""
 WALL_SEGMENTS = 16
 """Boxes that make up the wall for collisions; a 32 mm cube cannot tell them from a circle."""
 
@@ -50,11 +50,11 @@ def bowl(rgba: Colour, rim: Colour | None = None) -> Solid:
         ),
         rgba=rgba,
         mesh=mesh_of(exact),
-        pictures=() if rim is None else _pictures(exact, rgba, rim),
+        images=() if rim is None else _images(exact, rgba, rim),
     )
 
 
-def _pictures(exact: manifold3d.Manifold, rgba: Colour, rim: Colour) -> tuple[Picture, ...]:
+def _images(exact: manifold3d.Manifold, rgba: Colour, rim: Colour) -> tuple[Image, ...]:
     """The bowl below its rim, and the rim."""
     above, below = exact.split_by_plane((0.0, 0.0, 1.0), RIM_HEIGHT - RIM)
-    return Picture(mesh=mesh_of(below), rgba=rgba), Picture(mesh=mesh_of(above), rgba=rim)
+    return Image(mesh=mesh_of(below), rgba=rgba), Image(mesh=mesh_of(above), rgba=rim)

@@ -13,9 +13,9 @@ import math
 import manifold3d
 import numpy as np
 
-from duobench.solids.prop import Hinge, Part, Prop
-from duobench.solids.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder, prism
-from duobench.solids.solid import Solid, manifold_of, mesh_of
+from duobench.objects.prop import Hinge, Part, Prop
+from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder, prism
+from duobench.objects.solid import Solid, manifold_of, mesh_of
 from duobench.spatial import SE3
 
 CAVITY = (0.130, 0.230, 0.060)

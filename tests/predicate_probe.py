@@ -7,11 +7,11 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import HeldFor, Memory, Moment, Predicate
+from duobench.stages.predicates import HeldFor, Memory, Predicate, StateView
 from duobench.stages.progress import memories_of, recalled
 
 
-class Recall:
+class PredicateProbe:
     """A predicate and what it remembers of earlier steps."""
 
     def __init__(self, question: Predicate) -> None:
@@ -24,12 +24,12 @@ class Recall:
     def ask(
         self,
         simulation: Simulation | None = None,
-        start_lowest: Mapping[str, float] = MappingProxyType({}),
+        start_heights: Mapping[str, float] = MappingProxyType({}),
     ) -> bool:
         """Whether it holds now; without a simulation for predicates that look at none."""
-        moment = Moment(
+        moment = StateView(
             simulation=cast(Any, simulation),
-            start_lowest=dict(start_lowest),
+            start_heights=dict(start_heights),
             variants={},
             remembered=self._remembered,
             lasted=self._lasted,

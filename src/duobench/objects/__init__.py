@@ -1,0 +1,1 @@
+"""Parametric objects: one description gives collision geometry, image, printable mesh, mass."""

@@ -1,1 +1,0 @@
-"""Parametric objects: one description gives collision geometry, picture, printable mesh, mass."""
