@@ -78,14 +78,15 @@ def check_name(name: str) -> None:
     if not name.isprintable():
         raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
     if ":" not in name and name != EXPERT and name not in BASELINES:
-        raise UnknownNameError("policy", name, [EXPERT, *BASELINES, "module:attribute"])
+        known = [EXPERT, *BASELINES, "lerobot:PATH_OR_ID", "module:attribute"]
+        raise UnknownNameError("policy", name, known)
 
 
 def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
     """Look a policy up.
 
     Args:
-        name: `expert`, a baseline's name, or `module:attribute`.
+        name: `expert`, a baseline's name, `lerobot:PATH_OR_ID`, or `module:attribute`.
         tasks: What it will play; an expert's version is that of the scripts of these tasks.
 
     Raises:

@@ -1,4 +1,4 @@
-"""From a name to a policy: the baselines, or anything importable as `module:attribute`."""
+"""From a name to a policy: baselines, checkpoints of LeRobot, or anything importable."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import hashlib
 import importlib
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
-from duobench.errors import PolicyError, UnknownNameError, traceback_text
+from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
+from duobench.policy.lerobot.address import SCHEME as LEROBOT
 from duobench.policy.protocol import Policy, PolicyMetadata
 
 BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
@@ -23,8 +25,9 @@ def make(name: str) -> Policy:
     """Make a policy.
 
     Args:
-        name: A baseline's name, or `module:attribute` where the attribute is a class or a function
-            that gives a policy when called without arguments.
+        name: A baseline's name; `lerobot:PATH_OR_ID`, a checkpoint of LeRobot, see
+            `duobench.policy.lerobot.address`; or `module:attribute` where the attribute is a class
+            or a function that gives a policy when called without arguments.
 
     Returns:
         A policy that has not been reset yet.
@@ -38,7 +41,7 @@ def make(name: str) -> Policy:
     elif name in BASELINES:
         policy = BASELINES[name]()
     else:
-        raise UnknownNameError("policy", name, [*BASELINES, "module:attribute"])
+        raise UnknownNameError("policy", name, [*BASELINES, "lerobot:PATH_OR_ID", "module:attribute"])
     if not isinstance(policy, Policy) or not isinstance(policy.metadata, PolicyMetadata):
         raise PolicyError(
             f"{name} gave a {type(policy).__name__}, which is no policy. A policy has `metadata` "
@@ -64,14 +67,28 @@ def source_version(*modules: str) -> str | None:
 
 
 def _made(name: str) -> object:
-    """What `module:attribute` gives when it is called."""
-    factory = _factory(name)
+    """What `scheme:name` or `module:attribute` gives."""
+    scheme, _, rest = name.partition(":")
+    is_ours = scheme == LEROBOT
+    factory = partial(_lerobot_class(), rest) if is_ours else _factory(name)
     try:
         return factory()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, DuoBenchError) if is_ours else KeyboardInterrupt:
         raise
     except BaseException as error:
         raise PolicyError(f"Policy {name!r} cannot be made.\n{_traceback(error)}") from error
+
+
+def _lerobot_class() -> Callable[[str], object]:
+    """The class of LeRobot's checkpoints, which needs LeRobot."""
+    try:
+        from duobench.policy.lerobot.policy import LeRobotPolicy
+    except ImportError as error:
+        raise PolicyError(
+            f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. With Python "
+            "3.12 or newer: pip install 'duobench[lerobot]'."
+        ) from error
+    return LeRobotPolicy
 
 
 def _traceback(error: BaseException) -> str:

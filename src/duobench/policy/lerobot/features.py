@@ -1,0 +1,118 @@
+"""What a checkpoint sees and controls, checked against what this benchmark has."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from duobench.errors import PolicyError
+from duobench.scene.cameras import POLICY_CAMERAS
+from duobench.types import FLAT_SIZE
+
+STATE, ACTION = "observation.state", "action"
+IMAGE_PREFIX = "observation.images."
+_EMPTY = f"{IMAGE_PREFIX}empty_camera_"
+"""Placeholders that a model fills itself."""
+CHUNKED = ("act", "pi0", "pi05", "smolvla", "xvla")
+"""Kinds of policies that predict `chunk_size` actions from one observation."""
+DIFFUSION = "diffusion"
+"""The kind that sees the last `n_obs_steps` observations."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Inputs:
+    """What a checkpoint sees, in the names of this benchmark."""
+
+    cameras: tuple[str, ...]
+    """Cameras of the environment, each shown as `observation.images.<camera>`."""
+    image_size: tuple[int, int] | None
+    """Height and width of their images; None without cameras."""
+
+
+def inputs(config: Any, rename_map: Mapping[str, str]) -> Inputs:
+    """What a checkpoint sees.
+
+    Args:
+        config: Its configuration, LeRobot's `PreTrainedConfig`.
+        rename_map: From names of the environment to names in the checkpoint, as its processor has
+            it.
+
+    Raises:
+        PolicyError: It sees or controls what this benchmark does not have.
+    """
+    _check_vectors(config)
+    original = {new: old for old, new in rename_map.items()}
+    shapes = {
+        original.get(key, key): tuple(feature.shape)
+        for key, feature in config.image_features.items()
+        if not key.startswith(_EMPTY)
+    }
+    problems = [problem for key in shapes if (problem := _camera_problem(key))]
+    if problems:
+        raise PolicyError(
+            f"The checkpoint sees {'; '.join(problems)}. The cameras are "
+            f"{', '.join(IMAGE_PREFIX + name for name in POLICY_CAMERAS)}: train with these names, "
+            "or with LeRobot's rename_map from them, which is saved in the checkpoint."
+        )
+    sizes = {shape[1:] for shape in shapes.values()}
+    if len(sizes) > 1:
+        listed = ", ".join(f"{key} {h}x{w}" for key, (_, h, w) in shapes.items())
+        raise PolicyError(f"All images have one size here; the checkpoint's differ: {listed}.")
+    return Inputs(
+        cameras=tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes),
+        image_size=next(iter(sizes), None),
+    )
+
+
+def horizon(config: Any) -> int:
+    """Actions that a checkpoint predicts, from the current observation on.
+
+    Raises:
+        PolicyError: It is of a kind that is not supported, or must be asked at every step.
+    """
+    if getattr(config, "temporal_ensemble_coeff", None) is not None:
+        raise PolicyError(
+            "The checkpoint averages overlapping chunks (temporal_ensemble_coeff), which must be "
+            "asked at every step; chunks are executed here. To execute them as they are, set it "
+            "to null in the checkpoint's config.json."
+        )
+    if config.type == DIFFUSION:
+        return config.horizon - config.n_obs_steps + 1
+    if config.type not in CHUNKED:
+        raise PolicyError(
+            f"A LeRobot policy of type {config.type!r} is not supported; "
+            f"{', '.join(sorted((*CHUNKED, DIFFUSION)))} are."
+        )
+    return config.chunk_size
+
+
+def _check_vectors(config: Any) -> None:
+    known = {STATE, *config.image_features}
+    if other := sorted(set(config.input_features or {}) - known):
+        raise PolicyError(
+            f"The checkpoint also sees {', '.join(other)}; there are only {STATE} and images."
+        )
+    for key, feature in ((STATE, config.robot_state_feature), (ACTION, config.action_feature)):
+        if feature is None and key == STATE:
+            continue
+        shape = None if feature is None else tuple(feature.shape)
+        if shape != (FLAT_SIZE,):
+            raise PolicyError(
+                f"The checkpoint's {key} has shape {shape}, this benchmark's ({FLAT_SIZE},): seven "
+                "joints and the gripper of the left arm, then of the right one."
+            )
+
+
+def _camera_problem(key: str) -> str | None:
+    """What is wrong with the name of images, with a near miss; None if they exist."""
+    name = key.removeprefix(IMAGE_PREFIX)
+    if key != name and name in POLICY_CAMERAS:
+        return None
+    near = _near(name, POLICY_CAMERAS)
+    return f"{key!r}" + (f" (did you mean {IMAGE_PREFIX}{near}?)" if near else "")
+
+
+def _near(name: str, known: Iterable[str]) -> str | None:
+    return next(iter(difflib.get_close_matches(name, list(known), n=1)), None)

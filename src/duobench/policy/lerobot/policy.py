@@ -1,0 +1,269 @@
+"""A LeRobot checkpoint as a policy, with its own processors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch  # pyright: ignore[reportMissingImports]
+from lerobot import __version__ as lerobot_version  # pyright: ignore[reportMissingImports]
+from lerobot import policies  # pyright: ignore[reportMissingImports] - registers all kinds
+from lerobot.configs import PreTrainedConfig  # pyright: ignore[reportMissingImports]
+from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports]
+    auto_select_torch_device,
+    is_torch_device_available,
+)
+from numpy.typing import NDArray
+
+from duobench.errors import PolicyError
+from duobench.policy.lerobot import checkpoint
+from duobench.policy.lerobot.address import EXECUTED, SCHEME, Address, parse
+from duobench.policy.lerobot.features import (
+    DIFFUSION,
+    IMAGE_PREFIX,
+    STATE,
+    horizon,
+    inputs,
+)
+from duobench.policy.lerobot.noise import EpisodeNoise
+from duobench.policy.protocol import PolicyMetadata
+
+Observation = Mapping[str, Any]
+Chunk = NDArray[np.float32]
+_RENAMING = "rename_observations_processor"
+_DTYPES = ("bfloat16", "float32")
+
+
+@dataclass(kw_only=True, slots=True)
+class Session:
+    """One episode of a LeRobot policy."""
+
+    instruction: str
+    """What to do, in words."""
+    seed: int
+    """Seed of the episode."""
+    call: int = 0
+    """Answers that were given in it; whoever calls `act_batch` counts them."""
+    seen: tuple[Observation, ...] = ()
+    """The last observations, for a model that sees more than one."""
+    left: Chunk | None = None
+    """Actions of the last chunk that are executed one by one, so that what lies between them is
+    seen."""
+
+
+class LeRobotPolicy:
+    """A checkpoint of LeRobot that answers with chunks, for one episode or several at a time.
+
+    The model is asked for a chunk with `predict_action_chunk`; the queues inside LeRobot's policies
+    stay empty, so that the state of an episode is in its session alone. A model that sees the last
+    n observations is shown n consecutive ones, as in training: the last n - 1 actions of a chunk
+    are given one at a time.
+    """
+
+    def __init__(self, text: str) -> None:
+        """Load a checkpoint.
+
+        Args:
+            text: What stands after `lerobot:` in its name; see `duobench.policy.lerobot.address`.
+
+        Raises:
+            PolicyError: It cannot be loaded, or does not fit this benchmark.
+            UnknownNameError: There is no such option.
+        """
+        address = parse(text)
+        folder = checkpoint.find(address.checkpoint)
+        device = _device(address.device)
+        config = PreTrainedConfig.from_pretrained(folder)
+        longest = horizon(config)
+        self._steps = _steps(address.steps, longest)
+        self._past = config.n_obs_steps if config.type == DIFFUSION else None
+        if self._past is not None:
+            config.n_action_steps = longest  # it predicts no more than it is going to execute
+            if self._steps < self._past:
+                raise PolicyError(
+                    f"The checkpoint sees {self._past} observations at a time, so at least that "
+                    f"many of its actions are executed, not {self._steps}."
+                )
+        _configure(config, folder, device, address.dtype)
+        self._model = policies.get_policy_class(config.type).from_pretrained(
+            folder, config=config, strict=True
+        )
+        self._before, self._after = policies.make_pre_post_processors(
+            config,
+            pretrained_path=str(folder),
+            preprocessor_overrides={"device_processor": {"device": device}},
+        )
+        self._precision = (
+            torch.autocast(device_type=torch.device(device).type)
+            if config.use_amp
+            else nullcontext()
+        )
+        seen = inputs(config, _rename_map(self._before))
+        self._cameras = seen.cameras
+        self.metadata = PolicyMetadata(
+            name=f"{SCHEME} {config.type}",
+            cameras=seen.cameras,
+            image_size=seen.image_size,
+            version=_version(folder, self._steps, self._model, device, config.use_amp),
+        )
+        """What it expects, and a version that names checkpoint, numbers and device."""
+        self._session: Session | None = None
+
+    def reset(self, instruction: str, seed: int) -> None:
+        """Begin an episode."""
+        self._session = self.begin(instruction, seed)
+
+    def act(self, observation: Observation) -> Chunk:
+        """The next actions (H, 16).
+
+        Raises:
+            PolicyError: There was no reset yet.
+        """
+        if self._session is None:
+            raise PolicyError("A policy is reset before it acts.")
+        (chunk,) = self.act_batch([self._session], [observation])
+        self._session.call += 1
+        return chunk
+
+    def begin(self, instruction: str, seed: int) -> Session:
+        """Begin an episode, beside those that are under way."""
+        return Session(instruction=instruction, seed=seed)
+
+    def act_batch(
+        self, sessions: Sequence[Session], observations: Sequence[Observation]
+    ) -> list[Chunk]:
+        """The next actions in each episode.
+
+        Args:
+            sessions: What `begin` returned.
+            observations: As in `Policy.act`, one for each session.
+
+        Returns:
+            One chunk (H, 16) for each.
+        """
+        shown = [
+            self._window(session, observation)
+            for session, observation in zip(sessions, observations, strict=True)
+        ]
+        asked = [row for row, session in enumerate(sessions) if session.left is None]
+        if asked:
+            chunks = self._predict([sessions[row] for row in asked], [shown[row] for row in asked])
+        else:
+            chunks = []
+        whole = dict(zip(asked, chunks, strict=True))
+        return [
+            self._answer(session, window, whole.get(row))
+            for row, (session, window) in enumerate(zip(sessions, shown, strict=True))
+        ]
+
+    def _window(self, session: Session, observation: Observation) -> tuple[Observation, ...]:
+        """The observations that the model sees, the current one last."""
+        past = self._past or 1
+        before = session.seen or (observation,) * (past - 1)
+        return (*before, observation)[-past:]
+
+    def _answer(
+        self, session: Session, window: tuple[Observation, ...], chunk: Chunk | None
+    ) -> Chunk:
+        """The actions that are executed next; notes what the session remembers."""
+        if self._past is not None:
+            session.seen = window[1:]
+        if chunk is not None:
+            one_by_one = (self._past or 1) - 1
+            given, left = np.split(chunk, [len(chunk) - one_by_one])
+        else:
+            assert session.left is not None  # a session is asked for a chunk where this is None
+            given, left = np.split(session.left, [1])
+        session.left = left if len(left) else None
+        return given
+
+    def _predict(
+        self, sessions: Sequence[Session], windows: Sequence[tuple[Observation, ...]]
+    ) -> list[Chunk]:
+        """One call of the model: the actions (steps, 16) that are executed of each chunk."""
+        batch: dict[str, Any] = {
+            STATE: self._stacked(windows, lambda seen: np.asarray(seen["agent_pos"], np.float32))
+        }
+        for camera in self._cameras:
+            images = self._stacked(windows, lambda seen, name=camera: seen["pixels"][name])
+            channels_first = images.movedim(-1, -3).contiguous().float()
+            batch[IMAGE_PREFIX + camera] = channels_first / 255
+        batch["task"] = [session.instruction for session in sessions]
+        keys = [(session.seed, session.call) for session in sessions]
+        with torch.inference_mode(), self._precision, EpisodeNoise(keys):
+            actions = self._model.predict_action_chunk(self._before(batch))
+        actions = self._after(actions[:, : self._steps])
+        return list(actions.float().cpu().numpy())
+
+    def _stacked(self, windows: Sequence[tuple[Observation, ...]], value: Any) -> Any:
+        """A tensor (B, ...), or (B, n, ...) for a model that sees n observations."""
+        rows = [np.stack([value(seen) for seen in window]) for window in windows]
+        stacked = torch.from_numpy(np.stack(rows))
+        return stacked if self._past is not None else stacked[:, 0]
+
+
+def _device(wanted: str | None) -> str:
+    if wanted is None:
+        return str(auto_select_torch_device())
+    try:
+        is_there = is_torch_device_available(str(torch.device(wanted).type))
+    except (RuntimeError, ValueError) as error:
+        raise PolicyError(f"torch knows no device {wanted!r}: {error}") from error
+    if not is_there:
+        raise PolicyError(f"There is no device {wanted!r} here; cpu always works.")
+    return wanted
+
+
+def _steps(wanted: int | None, longest: int) -> int:
+    if wanted is not None and wanted > longest:
+        raise PolicyError(f"The checkpoint predicts {longest} actions, not {wanted}.")
+    return wanted or min(EXECUTED, longest)
+
+
+def _configure(config: Any, folder: Path, device: str, dtype: str | None) -> None:
+    """Say in the configuration where and in which numbers the model runs."""
+    config.pretrained_path, config.device = folder, device
+    if hasattr(config, "pretrained_backbone_weights"):
+        config.pretrained_backbone_weights = None  # they are in the checkpoint
+    if hasattr(config, "load_vlm_weights"):
+        config.load_vlm_weights = False  # so are these
+    if hasattr(config, "compile_model"):
+        config.compile_model = False  # a compiled model draws its noise where nobody can see it
+    if torch.device(device).type == "cuda":
+        torch.backends.cudnn.deterministic = True
+        torch.backends.cudnn.benchmark = False
+    if dtype is None:
+        return
+    known = _DTYPES if hasattr(config, "dtype") else _DTYPES[1:]
+    if dtype not in known:
+        raise PolicyError(
+            f"A checkpoint of type {config.type} runs in {' or '.join(known)}, not in {dtype!r}."
+        )
+    if hasattr(config, "dtype"):
+        config.dtype = dtype
+
+
+def _rename_map(processor: Any) -> Mapping[str, str]:
+    """From names of the environment to those of the checkpoint, as it was trained."""
+    maps = [
+        step.rename_map
+        for step in processor.steps
+        if getattr(step, "_registry_name", None) == _RENAMING
+    ]
+    return maps[0] if maps else {}
+
+
+def _version(folder: Path, steps: int, model: Any, device: str, amp: bool) -> str:
+    """What a run must not change: checkpoint, actions executed, numbers, device, libraries."""
+    types = {str(value.dtype).removeprefix("torch.") for value in model.parameters()}
+    where = torch.device(device)
+    card = f" ({torch.cuda.get_device_name(where)})" if where.type == "cuda" else ""
+    return (
+        f"checkpoint {checkpoint.content_hash(folder)[:16]}, {steps} actions a chunk, "
+        f"{'+'.join(sorted(types))}{' with autocast' if amp else ''} on {where.type}{card}, "
+        f"lerobot {lerobot_version}, torch {torch.__version__}"
+    )

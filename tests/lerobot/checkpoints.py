@@ -1,0 +1,166 @@
+"""Tiny checkpoints with random weights, saved by LeRobot itself."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.policies import get_policy_class, make_policy_config, make_pre_post_processors
+
+CAMERAS = ("head", "left_wrist")
+SIZE = 64
+"""Side of an image; four halvings of a ResNet leave 2 x 2 features."""
+WORDS = ("Put", "the", "cube", "into", "bowl", "and")
+
+
+def features(
+    cameras: tuple[str, ...] = CAMERAS, size: int = SIZE, width: int = 16
+) -> dict[str, Any]:
+    """What a policy sees and controls, in the shapes of this benchmark unless told otherwise."""
+    images = {
+        f"observation.images.{camera}": PolicyFeature(FeatureType.VISUAL, (3, size, size))
+        for camera in cameras
+    }
+    return {
+        "input_features": {
+            "observation.state": PolicyFeature(FeatureType.STATE, (width,)),
+            **images,
+        },
+        "output_features": {"action": PolicyFeature(FeatureType.ACTION, (width,))},
+        "device": "cpu",
+        "push_to_hub": False,
+    }
+
+
+def save(folder: Path, kind: str, **options: Any) -> Path:
+    """Save a policy with random weights, and its processors."""
+    torch.manual_seed(1)
+    config = make_policy_config(kind, **{**features(), **options})
+    get_policy_class(kind)(config).save_pretrained(folder)
+    keys = [*config.input_features, *config.output_features]
+    stats = {key: statistics(config, key) for key in keys}
+    for processor in make_pre_post_processors(config, dataset_stats=stats):
+        processor.save_pretrained(folder)
+    return folder
+
+
+def statistics(config: Any, key: str) -> dict[str, torch.Tensor]:
+    """Statistics under which normal noise becomes small motions about the middle of the ranges."""
+    shape = {**config.input_features, **config.output_features}[key].shape
+    size = (shape[0], 1, 1) if len(shape) == 3 else shape
+    generator = torch.Generator().manual_seed(len(key))
+    middle = 0.1 * torch.randn(size, generator=generator)
+    spread = torch.full(size, 0.05)
+    return {
+        "mean": middle,
+        "std": spread,
+        "min": middle - spread,
+        "max": middle + spread,
+        "q01": middle - spread,
+        "q99": middle + spread,
+    }
+
+
+def act(folder: Path, **options: Any) -> Path:
+    """ACT with 30 actions."""
+    small = {
+        "dim_model": 32,
+        "n_heads": 2,
+        "dim_feedforward": 32,
+        "n_encoder_layers": 1,
+        "n_vae_encoder_layers": 1,
+        "latent_dim": 4,
+        "pretrained_backbone_weights": None,
+        "chunk_size": 30,
+        "n_action_steps": 30,
+    }
+    return save(folder, "act", **{**small, **options})
+
+
+def diffusion(folder: Path, **options: Any) -> Path:
+    """A diffusion policy that sees two observations and predicts 16 actions, by DDPM."""
+    small = {
+        "down_dims": (16, 32),
+        "diffusion_step_embed_dim": 16,
+        "n_groups": 4,
+        "num_train_timesteps": 4,
+        "spatial_softmax_num_keypoints": 4,
+        "pretrained_backbone_weights": None,
+        "crop_ratio": 1.0,
+        "horizon": 16,
+        "n_action_steps": 8,
+    }
+    return save(folder, "diffusion", **{**small, **options})
+
+
+def tokenizer(folder: Path) -> Path:
+    """A tokenizer of a few words."""
+    from tokenizers import Tokenizer, models, pre_tokenizers
+    from transformers import PreTrainedTokenizerFast
+
+    words = ["<pad>", "<s>", "</s>", "<unk>", *WORDS]
+    vocabulary = {word: number for number, word in enumerate(words)}
+    model = Tokenizer(models.WordLevel(vocabulary, unk_token="<unk>"))
+    model.pre_tokenizer = pre_tokenizers.Whitespace()
+    PreTrainedTokenizerFast(
+        tokenizer_object=model,
+        pad_token="<pad>",
+        bos_token="<s>",
+        eos_token="</s>",
+        unk_token="<unk>",
+    ).save_pretrained(folder)
+    return folder
+
+
+def xvla(folder: Path, **options: Any) -> Path:
+    """X-VLA with 16 of 20 action numbers used."""
+    stages = 2
+    florence = {
+        "vision_config": {
+            "depths": [1] * stages,
+            "embed_dim": [16] * stages,
+            "num_heads": [2] * stages,
+            "num_groups": [2] * stages,
+            "patch_size": [7, 3],
+            "patch_stride": [4, 2],
+            "patch_padding": [3, 1],
+            "patch_prenorm": [False, True],
+            "projection_dim": 16,
+            "window_size": 4,
+        },
+        "text_config": {
+            "model_type": "bart",
+            "vocab_size": 32,
+            "d_model": 16,
+            "encoder_layers": 1,
+            "decoder_layers": 1,
+            "encoder_attention_heads": 2,
+            "decoder_attention_heads": 2,
+            "encoder_ffn_dim": 16,
+            "decoder_ffn_dim": 16,
+        },
+        "projection_dim": 16,
+    }
+    small = {
+        "florence_config": florence,
+        "tokenizer_name": str(tokenizer(folder.with_name(f"{folder.name}-tokenizer"))),
+        "tokenizer_max_length": 16,
+        "hidden_size": 16,
+        "depth": 1,
+        "num_heads": 2,
+        "num_domains": 2,
+        "len_soft_prompts": 2,
+        "action_mode": "auto",
+        "num_denoising_steps": 2,
+        "num_image_views": 2,
+    }
+    return save(folder, "xvla", **{**small, **options})
+
+
+def change(folder: Path, name: str, **values: Any) -> None:
+    """Change values of one of the JSON files of a checkpoint."""
+    path = folder / name
+    path.write_text(json.dumps(json.loads(path.read_text()) | values))
