@@ -16,6 +16,7 @@ from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.replay import replay
 from duobench.cli.report import report
+from duobench.cli.train import train
 
 DESCRIPTION = (
     "A benchmark for two-armed manipulation on the Franka FR3 Duo. "
@@ -35,6 +36,7 @@ def run(arguments: Sequence[str] | None) -> None:
             "report": report,
             "record": record,
             "replay": replay,
+            "train": train,
             "list": list_tasks,
             "render": render,
             "doctor": doctor,

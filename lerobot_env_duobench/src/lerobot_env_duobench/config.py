@@ -1,0 +1,106 @@
+"""What `--env.…` chooses, and the environments that follow from it."""
+
+from __future__ import annotations
+
+import multiprocessing
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.envs import EnvConfig
+from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
+
+from duobench.scene.cameras import POLICY_CAMERAS
+from duobench.tasks import catalog
+from duobench.types import CONTROL_HZ, FLAT_SIZE
+from lerobot_env_duobench.episodes import make
+
+ALL = "all"
+STATE = "observation.state"
+ACTION = "action"
+
+
+@EnvConfig.register_subclass("duobench")
+@dataclass
+class DuoBenchEnv(EnvConfig):
+    """Options of DuoBench's environments; the defaults are its evaluation protocol."""
+
+    task: str | None = ALL
+    """Ids of tasks, joined by commas, or "all"."""
+    fps: int = int(CONTROL_HZ)
+    """Control steps a second; there is one rate."""
+    cameras: tuple[str, ...] = POLICY_CAMERAS
+    """Cameras that the policy sees."""
+    image_size: int = 224
+    """Side of their images in pixels."""
+    render_size: tuple[int, int] = (240, 320)
+    """Height and width of the videos in pixels."""
+    episode_length: int | None = None
+    """Control steps after which an episode ends; None takes the task's."""
+    suite_seeds: bool = True
+    """Whether seed n is the n-th episode of DuoBench's evaluation; otherwise it is a seed."""
+    features: dict[str, PolicyFeature] = field(default_factory=dict)
+    features_map: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Describe observations and actions; LeRobot's own names, so that recording works too."""
+        size = (self.image_size, self.image_size, 3)
+        self.features = {
+            ACTION: PolicyFeature(FeatureType.ACTION, (FLAT_SIZE,)),
+            "agent_pos": PolicyFeature(FeatureType.STATE, (FLAT_SIZE,)),
+        }
+        self.features_map = {ACTION: ACTION, "agent_pos": STATE}
+        for camera in self.cameras:
+            key = f"observation.images.{camera}"
+            self.features[key] = PolicyFeature(FeatureType.VISUAL, size)
+            self.features_map[key] = key
+
+    @property
+    def tasks(self) -> list[str]:
+        """Ids of the tasks.
+
+        Raises:
+            UnknownNameError: There is no such task.
+        """
+        if self.task in {None, ALL}:
+            return list(catalog.names())
+        return [catalog.get(name.strip()).id for name in self.task.split(",")]
+
+    @property
+    def gym_kwargs(self) -> dict[str, Any]:
+        """Options of the environments, as `duobench.make` takes them."""
+        return {
+            "cameras": tuple(self.cameras),
+            "image_size": self.image_size,
+            "render_mode": "rgb_array",
+            "render_size": tuple(self.render_size),
+            "horizon": self.episode_length,
+        }
+
+    def create_envs(
+        self, n_envs: int, use_async_envs: bool = False
+    ) -> dict[str, dict[int, gym.vector.VectorEnv]]:
+        """The environments of each task, `{task: {0: environments}}`.
+
+        Args:
+            n_envs: Environments side by side.
+            use_async_envs: Whether each has a process of its own.
+        """
+        return {task: {0: self._vector(task, n_envs, use_async_envs)} for task in self.tasks}
+
+    def _vector(self, task: str, count: int, in_processes: bool) -> Any:
+        one = partial(make, task, self.suite_seeds, self.gym_kwargs)
+        if count == 1 or not in_processes:
+            return gym.vector.SyncVectorEnv(
+                [freeze_after_episode_end(one) for _ in range(count)],
+                autoreset_mode=gym.vector.AutoresetMode.NEXT_STEP,
+            )
+        # A process of the fork server would import torch and LeRobot again, for each task.
+        server = multiprocessing.get_context("forkserver")
+        server.set_forkserver_preload(["lerobot_env_duobench", "duobench.envs.protocol"])
+        env = one()
+        spaces = env.observation_space, env.action_space, env.metadata
+        env.close()
+        return _LazyAsyncVectorEnv([one] * count, *spaces)

@@ -1,0 +1,242 @@
+"""The command that trains a policy with LeRobot on an exported data set."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+from duobench.errors import DataError, OtherRunError, PolicyError, UnknownNameError
+from duobench.policy.lerobot.checkpoint import LAST
+from duobench.policy.lerobot.features import ACTION
+from duobench.policy.lerobot.recipes import DOMAIN, RECIPES, SMALL, Recipe, Setting
+from duobench.types import FLAT_SIZE
+
+PROGRAM = "lerobot-train"
+PLUGIN = "lerobot_env_duobench"
+"""Distribution that lets the column `domain` reach X-VLA."""
+_RECORDED = "dataset.json"
+"""What makes a folder a data set of recordings, which LeRobot cannot read."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Training:
+    """A training that can begin."""
+
+    settings: tuple[Setting, ...]
+    """Options of `lerobot-train`, each with where its value comes from."""
+    checkpoint: Path
+    """Where the policy will be."""
+    tasks: tuple[str, ...]
+    """Ids of the tasks that it learns, as far as the data set says."""
+    continues: bool
+    """Whether an earlier training goes on."""
+
+    def command(self, more: Sequence[str] = ()) -> list[str]:
+        """The command, with more options at its end; of two equal ones the last counts."""
+        return [PROGRAM, *(setting.argument for setting in self.settings), *more]
+
+
+def plan(
+    kind: str,
+    data: Path,
+    out: Path,
+    *,
+    tasks: Sequence[str] = (),
+    steps: int | None = None,
+    small: bool = False,
+) -> Training:
+    """Prepare a training.
+
+    Args:
+        kind: Name of a recipe.
+        data: Folder of a data set in LeRobot's format v3.0.
+        out: Folder of the training, which does not exist, or holds one that goes on.
+        tasks: Ids of the tasks to learn; all that are in the data set if none is named.
+        steps: Steps of the optimizer; None takes the recipe's.
+        small: Whether to take the recipe for a processor.
+
+    Raises:
+        UnknownNameError: There is no such recipe, or no such task in the data set.
+        DataError: The data set cannot be used.
+        OtherRunError: The folder of the training holds something else.
+    """
+    recipes = SMALL if small else RECIPES
+    if kind not in recipes:
+        raise UnknownNameError("small recipe" if small else "recipe", kind, recipes)
+    recipe, source = recipes[kind], _Source(data.absolute())
+    learned = _tasks(recipe, kind, source, tasks)
+    settings = _data_settings(recipe, source, learned if tasks else ())
+    count = Setting(
+        option="steps",
+        value=str(recipe.steps if steps is None else steps),
+        why=recipe.steps_why if steps is None else "given",
+    )
+    out = out.absolute()
+    last = out / LAST
+    continues = out.exists()
+    if continues:
+        _check_same(out, kind, source)
+        why = "the training in this folder goes on, with its own settings"
+        settings = (
+            Setting(option="config_path", value=str(last / "train_config.json"), why=why),
+            Setting(option="resume", value="true", why=why),
+        )
+    else:
+        settings = (
+            *settings,
+            *recipe.settings,
+            Setting(option="num_workers", value=str(_workers(recipe)), why="ours: free cores"),
+            Setting(option="policy.push_to_hub", value="false", why="ours: it stays here"),
+            Setting(option="output_dir", value=str(out), why="given"),
+        )
+    return Training(
+        settings=(*settings, count), checkpoint=last, tasks=learned, continues=continues
+    )
+
+
+def program() -> Path:
+    """Where `lerobot-train` is.
+
+    Raises:
+        PolicyError: LeRobot is not installed here.
+    """
+    beside = Path(sys.executable).with_name(PROGRAM)
+    found = str(beside) if beside.exists() else shutil.which(PROGRAM)
+    if found is None:
+        raise PolicyError(
+            f"There is no {PROGRAM} here. With Python 3.12 or newer: pip install 'duobench[lerobot]'."
+        )
+    return Path(found)
+
+
+class _Source:
+    """A data set in LeRobot's format, as far as its JSON files tell."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if (path / _RECORDED).exists():
+            raise DataError(
+                f"{path} holds recordings, which LeRobot cannot read. Export them first: duobench "
+                f"export lerobot {path} --out {path}-lerobot"
+            )
+        info = self._read("meta/info.json")
+        if info is None:
+            raise DataError(f"{path} holds no data set of LeRobot: there is no meta/info.json.")
+        if info.get("codebase_version") != "v3.0":
+            raise DataError(
+                f"{path} has LeRobot's format {info.get('codebase_version')}; v3.0 is needed."
+            )
+        shape = info.get("features", {}).get(ACTION, {}).get("shape")
+        if shape != [FLAT_SIZE]:
+            raise DataError(f"Actions of {path} have shape {shape}; [{FLAT_SIZE}] is needed.")
+        self.has_domains = DOMAIN in info["features"]
+
+    def _read(self, name: str) -> dict[str, Any] | None:
+        path = self.path / name
+        try:
+            return json.loads(path.read_bytes())
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            raise DataError(f"Cannot read {path}: {error}") from error
+
+    def episodes(self) -> list[str] | None:
+        """The task of each episode; None if nothing says so, as in a merged data set."""
+        about = self._read("meta/duobench.json")
+        if about is None:
+            return None
+        return [Path(episode["file"]).parent.name for episode in about["episodes"]]
+
+    def mixes_domains(self) -> bool:
+        """Whether there are simulated and real episodes."""
+        found = (self._read("meta/stats.json") or {}).get(DOMAIN, {})
+        return self.has_domains and found.get("min") != found.get("max")
+
+
+def _tasks(
+    recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]
+) -> tuple[str, ...]:
+    """The tasks that are learned."""
+    episodes = source.episodes()
+    if episodes is None:
+        if wanted:
+            raise DataError(
+                f"{source.path} does not say which episodes are of which task: meta/duobench.json "
+                "is missing. Train on all of it, or on an export of these tasks."
+            )
+        return ()
+    there = tuple(dict.fromkeys(episodes))
+    for task in wanted:
+        if task not in there:
+            raise UnknownNameError(f"task in {source.path}", task, there)
+    learned = tuple(wanted) or there
+    if recipe.one_task and len(learned) != 1:
+        raise DataError(
+            f"{kind} is told no instruction and learns one task; name one of: {', '.join(there)}."
+        )
+    return learned
+
+
+def _data_settings(
+    recipe: Recipe, source: _Source, tasks: Sequence[str]
+) -> Iterator[Setting] | tuple[Setting, ...]:
+    """What is said about the data set."""
+    settings = [
+        Setting(option="dataset.repo_id", value=f"local/{source.path.name}", why="any name"),
+        Setting(option="dataset.root", value=str(source.path), why="given"),
+        Setting(
+            option="dataset.video_backend", value="pyav", why="ours: needs no FFmpeg on the machine"
+        ),
+    ]
+    if tasks:
+        rows = [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+        value = "[" + ",".join(map(str, rows)) + "]"
+        settings.append(Setting(option="dataset.episodes", value=value, why="given: their tasks"))
+    if source.mixes_domains() and recipe.takes_domains:
+        _check_plugin()
+        settings.append(
+            Setting(
+                option="policy.domain_feature_key",
+                value=DOMAIN,
+                why="ours: simulated and real episodes are told apart; the paper does not",
+            )
+        )
+    return tuple(settings)
+
+
+def _check_plugin() -> None:
+    try:
+        distribution(PLUGIN)
+    except PackageNotFoundError as error:
+        raise PolicyError(
+            "The data set has simulated and real episodes. LeRobot 0.6 tells X-VLA which is which "
+            f"only with {PLUGIN}, the second distribution of this repository: pip install it."
+        ) from error
+
+
+def _check_same(out: Path, kind: str, source: _Source) -> None:
+    """Reject a folder that holds something else than an earlier part of this training."""
+    path = out / LAST / "train_config.json"
+    try:
+        before = json.loads(path.read_bytes())
+        facts = {"policy": before["policy"]["type"], "data set": before["dataset"]["root"]}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OtherRunError(
+            f"{out} exists and holds no checkpoint to go on from: no {path.relative_to(out)}. "
+            "Train into another folder, or delete this one."
+        ) from error
+    now = {"policy": kind, "data set": str(source.path)}
+    if changed := [f"{name}: {now[name]}, was {facts[name]}" for name in now if now[name] != facts[name]]:
+        raise OtherRunError(f"{out} holds another training; this one differs in {'; '.join(changed)}.")
+
+
+def _workers(recipe: Recipe) -> int:
+    """Processes that decode images: as many as there are cores to spare."""
+    return min(recipe.workers, max((os.cpu_count() or 1) - 1, 0))
