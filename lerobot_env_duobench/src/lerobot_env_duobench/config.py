@@ -28,7 +28,7 @@ class DuoBenchEnv(EnvConfig):
     """Options of DuoBench's environments; the defaults are its evaluation protocol."""
 
     task: str | None = ALL
-    """Ids of tasks, joined by commas, or "all"."""
+    """Ids of tasks or import paths "module:ATTRIBUTE", joined by commas, or "all"."""
     fps: int = int(CONTROL_HZ)
     """Control steps a second; there is one rate."""
     cameras: tuple[str, ...] = POLICY_CAMERAS
@@ -59,14 +59,10 @@ class DuoBenchEnv(EnvConfig):
 
     @property
     def tasks(self) -> list[str]:
-        """Ids of the tasks.
-
-        Raises:
-            UnknownNameError: There is no such task.
-        """
+        """Names of the tasks, as `duobench.make` takes them."""
         if self.task in {None, ALL}:
             return list(catalog.names())
-        return [catalog.get(name.strip()).id for name in self.task.split(",")]
+        return [name.strip() for name in self.task.split(",")]
 
     @property
     def gym_kwargs(self) -> dict[str, Any]:
@@ -87,8 +83,14 @@ class DuoBenchEnv(EnvConfig):
         Args:
             n_envs: Environments side by side.
             use_async_envs: Whether each has a process of its own.
+
+        Raises:
+            UnknownNameError: There is no such task.
         """
-        return {task: {0: self._vector(task, n_envs, use_async_envs)} for task in self.tasks}
+        return {
+            catalog.get(task).id: {0: self._vector(task, n_envs, use_async_envs)}
+            for task in self.tasks
+        }
 
     def _vector(self, task: str, count: int, in_processes: bool) -> Any:
         one = partial(make, task, self.suite_seeds, self.gym_kwargs)

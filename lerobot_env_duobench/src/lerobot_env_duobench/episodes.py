@@ -8,17 +8,18 @@ import gymnasium as gym
 
 import duobench
 from duobench.randomness import episode_seed
+from duobench.tasks import catalog
 
 
 def make(task: str, suite_seeds: bool, options: dict[str, Any]) -> gym.Env:
     """An environment as LeRobot's loop uses it.
 
     Args:
-        task: Id of the task.
+        task: Id of the task, or its import path "module:ATTRIBUTE".
         suite_seeds: Whether seed n is the n-th episode of the evaluation.
         options: As `duobench.make` takes them.
     """
-    return Episodes(duobench.make(task, **options), task, suite_seeds)
+    return Episodes(duobench.make(task, **options), catalog.get(task).id, suite_seeds)
 
 
 class Episodes(gym.Wrapper):

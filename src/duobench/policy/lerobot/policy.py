@@ -229,8 +229,6 @@ def _configure(config: Any, folder: Path, device: str, dtype: str | None) -> Non
     config.pretrained_path, config.device = folder, device
     if hasattr(config, "pretrained_backbone_weights"):
         config.pretrained_backbone_weights = None  # they are in the checkpoint
-    if hasattr(config, "load_vlm_weights"):
-        config.load_vlm_weights = False  # so are these
     if hasattr(config, "compile_model"):
         config.compile_model = False  # a compiled model draws its noise where nobody can see it
     if torch.device(device).type == "cuda":

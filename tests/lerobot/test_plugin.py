@@ -1,0 +1,88 @@
+"""LeRobot's programs play our episodes: the same ones, with the same outcome.
+
+Runs in an environment with LeRobot and with the plugin, which `make test-lerobot` makes.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
+
+from duobench.cli import main
+from duobench.randomness import episode_seed
+from tests.lerobot import checkpoints
+from tests.lerobot.checkpoints import CAMERAS, SIZE
+
+HERE = Path(__file__).parent
+TASK = "swing_task:TASK"
+EPISODES = 4
+SCRIPTS = Path(sys.executable).parent
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return checkpoints.act(tmp_path_factory.mktemp("checkpoint") / "act")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, checkpoint: Path) -> Path:
+    """The folder of an evaluation by our runner."""
+    out = tmp_path_factory.mktemp("runs") / "run"
+    command = f"eval --tasks {TASK} --episodes {EPISODES} --workers 0 --videos 0".split()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(HERE)
+        main([*command, "--policy", f"lerobot:{checkpoint}?device=cpu", "--out", str(out)])
+    return out
+
+
+def evaluate(checkpoint: Path, out: Path, *options: str) -> dict:
+    """What `lerobot-eval` finds out."""
+    command = [
+        SCRIPTS / "lerobot-eval",
+        f"--policy.path={checkpoint}",
+        "--policy.device=cpu",
+        "--env.type=duobench",
+        f"--env.task={TASK}",
+        f"--env.cameras=[{','.join(CAMERAS)}]",
+        f"--env.image_size={SIZE}",
+        f"--eval.n_episodes={EPISODES}",
+        "--seed=0",
+        f"--output_dir={out}",
+        *options,
+    ]
+    result = subprocess.run(
+        command,
+        env={**os.environ, "PYTHONPATH": str(HERE)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr[-3000:]
+    return json.loads((out / "eval_info.json").read_text())
+
+
+@pytest.mark.parametrize("batch", [1, 2])
+def test_lerobot_eval_finds_what_our_runner_finds(
+    run: Path, checkpoint: Path, tmp_path: Path, batch: int
+) -> None:
+    found = evaluate(checkpoint, tmp_path / "out", f"--eval.batch_size={batch}")
+    records = [json.loads(path.read_text()) for path in sorted(run.rglob("records/*/*.json"))]
+    assert [record["seed"] for record in records] == [
+        episode_seed("swing", number) for number in range(EPISODES)
+    ]
+    (task,) = found["per_task"]
+    assert task["task_group"] == "swing"
+    successes = [record["success"] for record in records]
+    progress = [record["final_stage"] / record["max_stage"] for record in records]
+    assert len(set(successes)) == 2, "the episodes should differ"
+    assert task["metrics"]["successes"] == successes
+    assert task["metrics"]["max_rewards"] == pytest.approx(progress)
+    summary = json.loads((run / "summary.json").read_text())["tasks"]["swing"]
+    overall = found["overall"]
+    assert overall["pc_success"] == pytest.approx(100 * summary["success_rate"])
+    assert overall["avg_max_reward"] == pytest.approx(summary["mean_final_progress"])

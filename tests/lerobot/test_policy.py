@@ -1,0 +1,267 @@
+"""Checkpoints of LeRobot as policies: small ones with random weights, saved and loaded by LeRobot.
+
+Runs in an environment with LeRobot, which `make test-lerobot` makes.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
+
+import torch
+from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
+from lerobot.envs.utils import preprocess_observation
+from lerobot.policies import get_policy_class, make_pre_post_processors
+
+from duobench import policy
+from duobench.errors import DuoBenchError
+from duobench.policy.lerobot.noise import EpisodeNoise
+from duobench.policy.lerobot.policy import LeRobotPolicy
+from tests.lerobot import checkpoints
+from tests.lerobot.checkpoints import CAMERAS, SIZE, change
+
+INSTRUCTION = "Put the cube into the bowl"
+SEED = 7
+KINDS = ("act", "diffusion", "xvla")
+NOISY = KINDS[1:]
+ROUNDING = 1e-3
+"""Batches are added up in another order, and noise starts at 1."""
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    root = tmp_path_factory.mktemp("checkpoints")
+    return {kind: getattr(checkpoints, kind)(root / kind) for kind in KINDS}
+
+
+def load(folder: Path, query: str = "") -> LeRobotPolicy:
+    made = policy.make(f"lerobot:{folder}?device=cpu{query}")
+    assert isinstance(made, LeRobotPolicy)
+    return made
+
+
+def observation(number: int) -> dict[str, Any]:
+    generator = np.random.default_rng(number)
+    shape = (SIZE, SIZE, 3)
+    return {
+        "agent_pos": generator.uniform(-1, 1, 16).astype(np.float32),
+        "tcp_pose": generator.uniform(-1, 1, 14).astype(np.float32),
+        "pixels": {name: generator.integers(0, 256, shape, dtype=np.uint8) for name in CAMERAS},
+    }
+
+
+def chunk_of(made: LeRobotPolicy, seed: int = SEED, number: int = 0) -> np.ndarray:
+    made.reset(INSTRUCTION, seed)
+    return np.asarray(made.act(observation(number)))
+
+
+class Loop:
+    """LeRobot's own loop: `select_action` at every step, with its processors."""
+
+    def __init__(self, folder: Path, **changes: Any) -> None:
+        config = PreTrainedConfig.from_pretrained(folder)
+        for name, value in changes.items():
+            setattr(config, name, value)
+        self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)
+        self._before, self._after = make_pre_post_processors(config, pretrained_path=str(folder))
+        self._policy.reset()
+
+    def action(self, seen: dict[str, Any]) -> np.ndarray:
+        images = {name: image[None] for name, image in seen["pixels"].items()}
+        batch = preprocess_observation({"pixels": images, "agent_pos": seen["agent_pos"][None]})
+        with torch.inference_mode():
+            action = self._policy.select_action(self._before({**batch, "task": [INSTRUCTION]}))
+        return self._after(action)[0].numpy()
+
+
+def test_a_chunk_of_act_is_what_lerobots_loop_executes(folders: dict[str, Path]) -> None:
+    loop = Loop(folders["act"])
+    expected = [loop.action(observation(0)) for _ in range(30)]
+    np.testing.assert_array_equal(chunk_of(load(folders["act"])), expected)
+
+
+def test_diffusion_sees_consecutive_observations_as_in_lerobots_loop(
+    folders: dict[str, Path],
+) -> None:
+    steps = 8
+    loop, made = Loop(folders["diffusion"], n_action_steps=steps), load(
+        folders["diffusion"], f"&steps={steps}"
+    )
+    made.reset(INSTRUCTION, SEED)
+    executed: list[np.ndarray] = []
+    while len(executed) < 3 * steps:
+        executed.extend(np.asarray(made.act(observation(len(executed)))))
+    expected = []
+    for step in range(len(executed)):
+        call = step // steps * 2  # each chunk is given in two answers
+        with EpisodeNoise([(SEED, call)]):
+            expected.append(loop.action(observation(step)))
+    np.testing.assert_allclose(executed, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", NOISY)
+def test_noise_follows_from_the_episode_and_the_call_alone(
+    kind: str, folders: dict[str, Path]
+) -> None:
+    made = load(folders[kind])
+    first = chunk_of(made)
+    torch.rand(5)
+    chunk_of(made, seed=SEED + 1)
+    np.testing.assert_array_equal(chunk_of(made), first)
+    assert not np.array_equal(chunk_of(made, seed=SEED + 1), first)
+    session = made.begin(INSTRUCTION, SEED)
+    session.call = 2
+    (later,) = made.act_batch([session], [observation(0)])
+    assert not np.array_equal(later, first)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_batch_answers_each_episode_as_if_it_were_alone(
+    kind: str, folders: dict[str, Path]
+) -> None:
+    made = load(folders[kind])
+    alone = [chunk_of(made, seed, seed) for seed in range(3)]
+    order = [2, 0, 1]
+    sessions = [made.begin(INSTRUCTION, seed) for seed in order]
+    chunks = made.act_batch(sessions, [observation(seed) for seed in order])
+    for seed, chunk in zip(order, chunks, strict=True):
+        np.testing.assert_allclose(chunk, alone[seed], atol=ROUNDING)
+
+
+def test_a_batch_may_hold_episodes_that_need_the_model_and_some_that_do_not(
+    folders: dict[str, Path],
+) -> None:
+    made = load(folders["diffusion"])
+    early, late = (made.begin(INSTRUCTION, seed) for seed in (1, 2))
+    (first,) = made.act_batch([early], [observation(0)])
+    early.call = 1
+    single, chunk = made.act_batch([early, late], [observation(1), observation(0)])
+    assert (len(first), len(single), len(chunk)) == (14, 1, 14)
+
+
+def test_metadata_say_what_the_checkpoint_sees_and_what_it_is(folders: dict[str, Path]) -> None:
+    metadata = load(folders["act"]).metadata
+    assert metadata.cameras == CAMERAS
+    assert metadata.image_size == (SIZE, SIZE)
+    assert "float32 on cpu" in (metadata.version or "")
+
+
+def test_a_version_changes_with_what_decides_the_actions(tmp_path: Path) -> None:
+    folder = checkpoints.act(tmp_path / "act")
+    version = load(folder).metadata.version
+    (folder / "train_config.json").write_text("{}")
+    assert load(folder).metadata.version == version
+    assert load(folder, "&steps=10").metadata.version != version
+    checkpoints.act(folder, latent_dim=8)
+    assert load(folder).metadata.version != version
+
+
+def test_fewer_actions_are_the_first_ones(folders: dict[str, Path]) -> None:
+    whole = chunk_of(load(folders["act"]))
+    np.testing.assert_array_equal(chunk_of(load(folders["act"], "&steps=10")), whole[:10])
+
+
+def test_cameras_that_were_renamed_for_training_are_shown_under_their_names(
+    tmp_path: Path, folders: dict[str, Path]
+) -> None:
+    names = tuple(f"camera{number}" for number in range(len(CAMERAS)))
+    folder = checkpoints.act(tmp_path / "act", **checkpoints.features(names))
+    before = folder / "policy_preprocessor.json"
+    text = before.read_text()
+    images = "observation.images."
+    renames = ", ".join(
+        f'"{images}{old}": "{images}{new}"' for old, new in zip(CAMERAS, names, strict=True)
+    )
+    assert '"rename_map": {}' in text
+    before.write_text(text.replace('"rename_map": {}', f'"rename_map": {{{renames}}}'))
+    made = load(folder)
+    assert made.metadata.cameras == CAMERAS
+    assert np.isfinite(chunk_of(made)).all()
+
+
+def test_weights_can_run_in_other_numbers(folders: dict[str, Path]) -> None:
+    made = load(folders["xvla"], "&dtype=bfloat16")
+    assert "bfloat16" in (made.metadata.version or "")
+    assert np.isfinite(chunk_of(made)).all()
+
+
+def _wide(folder: Path) -> Path:
+    return checkpoints.act(folder, **checkpoints.features(width=14))
+
+
+def _misspelt(folder: Path) -> Path:
+    return checkpoints.act(folder, **checkpoints.features(("head", "left_wirst")))
+
+
+def _ensembling(folder: Path) -> Path:
+    checkpoints.act(folder, n_action_steps=1)
+    change(folder, "config.json", temporal_ensemble_coeff=0.01)
+    return folder
+
+
+def _other_sizes(folder: Path) -> Path:
+    features = checkpoints.features()
+    shape = (3, SIZE, 2 * SIZE)
+    key = "observation.images.head"
+    features["input_features"][key] = PolicyFeature(FeatureType.VISUAL, shape)
+    return checkpoints.act(folder, **features)
+
+
+def _more_state(folder: Path) -> Path:
+    features = checkpoints.features()
+    feature = PolicyFeature(FeatureType.ENV, (3,))
+    features["input_features"]["observation.environment_state"] = feature
+    return checkpoints.act(folder, **features)
+
+
+def _training(folder: Path) -> Path:
+    checkpoints.act(folder / "checkpoints/last/pretrained_model")
+    return folder
+
+
+def _old(folder: Path) -> Path:
+    checkpoints.act(folder)
+    (folder / "policy_preprocessor.json").unlink()
+    return folder
+
+
+def _missing_weights(folder: Path) -> Path:
+    """The configuration asks for a layer that the weights lack."""
+    checkpoints.act(folder)
+    change(folder, "config.json", n_encoder_layers=2)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("make", "query", "message"),
+    [
+        (checkpoints.act, "&steps=31", "predicts 30 actions, not 31"),
+        (checkpoints.act, "&stops=3", "Did you mean 'steps'"),
+        (checkpoints.act, "&dtype=bfloat16", "runs in float32"),
+        (checkpoints.diffusion, "&steps=1", "sees 2 observations at a time"),
+        (lambda folder: folder, "", "There is no folder"),
+        (_wide, "", r"observation.state has shape \(14,\)"),
+        (_misspelt, "", "did you mean observation.images.left_wrist"),
+        (_ensembling, "", "temporal_ensemble_coeff"),
+        (_other_sizes, "", "left_wrist 64x64"),
+        (_more_state, "", "also sees observation.environment_state"),
+        (_training, "", "Did you mean .*checkpoints/last/pretrained_model"),
+        (_old, "", "migrate_policy_normalization"),
+        (_missing_weights, "", "Missing key"),
+    ],
+)
+def test_what_does_not_fit_is_rejected(
+    tmp_path: Path, make: Any, query: str, message: str
+) -> None:
+    folder = make(tmp_path / "policy")
+    with pytest.raises(DuoBenchError, match=message):
+        load(folder, query)
+
+
+def test_a_device_that_is_not_there_is_rejected(folders: dict[str, Path]) -> None:
+    for device, message in (("gpu", "knows no device"), ("mps", "no device 'mps' here")):
+        with pytest.raises(DuoBenchError, match=message):
+            policy.make(f"lerobot:{folders['act']}?device={device}")
