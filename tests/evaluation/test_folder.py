@@ -12,6 +12,7 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, OtherRunError, OutputError
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
+from duobench.files import locked
 from duobench.policy import PolicyMetadata
 from tests.evaluation.processes import is_running
 from tests.evaluation.samples import (
@@ -85,7 +86,7 @@ def test_folder_that_cannot_be_made_is_refused(tmp_path: Path, name: str, messag
     (tmp_path / "file").write_text("precious")
     with (
         pytest.raises(OutputError, match=rf"{name}.*{message}"),
-        RunFolder(tmp_path / name).locked(),
+        locked(tmp_path / name),
     ):
         pass
     assert (tmp_path / "file").read_text() == "precious"
@@ -167,8 +168,8 @@ def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
     script = (
         "import os, sys, time\n"
         "from pathlib import Path\n"
-        "from duobench.evaluation.folder import RunFolder\n"
-        "with RunFolder(Path(sys.argv[1])).locked():\n"
+        "from duobench.files import locked\n"
+        "with locked(Path(sys.argv[1])):\n"
         "    if os.fork() == 0:\n"
         "        print(os.getpid(), flush=True)\n"
         "    time.sleep(1000)\n"
@@ -181,7 +182,7 @@ def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
         other.kill()
         other.wait()
         assert is_running(orphan)
-        with RunFolder(tmp_path).locked():
+        with locked(tmp_path):
             pass
         os.kill(orphan, signal.SIGKILL)
 
@@ -190,8 +191,8 @@ def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> N
     script = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from duobench.evaluation.folder import RunFolder\n"
-        "with RunFolder(Path(sys.argv[1])).locked():\n"
+        "from duobench.files import locked\n"
+        "with locked(Path(sys.argv[1])):\n"
         "    print('locked', flush=True)\n"
         "    sys.stdin.read()\n"
     )
@@ -203,9 +204,9 @@ def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> N
     ) as other:
         assert other.stdout
         assert other.stdout.readline() == "locked\n"
-        with pytest.raises(EvaluationError, match="Another process"), RunFolder(tmp_path).locked():
+        with pytest.raises(EvaluationError, match="Another process"), locked(tmp_path):
             pass
         other.kill()
         other.wait()
-    with RunFolder(tmp_path).locked():
+    with locked(tmp_path):
         assert list(tmp_path.iterdir()) == []

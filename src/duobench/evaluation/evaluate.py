@@ -18,6 +18,7 @@ from duobench.evaluation.policies import check_name
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.report import write_report
 from duobench.evaluation.suite import Run, Suite
+from duobench.files import locked
 from duobench.sim import rendering
 from duobench.versions import package_versions
 
@@ -77,7 +78,10 @@ def evaluate(
         )
     check_name(policy)
     limits = limits or TimeLimits()
-    with folder.locked(), closing(_executor(policy, suite, limits, videos, workers)) as executor:
+    with (
+        locked(folder.path),
+        closing(_executor(policy, suite, limits, videos, workers)) as executor,
+    ):
         setup = executor.prepare()
         run = Run(
             policy=policy,
