@@ -25,7 +25,7 @@ SHUTDOWN_TIMEOUT_S = 10.0
 class Worker(Protocol[J_contra, R_co]):
     """Does one job after the other."""
 
-    def __call__(self, job: J_contra) -> R_co:
+    def __call__(self, job: J_contra, /) -> R_co:
         """Do a job."""
         ...
 
