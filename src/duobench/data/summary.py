@@ -7,19 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.errors import DataError
 from duobench.scene.fr3 import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
-from duobench.types import ARM_JOINTS, OPENING_SLOTS, SIDES, Array
+from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
 
 LONG = 0.99
 """Share of episodes that are at most as long as the length that is compared with the horizon."""
 AT_LIMIT = 1e-3
 """A target this near to the end of its joint's range is at the limit, in radians."""
-_JOINTS = np.delete(np.arange(len(SIDES) * (ARM_JOINTS + 1)), OPENING_SLOTS)
+_JOINTS = [place for place in range(FLAT_SIZE) if place not in OPENING_SLOTS]
 """Places of the joints among the 16 numbers of a command."""
 
 
@@ -135,7 +136,7 @@ class _Episode:
     """What the summary of a task needs of an episode."""
 
     length: int
-    stage: Array
+    stage: NDArray[np.int64]
     seconds: Array
     success: bool
     kept: bool

@@ -42,8 +42,6 @@ class ExportOptions:
     """Cameras whose images are rendered."""
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers."""
-    look: str = "default"
-    """Look of the images."""
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action."""
     action: ActionSource = ActionSource.INTENDED
