@@ -62,6 +62,40 @@ def make_folder(path: Path) -> None:
         raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
 
 
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked.
+
+    Raises:
+        OutputError: If the folder cannot be made, or another process is writing into it.
+    """
+    make_folder(folder)
+    handles = [os.open(folder, os.O_RDONLY)]
+
+    def release() -> None:
+        while handles:
+            os.close(handles.pop())
+
+    # A child that a policy forks would keep the lock for as long as it lives.
+    os.register_at_fork(after_in_child=release)
+    try:
+        _lock(handles[0], folder)
+        yield
+    finally:
+        release()
+
+
+def _lock(handle: int, folder: Path) -> None:
+    """Lock an open folder; the operating system drops the lock with the process."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise OutputError(f"Another process is writing into {folder}. Wait for its end.") from error
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+
+
 def write(path: Path, content: str | bytes) -> None:
     """Write a file (text as UTF-8 with line feeds) in one atomic step.
 
@@ -85,43 +119,6 @@ def write(path: Path, content: str | bytes) -> None:
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
-
-
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep other processes out of a folder that is written into; a killed one locks nothing.
-
-    Args:
-        folder: The folder; it is made if it is missing.
-
-    Raises:
-        OutputError: If the folder cannot be made, or another process has it locked.
-    """
-    make_folder(folder)
-    handles = [os.open(folder, os.O_RDONLY)]
-
-    def release() -> None:
-        while handles:
-            os.close(handles.pop())
-
-    # A child that somebody forks would keep the lock for as long as it lives.
-    os.register_at_fork(after_in_child=release)
-    try:
-        _lock(handles[0], folder)
-        yield
-    finally:
-        release()
-
-
-def _lock(handle: int, folder: Path) -> None:
-    """Lock the open folder; the operating system drops the lock with the process."""
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise OutputError(f"Another process is writing into {folder}. Wait for its end.") from error
-    except OSError as error:
-        if error.errno not in _NO_LOCKS:
-            raise
 
 
 def remove_temporary(folder: Path) -> None:

@@ -12,7 +12,6 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, OtherRunError, OutputError
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
-from duobench.files import locked
 from duobench.policy import PolicyMetadata
 from tests.evaluation.processes import is_running
 from tests.evaluation.samples import (
@@ -86,7 +85,7 @@ def test_folder_that_cannot_be_made_is_refused(tmp_path: Path, name: str, messag
     (tmp_path / "file").write_text("precious")
     with (
         pytest.raises(OutputError, match=rf"{name}.*{message}"),
-        locked(tmp_path / name),
+        RunFolder(tmp_path / name).locked(),
     ):
         pass
     assert (tmp_path / "file").read_text() == "precious"
@@ -168,8 +167,8 @@ def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
     script = (
         "import os, sys, time\n"
         "from pathlib import Path\n"
-        "from duobench.files import locked\n"
-        "with locked(Path(sys.argv[1])):\n"
+        "from duobench.evaluation.folder import RunFolder\n"
+        "with RunFolder(Path(sys.argv[1])).locked():\n"
         "    if os.fork() == 0:\n"
         "        print(os.getpid(), flush=True)\n"
         "    time.sleep(1000)\n"
@@ -182,7 +181,7 @@ def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
         other.kill()
         other.wait()
         assert is_running(orphan)
-        with locked(tmp_path):
+        with RunFolder(tmp_path).locked():
             pass
         os.kill(orphan, signal.SIGKILL)
 
@@ -191,8 +190,8 @@ def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> N
     script = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from duobench.files import locked\n"
-        "with locked(Path(sys.argv[1])):\n"
+        "from duobench.evaluation.folder import RunFolder\n"
+        "with RunFolder(Path(sys.argv[1])).locked():\n"
         "    print('locked', flush=True)\n"
         "    sys.stdin.read()\n"
     )
@@ -204,9 +203,9 @@ def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> N
     ) as other:
         assert other.stdout
         assert other.stdout.readline() == "locked\n"
-        with pytest.raises(EvaluationError, match="Another process"), locked(tmp_path):
+        with pytest.raises(EvaluationError, match="Another process"), RunFolder(tmp_path).locked():
             pass
         other.kill()
         other.wait()
-    with locked(tmp_path):
+    with RunFolder(tmp_path).locked():
         assert list(tmp_path.iterdir()) == []

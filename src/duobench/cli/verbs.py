@@ -14,6 +14,7 @@ from duobench.cli.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
+from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.report import report
 
@@ -27,6 +28,7 @@ VERBS: Mapping[str, Callable[..., None]] = MappingProxyType(
     {
         "eval": evaluate,
         "report": report,
+        "record": record,
         "list": list_tasks,
         "render": render,
         "data": data.verbs,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Run, TaskInfo
 from duobench.files import (
     TEMPORARY_SUFFIX,
+    locked,
     read,
     remove_temporary,
     write,
@@ -92,6 +94,10 @@ class RunFolder:
     def _is_unfinished(self, path: Path) -> bool:
         """Whether it is a description that a killed run was writing."""
         return path.match(f".{self.description.name}.*{TEMPORARY_SUFFIX}")
+
+    def locked(self) -> AbstractContextManager[None]:
+        """Keep a second evaluation out of the folder; see `duobench.files.locked`."""
+        return locked(self.path)
 
     def read_run(self) -> Run:
         """The description of the run.
