@@ -143,7 +143,7 @@ class _Episode:
     cut: bool
     actor: str
     layout: str
-    split: str
+    split: str | None
 
 
 def _without_states(recording: Recording) -> _Episode:
