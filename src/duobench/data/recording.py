@@ -82,7 +82,7 @@ class Recording:
                 the file.
         """
         try:
-            table = pq.read_table(path)
+            table = pq.read_table(path, page_checksum_verification=True)
             return from_table(table)
         except (OSError, pa.ArrowException, DataError) as error:
             raise DataError(f"Cannot read {path}: {error}") from error
@@ -115,6 +115,7 @@ class Recording:
                 use_dictionary=False,
                 use_byte_stream_split=_FLOATS,  # pyright: ignore[reportArgumentType] - a list too
                 write_statistics=False,
+                write_page_checksum=True,
                 store_schema=True,
             )
             write(path, buffer.getvalue())
