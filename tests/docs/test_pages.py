@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.data.schema import SCHEMA
 from duobench.envs import spaces
 from duobench.envs.config import ACTION_MODES, IMAGE_SIZE
 from duobench.envs.registration import VERSION
@@ -232,6 +233,7 @@ def test_versions_are_those_of_the_code() -> None:
         "RECORD_SCHEMA": str(RECORD_SCHEMA),
         "RUN_SCHEMA": str(RUN_SCHEMA),
         "SUMMARY_SCHEMA": str(SUMMARY_SCHEMA),
+        "data.schema.SCHEMA": str(SCHEMA),
         "PolicyMetadata.version": "the policy's",
     }
 
