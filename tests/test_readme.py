@@ -108,9 +108,9 @@ def test_options_are_those_of_an_environment() -> None:
 # --- results -------------------------------------------------------------------------------------
 
 
-def results(first: str) -> dict[str, dict[str, str]]:
+def results(column: str) -> dict[str, dict[str, str]]:
     """Rows by task, of the table of results that has this column."""
-    (rows,) = (rows for rows in tables(README) if first in rows[0])
+    (rows,) = (rows for rows in tables(README) if column in rows[0])
     return {row["task"]: row for row in rows}
 
 

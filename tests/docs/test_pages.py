@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
 from dataclasses import MISSING, fields
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.cli.evaluate import evaluate
 from duobench.data.schema import SCHEMA
 from duobench.envs import spaces
 from duobench.envs.config import ACTION_MODES, IMAGE_SIZE
@@ -256,6 +258,15 @@ def test_the_table_of_metadata_names_its_fields() -> None:
     assert list(rows) == [field.name for field in fields(PolicyMetadata)]
     required = {field.name for field in fields(PolicyMetadata) if field.default is MISSING}
     assert {name for name, row in rows.items() if row["default"] == "required"} == required
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", EVALUATION, POLICIES], ids=lambda p: p.name)
+def test_options_of_the_command_line_exist(page: Path) -> None:
+    known = {name.replace("_", "-") for name in inspect.signature(evaluate).parameters}
+    pattern = r"`--([a-z-]+)|duobench eval[^\n]* --([a-z-]+)"
+    named = {first or second for first, second in re.findall(pattern, text_of(page))}
+    assert named
+    assert named <= known
 
 
 def test_pages_without_code_have_none() -> None:
