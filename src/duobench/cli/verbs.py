@@ -16,6 +16,7 @@ from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
 from duobench.cli.record import record
 from duobench.cli.render import render
+from duobench.cli.replay import replay
 from duobench.cli.report import report
 
 DESCRIPTION = (
@@ -29,6 +30,7 @@ VERBS: Mapping[str, Callable[..., None]] = MappingProxyType(
         "eval": evaluate,
         "report": report,
         "record": record,
+        "replay": replay,
         "list": list_tasks,
         "render": render,
         "data": data.verbs,
