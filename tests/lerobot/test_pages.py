@@ -41,7 +41,7 @@ def run(command: list[str], folder: Path) -> str:
 
 
 def shell(line: str, folder: Path) -> str:
-    words = shlex.split(line)
+    words = shlex.split(line.replace("\\\n", " "))
     if words[0] == "duobench":
         words = [sys.executable, "-P", "-m", *words]
     elif words[0] == "lerobot-train":
