@@ -30,8 +30,8 @@ WRONG = [9, 10, 11]
             "pos: numpy.typing.ArrayLike | None",
         ),
         (
-            "    @pos.setter\n    def pos(self, arg1: numpy.typing.NDArray[numpy.float64]) -> None:",
-            "    @pos.setter\n    def pos(self, arg1: numpy.typing.ArrayLike) -> None:",
+            "@pos.setter\n    def pos(self, arg1: numpy.typing.NDArray[numpy.float64]) -> None:",
+            "@pos.setter\n    def pos(self, arg1: numpy.typing.ArrayLike) -> None:",
         ),
         ("names: collections.abc.Sequence[str]", "names: collections.abc.Sequence[str]"),
         (
