@@ -13,8 +13,11 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 import duobench
+from duobench.envs.sim_env import sim_of
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.types import DuoCommand
+
+__all__ = ["TASK", "check", "equal", "make_small", "sim_of", "wave", "waves"]
 
 TASK = "bin_sort"
 
