@@ -10,6 +10,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 LEROBOT_PYTHON ?= python3.12
 LEROBOT_VENV := .venv-lerobot
+STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
 TEST_WORKERS ?= 2
 
@@ -52,7 +53,7 @@ docs: setup-test  ## Draw the gallery, and write the table of tasks in README.md
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
 	$(BIN)/python -m tests.golden.episodes
 
-setup-test: $(VENV)/.installed-test
+setup-test: $(VENV)/.installed-test $(STUBS)
 
 # The environment belongs to one interpreter and one folder: scripts in it name both. The file
 # is rewritten only when either changes, and everything else follows from it.
@@ -84,3 +85,7 @@ $(LEROBOT_VENV)/.installed: pyproject.toml
 	$(LEROBOT_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[lerobot]' \
 		'duckdb>=1' 'polars>=1' 'pytest>=9'
 	@touch $@
+
+# Their types are those of the installed version, which only the two files above can change.
+$(STUBS): $(VENV)/.installed-test tools/mujoco_stubs.py
+	$(BIN)/python -m tools.mujoco_stubs
