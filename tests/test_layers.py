@@ -16,7 +16,7 @@ import duobench
 # itself; rooms of one line are siblings, which never import each other.
 FLOORS = (
     ("errors",),
-    ("spatial", "files", "versions"),
+    ("spatial", "files", "versions", "pages"),
     ("types", "randomness"),
     ("backend",),
     ("objects",),
