@@ -31,7 +31,7 @@ test: check  ## Check format, lint and types, then run the tests.
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope
 
 # An environment of its own, of several gigabytes, with the versions that LeRobot asks for.
-test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot that its programs read what is exported.
+test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policies, its programs.
 	HF_HUB_OFFLINE=1 OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m pytest -W default tests/lerobot
 
 check: setup-test  ## Check format, lint and types.
@@ -80,10 +80,10 @@ $(VENV)/.installed-test: $(VENV)/.installed
 	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[test]'
 	@touch $@
 
-$(LEROBOT_VENV)/.installed: pyproject.toml
+$(LEROBOT_VENV)/.installed: pyproject.toml lerobot_env_duobench/pyproject.toml
 	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
 	$(LEROBOT_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[lerobot]' \
-		'duckdb>=1' 'polars>=1' 'pytest>=9'
+		-e lerobot_env_duobench 'lerobot[diffusion,smolvla,xvla]' 'duckdb>=1' 'polars>=1' 'pytest>=9'
 	@touch $@
 
 # Their types are those of the installed version, which only the two files above can change.

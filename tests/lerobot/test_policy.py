@@ -87,8 +87,9 @@ def test_diffusion_sees_consecutive_observations_as_in_lerobots_loop(
     folders: dict[str, Path],
 ) -> None:
     steps = 8
-    loop, made = Loop(folders["diffusion"], n_action_steps=steps), load(
-        folders["diffusion"], f"&steps={steps}"
+    loop, made = (
+        Loop(folders["diffusion"], n_action_steps=steps),
+        load(folders["diffusion"], f"&steps={steps}"),
     )
     made.reset(INSTRUCTION, SEED)
     executed: list[np.ndarray] = []
@@ -165,7 +166,7 @@ def test_fewer_actions_are_the_first_ones(folders: dict[str, Path]) -> None:
 
 
 def test_cameras_that_were_renamed_for_training_are_shown_under_their_names(
-    tmp_path: Path, folders: dict[str, Path]
+    tmp_path: Path,
 ) -> None:
     names = tuple(f"camera{number}" for number in range(len(CAMERAS)))
     folder = checkpoints.act(tmp_path / "act", **checkpoints.features(names))
@@ -253,9 +254,7 @@ def _missing_weights(folder: Path) -> Path:
         (_missing_weights, "", "Missing key"),
     ],
 )
-def test_what_does_not_fit_is_rejected(
-    tmp_path: Path, make: Any, query: str, message: str
-) -> None:
+def test_what_does_not_fit_is_rejected(tmp_path: Path, make: Any, query: str, message: str) -> None:
     folder = make(tmp_path / "policy")
     with pytest.raises(DuoBenchError, match=message):
         load(folder, query)

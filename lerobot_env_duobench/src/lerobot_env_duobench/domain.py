@@ -1,7 +1,8 @@
 """Lets the column `domain` of a data set reach the policy."""
 
-from duobench.policy.lerobot.recipes import DOMAIN
 from lerobot.processor import converters
+
+from duobench.policy.lerobot.recipes import DOMAIN
 
 
 def pass_domains_on() -> None:

@@ -13,7 +13,7 @@ import tyro
 from duobench.cli.console import console
 
 
-def train(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
+def train(
     policy: tyro.conf.Positional[Literal["act", "pi05", "xvla"]],
     more: tyro.conf.Positional[tuple[str, ...]] = (),
     *,
@@ -39,9 +39,17 @@ def train(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             everything works together.
         only_print: Print the command and do not run it.
     """
+    from duobench.cli.advice import AdvisedError
+    from duobench.errors import DataError
     from duobench.policy.lerobot import training
 
-    planned = training.plan(policy, data, out, tasks=tasks, steps=steps, small=small)
+    try:
+        planned = training.plan(policy, data, out, tasks=tasks, steps=steps, small=small)
+    except DataError as error:
+        if not training.holds_recordings(data):
+            raise
+        export = f"duobench export lerobot {data} --out {data}-lerobot"
+        raise AdvisedError(f"{error} The command: {export}") from error
     command = planned.command(more)
     screen = console()
     screen.print(" \\\n  ".join(map(shlex.quote, command)), soft_wrap=True, markup=False)

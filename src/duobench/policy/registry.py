@@ -41,7 +41,9 @@ def make(name: str) -> Policy:
     elif name in BASELINES:
         policy = BASELINES[name]()
     else:
-        raise UnknownNameError("policy", name, [*BASELINES, "lerobot:PATH_OR_ID", "module:attribute"])
+        raise UnknownNameError(
+            "policy", name, [*BASELINES, "lerobot:PATH_OR_ID", "module:attribute"]
+        )
     if not isinstance(policy, Policy) or not isinstance(policy.metadata, PolicyMetadata):
         raise PolicyError(
             f"{name} gave a {type(policy).__name__}, which is no policy. A policy has `metadata` "
@@ -73,9 +75,11 @@ def _made(name: str) -> object:
     factory = partial(_lerobot_class(), rest) if is_ours else _factory(name)
     try:
         return factory()
-    except (KeyboardInterrupt, DuoBenchError) if is_ours else KeyboardInterrupt:
+    except KeyboardInterrupt:
         raise
     except BaseException as error:
+        if is_ours and isinstance(error, DuoBenchError):
+            raise
         raise PolicyError(f"Policy {name!r} cannot be made.\n{_traceback(error)}") from error
 
 

@@ -35,7 +35,7 @@ class EpisodeNoise(TorchFunctionMode):
         seeds = np.random.SeedSequence([number for key in keys for number in key])
         torch.manual_seed(int(seeds.generate_state(1)[0]))
 
-    def __torch_function__(  # noqa: PLW3201 - torch's name
+    def __torch_function__(
         self, func: Any, types: Any, args: tuple[Any, ...] = (), kwargs: Any = None
     ) -> Any:
         """Call a function of torch, and replace the noise that it returns."""

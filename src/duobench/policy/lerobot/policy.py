@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from duobench.errors import PolicyError
 from duobench.policy.lerobot import checkpoint
-from duobench.policy.lerobot.address import EXECUTED, SCHEME, Address, parse
+from duobench.policy.lerobot.address import EXECUTED, SCHEME, parse
 from duobench.policy.lerobot.features import (
     DIFFUSION,
     IMAGE_PREFIX,

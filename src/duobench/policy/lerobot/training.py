@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -101,6 +101,11 @@ def plan(
     )
 
 
+def holds_recordings(data: Path) -> bool:
+    """Whether a folder is a data set that was not exported yet."""
+    return (data / _RECORDED).exists()
+
+
 def program() -> Path:
     """Where `lerobot-train` is.
 
@@ -111,7 +116,8 @@ def program() -> Path:
     found = str(beside) if beside.exists() else shutil.which(PROGRAM)
     if found is None:
         raise PolicyError(
-            f"There is no {PROGRAM} here. With Python 3.12 or newer: pip install 'duobench[lerobot]'."
+            f"There is no {PROGRAM} here. With Python 3.12 or newer: "
+            "pip install 'duobench[lerobot]'."
         )
     return Path(found)
 
@@ -121,11 +127,8 @@ class _Source:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        if (path / _RECORDED).exists():
-            raise DataError(
-                f"{path} holds recordings, which LeRobot cannot read. Export them first: duobench "
-                f"export lerobot {path} --out {path}-lerobot"
-            )
+        if holds_recordings(path):
+            raise DataError(f"{path} holds recordings, which LeRobot cannot read; export them.")
         info = self._read("meta/info.json")
         if info is None:
             raise DataError(f"{path} holds no data set of LeRobot: there is no meta/info.json.")
@@ -160,9 +163,7 @@ class _Source:
         return self.has_domains and found.get("min") != found.get("max")
 
 
-def _tasks(
-    recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]
-) -> tuple[str, ...]:
+def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) -> tuple[str, ...]:
     """The tasks that are learned."""
     episodes = source.episodes()
     if episodes is None:
@@ -184,9 +185,7 @@ def _tasks(
     return learned
 
 
-def _data_settings(
-    recipe: Recipe, source: _Source, tasks: Sequence[str]
-) -> Iterator[Setting] | tuple[Setting, ...]:
+def _data_settings(recipe: Recipe, source: _Source, tasks: Sequence[str]) -> tuple[Setting, ...]:
     """What is said about the data set."""
     settings = [
         Setting(option="dataset.repo_id", value=f"local/{source.path.name}", why="any name"),
@@ -233,8 +232,12 @@ def _check_same(out: Path, kind: str, source: _Source) -> None:
             "Train into another folder, or delete this one."
         ) from error
     now = {"policy": kind, "data set": str(source.path)}
-    if changed := [f"{name}: {now[name]}, was {facts[name]}" for name in now if now[name] != facts[name]]:
-        raise OtherRunError(f"{out} holds another training; this one differs in {'; '.join(changed)}.")
+    if changed := [
+        f"{name}: {now[name]}, was {facts[name]}" for name in now if now[name] != facts[name]
+    ]:
+        raise OtherRunError(
+            f"{out} holds another training; this one differs in {'; '.join(changed)}."
+        )
 
 
 def _workers(recipe: Recipe) -> int:

@@ -1,0 +1,112 @@
+"""`duobench train` runs LeRobot's training on an export, and what it saves plays.
+
+Runs in an environment with LeRobot and with the plugin, which `make test-lerobot` makes.
+"""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
+
+import torch
+from safetensors.torch import load_file
+
+import duobench
+from duobench.cli import main
+from duobench.data.dataset import DataSet
+from duobench.data.lerobot.export import export_lerobot
+from duobench.data.lerobot.options import ExportOptions
+from duobench.data.recorder import Recorder
+from tests.lerobot import checkpoints
+from tests.lerobot.checkpoints import CAMERAS, SIZE
+
+HERE = Path(__file__).parent
+TASKS = ("bin_sort", "transfer_cube")
+LENGTH = 36
+STEPS = 2
+QUICK = ["--batch_size=2", "--num_workers=0", "--policy.device=cpu", "--log_freq=1"]
+TINY = [
+    *QUICK,
+    "--policy.dim_model=32",
+    "--policy.n_heads=2",
+    "--policy.dim_feedforward=32",
+    "--policy.n_encoder_layers=1",
+    "--policy.n_vae_encoder_layers=1",
+]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An export of one episode of each task."""
+    folder = tmp_path_factory.mktemp("data")
+    demos = DataSet.open(folder / "demos")
+    for task in TASKS:
+        env = Recorder(duobench.make(task, cameras=(), horizon=LENGTH), demos)
+        observation, _ = env.reset(seed=0)
+        home, over, step = observation["agent_pos"].copy(), False, 0
+        while not over:
+            step += 1
+            _, _, _, over, _ = env.step(home + 0.05 * np.sin(step / 5))
+        env.close()
+    export_lerobot(demos, folder / "set", ExportOptions(cameras=CAMERAS, size=(SIZE, SIZE)))
+    return folder / "set"
+
+
+def train(*words: object) -> None:
+    main(["train", *map(str, words)])
+
+
+def test_a_small_act_trains_goes_on_and_plays(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    command = ["act", "--data", data, "--out", out, "--tasks", TASKS[0], "--small"]
+    train(*command, "--steps", STEPS, "--", *TINY)
+    last = out / "checkpoints/last/pretrained_model"
+    settings = json.loads((last / "train_config.json").read_text())
+    assert settings["policy"]["chunk_size"] == settings["policy"]["n_action_steps"] == 30
+    assert settings["dataset"]["episodes"] == [0]
+    train(*command, "--steps", STEPS + 1)
+    assert (out / f"checkpoints/{STEPS + 1:06d}").is_dir()
+    monkeypatch.syspath_prepend(HERE)
+    play = ["eval", "--tasks", "swing_task:TASK", "--episodes", "1", "--workers", "0", "--videos", "0"]
+    run = tmp_path / "run"
+    main([*play, "--policy", f"lerobot:{last}?device=cpu", "--out", str(run)])
+    (record,) = run.rglob("records/*/*.json")
+    assert json.loads(record.read_text())["steps"] == LENGTH
+
+
+def say_real(data: Path, copy: Path, episode: int) -> Path:
+    """A copy of a data set, one of whose episodes is from the real robot."""
+    shutil.copytree(data, copy)
+    path = copy / f"data/chunk-000/file-{episode:03d}.parquet"
+    table = pq.read_table(path)
+    column = table.schema.get_field_index("domain")
+    ones = pa.array([1] * len(table), pa.int64())
+    pq.write_table(table.set_column(column, table.schema.field(column), ones), path)
+    stats = copy / "meta/stats.json"
+    content = json.loads(stats.read_text())
+    content["domain"]["max"] = [1]
+    stats.write_text(json.dumps(content))
+    return copy
+
+
+@pytest.mark.parametrize("learned", range(len(TASKS)))
+def test_x_vla_learns_from_simulated_and_real_episodes_apart(
+    data: Path, tmp_path: Path, learned: int
+) -> None:
+    base = checkpoints.xvla(tmp_path / "base", action_mode="ee6d", num_domains=2)
+    mixed = say_real(data, tmp_path / "mixed", episode=1)
+    words = ["xvla", "--data", mixed, "--out", tmp_path / "out", "--tasks", TASKS[learned]]
+    train(*words, "--steps", STEPS, "--", *QUICK, f"--policy.path={base}", "--policy.dtype=float32")
+    last = tmp_path / "out/checkpoints/last/pretrained_model"
+    before, after = (load_file(folder / "model.safetensors") for folder in (base, last))
+    (prompts,) = (name for name in before if name.endswith("soft_prompt_hub.weight"))
+    changed = [not torch.equal(*pair) for pair in zip(before[prompts], after[prompts], strict=True)]
+    assert changed == [learned == 0, learned == 1]

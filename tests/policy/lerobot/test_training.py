@@ -1,0 +1,142 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from duobench.cli import main
+from duobench.errors import DuoBenchError
+from duobench.policy.lerobot import training
+from duobench.policy.lerobot.recipes import RECIPES, SMALL
+
+TASKS = ("bin_sort", "ball_maze", "bin_sort")
+
+
+def write(path: Path, content: object) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content))
+
+
+def export(folder: Path, tasks: tuple[str, ...] = TASKS, domains: tuple[int, int] = (0, 0)) -> Path:
+    """The JSON files of an export, which are all that is read here."""
+    features = {"action": {"shape": [16]}, "domain": {"shape": [1]}}
+    write(folder / "meta/info.json", {"codebase_version": "v3.0", "features": features})
+    write(
+        folder / "meta/duobench.json",
+        {"episodes": [{"file": f"episodes/{task}/0.parquet"} for task in tasks]},
+    )
+    low, high = domains
+    write(folder / "meta/stats.json", {"domain": {"min": [low], "max": [high]}})
+    return folder
+
+
+def arguments(kind: str, data: Path, **options: object) -> list[str]:
+    planned = training.plan(kind, data, data.with_name("out"), **options)  # pyright: ignore
+    return planned.command()
+
+
+@pytest.mark.parametrize("kind", RECIPES)
+def test_thirty_actions_are_executed(kind: str, tmp_path: Path) -> None:
+    command = arguments(kind, export(tmp_path / "data", TASKS[:1]))
+    assert command[0] == "lerobot-train"
+    assert "--policy.n_action_steps=30" in command
+    assert f"--steps={RECIPES[kind].steps}" in command
+    assert "--policy.push_to_hub=false" in command
+
+
+@pytest.mark.parametrize("recipe", [*RECIPES.values(), *SMALL.values()])
+def test_no_option_is_given_twice_and_each_says_whose_it_is(recipe: object) -> None:
+    settings = recipe.settings  # pyright: ignore
+    assert len({setting.option for setting in settings}) == len(settings)
+    assert all(setting.why.startswith(("paper: ", "ours: ")) for setting in settings)
+
+
+def test_tasks_choose_their_episodes(tmp_path: Path) -> None:
+    data = export(tmp_path / "data")
+    assert "--dataset.episodes=[0,2]" in arguments("act", data, tasks=["bin_sort"])
+    assert not any("episodes" in word for word in arguments("pi05", data))
+
+
+def test_simulated_and_real_episodes_are_told_apart_where_they_can_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = export(tmp_path / "mixed", TASKS[:1], domains=(0, 1))
+    key = "--policy.domain_feature_key=domain"
+    monkeypatch.setattr(training, "PLUGIN", "pytest")  # any distribution that is installed
+    assert key in arguments("xvla", data)
+    assert key not in arguments("act", data)
+    assert key not in arguments("xvla", export(tmp_path / "one", domains=(1, 1)))
+    monkeypatch.setattr(training, "PLUGIN", "not-installed")
+    with pytest.raises(DuoBenchError, match="pip install it"):
+        arguments("xvla", data)
+
+
+def test_a_training_goes_on_in_its_folder(tmp_path: Path) -> None:
+    data = export(tmp_path / "data")
+    config = tmp_path / "out/checkpoints/last/pretrained_model/train_config.json"
+    write(config, {"policy": {"type": "act"}, "dataset": {"root": str(data)}})
+    command = arguments("act", data, tasks=["bin_sort"], steps=9)
+    assert command[1:] == [f"--config_path={config}", "--resume=true", "--steps=9"]
+    with pytest.raises(DuoBenchError, match="policy: xvla, was act"):
+        arguments("xvla", data)
+
+
+def test_recordings_are_to_be_exported_first(tmp_path: Path) -> None:
+    data = tmp_path / "demos"
+    write(data / "dataset.json", {})
+    with pytest.raises(SystemExit, match=f"duobench export lerobot {data} --out {data}-lerobot"):
+        main(["train", "act", "--data", str(data), "--out", str(tmp_path / "out")])
+
+
+def _without(name: str) -> object:
+    def change(data: Path) -> None:
+        (data / name).unlink()
+
+    return change
+
+
+def _with_info(**values: object) -> object:
+    def change(data: Path) -> None:
+        path = data / "meta/info.json"
+        write(path, json.loads(path.read_text()) | values)
+
+    return change
+
+
+def _with_folder(data: Path) -> None:
+    data.with_name("out").mkdir()
+
+
+@pytest.mark.parametrize(
+    ("change", "tasks", "message"),
+    [
+        (lambda _data: None, [], "learns one task; name one of: bin_sort, ball_maze"),
+        (lambda _data: None, ["bin_sort", "ball_maze"], "learns one task"),
+        (lambda _data: None, ["bin_srot"], "Did you mean 'bin_sort'"),
+        (_without("meta/info.json"), [], "no meta/info.json"),
+        (_without("meta/duobench.json"), ["bin_sort"], "does not say which episodes"),
+        (_with_info(codebase_version="v2.1"), [], "format v2.1; v3.0 is needed"),
+        (_with_info(features={"action": {"shape": [14]}}), [], r"shape \[14\]; \[16\] is needed"),
+        (_with_folder, ["bin_sort"], "holds no checkpoint to go on from"),
+    ],
+)
+def test_what_cannot_be_trained_on_is_rejected(
+    tmp_path: Path, change: object, tasks: list[str], message: str
+) -> None:
+    data = export(tmp_path / "data")
+    change(data)  # pyright: ignore
+    with pytest.raises(DuoBenchError, match=message):
+        arguments("act", data, tasks=tasks)
+
+
+def test_the_command_line_prints_the_command_and_the_reasons(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = export(tmp_path / "data", TASKS[:1])
+    options = f"--data {data} --out {tmp_path / 'out'} --small --print -- --batch_size=2"
+    main(["train", "act", *options.split()])
+    printed = capsys.readouterr().out
+    command = printed.split("\n--")[0]
+    assert command.startswith("lerobot-train \\\n")
+    assert command.rstrip().endswith("--batch_size=2")
+    assert "paper: one ACT for each task" in printed
+    assert not (tmp_path / "out").exists()
