@@ -75,9 +75,9 @@ def test_a_small_act_trains_goes_on_and_plays(
     train(*command, "--steps", STEPS + 1)
     assert (out / f"checkpoints/{STEPS + 1:06d}").is_dir()
     monkeypatch.syspath_prepend(HERE)
-    play = ["eval", "--tasks", "swing_task:TASK", "--episodes", "1", "--workers", "0", "--videos", "0"]
     run = tmp_path / "run"
-    main([*play, "--policy", f"lerobot:{last}?device=cpu", "--out", str(run)])
+    play = ["eval", "--policy", f"lerobot:{last}?device=cpu", "--tasks", "swing_task:TASK"]
+    main([*play, "--episodes", "1", "--workers", "0", "--videos", "0", "--out", str(run)])
     (record,) = run.rglob("records/*/*.json")
     assert json.loads(record.read_text())["steps"] == LENGTH
 

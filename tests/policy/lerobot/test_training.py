@@ -50,6 +50,13 @@ def test_no_option_is_given_twice_and_each_says_whose_it_is(recipe: object) -> N
     assert all(setting.why.startswith(("paper: ", "ours: ")) for setting in settings)
 
 
+def test_more_options_take_the_place_of_the_recipes(tmp_path: Path) -> None:
+    planned = training.plan("xvla", export(tmp_path / "data"), tmp_path / "out")
+    command = planned.command(["--policy.path=mine", "--seed=3"])
+    assert [word for word in command if "policy.path" in word] == ["--policy.path=mine"]
+    assert command[-1] == "--seed=3"
+
+
 def test_tasks_choose_their_episodes(tmp_path: Path) -> None:
     data = export(tmp_path / "data")
     assert "--dataset.episodes=[0,2]" in arguments("act", data, tasks=["bin_sort"])

@@ -44,7 +44,7 @@ def inputs(config: Any, rename_map: Mapping[str, str]) -> Inputs:
     """
     _check_vectors(config)
     original = {new: old for old, new in rename_map.items()}
-    shapes = {
+    shapes: dict[str, tuple[int, ...]] = {
         original.get(key, key): tuple(feature.shape)
         for key, feature in config.image_features.items()
         if not key.startswith(_EMPTY)

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
-from lerobot import __version__ as lerobot_version  # pyright: ignore[reportMissingImports]
-from lerobot import policies  # pyright: ignore[reportMissingImports] - registers all kinds
 from lerobot.configs import PreTrainedConfig  # pyright: ignore[reportMissingImports]
+from lerobot.policies import (  # pyright: ignore[reportMissingImports]
+    get_policy_class,
+    make_pre_post_processors,
+)
 from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports]
     auto_select_torch_device,
     is_torch_device_available,
@@ -89,10 +92,10 @@ class LeRobotPolicy:
                     f"many of its actions are executed, not {self._steps}."
                 )
         _configure(config, folder, device, address.dtype)
-        self._model = policies.get_policy_class(config.type).from_pretrained(
+        self._model = get_policy_class(config.type).from_pretrained(
             folder, config=config, strict=True
         )
-        self._before, self._after = policies.make_pre_post_processors(
+        self._before, self._after = make_pre_post_processors(
             config,
             pretrained_path=str(folder),
             preprocessor_overrides={"device_processor": {"device": device}},
@@ -263,5 +266,5 @@ def _version(folder: Path, steps: int, model: Any, device: str, amp: bool) -> st
     return (
         f"checkpoint {checkpoint.content_hash(folder)[:16]}, {steps} actions a chunk, "
         f"{'+'.join(sorted(types))}{' with autocast' if amp else ''} on {where.type}{card}, "
-        f"lerobot {lerobot_version}, torch {torch.__version__}"
+        f"lerobot {version('lerobot')}, torch {torch.__version__}"
     )

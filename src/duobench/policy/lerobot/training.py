@@ -39,8 +39,14 @@ class Training:
     """Whether an earlier training goes on."""
 
     def command(self, more: Sequence[str] = ()) -> list[str]:
-        """The command, with more options at its end; of two equal ones the last counts."""
-        return [PROGRAM, *(setting.argument for setting in self.settings), *more]
+        """The command.
+
+        Args:
+            more: More options, `--name=value`, which take the place of those of the same name.
+        """
+        replaced = {word.partition("=")[0] for word in more}
+        kept = [one.argument for one in self.settings if f"--{one.option}" not in replaced]
+        return [PROGRAM, *kept, *more]
 
 
 def plan(
