@@ -115,6 +115,67 @@ def tokenizer(folder: Path) -> Path:
     return folder
 
 
+def _vision_language_model(folder: Path) -> Path:
+    """A model of the kind that SmolVLA is built on: configuration and processors, no weights."""
+    from transformers import (
+        PreTrainedTokenizerFast,
+        SmolVLMConfig,
+        SmolVLMImageProcessor,
+        SmolVLMProcessor,
+        SmolVLMVideoProcessor,
+    )
+
+    special = {
+        "fake_image_token": "<fake>",
+        "image_token": "<image>",
+        "global_image_token": "<global>",
+        "end_of_utterance_token": "<end>",
+    }
+    words = PreTrainedTokenizerFast.from_pretrained(
+        tokenizer(folder), extra_special_tokens=special
+    )
+    text = {
+        "model_type": "llama",
+        "hidden_size": 32,
+        "intermediate_size": 32,
+        "num_hidden_layers": 2,
+        "num_attention_heads": 4,
+        "num_key_value_heads": 2,
+        "head_dim": 8,
+        "vocab_size": 32,
+        "pad_token_id": 0,
+    }
+    vision = {
+        "hidden_size": 16,
+        "intermediate_size": 16,
+        "num_hidden_layers": 1,
+        "num_attention_heads": 2,
+        "image_size": SIZE,
+        "patch_size": 16,
+    }
+    SmolVLMConfig(
+        text_config=text,
+        vision_config=vision,
+        scale_factor=2,
+        image_token_id=words.convert_tokens_to_ids("<image>"),
+    ).save_pretrained(folder)
+    parts = SmolVLMImageProcessor(), words, SmolVLMVideoProcessor()
+    SmolVLMProcessor(*parts, image_seq_len=4).save_pretrained(folder)
+    return folder
+
+
+def smolvla(folder: Path, **options: Any) -> Path:
+    """SmolVLA with two layers."""
+    small = {
+        "vlm_model_name": str(_vision_language_model(folder.with_name(f"{folder.name}-base"))),
+        "num_vlm_layers": 2,
+        "num_steps": 2,
+        "resize_imgs_with_padding": (SIZE, SIZE),
+        "tokenizer_max_length": 8,
+    }
+    return save(folder, "smolvla", **{**small, **options})
+
+
 def xvla(folder: Path, **options: Any) -> Path:
     """X-VLA with 16 of 20 action numbers used."""
     stages = 2

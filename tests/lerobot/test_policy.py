@@ -25,7 +25,7 @@ from tests.lerobot.checkpoints import CAMERAS, SIZE, change
 
 INSTRUCTION = "Put the cube into the bowl"
 SEED = 7
-KINDS = ("act", "diffusion", "xvla")
+KINDS = ("act", "diffusion", "smolvla", "xvla")
 NOISY = KINDS[1:]
 ROUNDING = 1e-3
 """Batches are added up in another order, and noise starts at 1."""

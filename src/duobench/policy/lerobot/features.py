@@ -44,11 +44,11 @@ def inputs(config: Any, rename_map: Mapping[str, str]) -> Inputs:
     """
     _check_vectors(config)
     original = {new: old for old, new in rename_map.items()}
-    shapes: dict[str, tuple[int, ...]] = {
-        original.get(key, key): tuple(feature.shape)
-        for key, feature in config.image_features.items()
-        if not key.startswith(_EMPTY)
-    }
+    shapes: dict[str, tuple[int, int]] = {}
+    for key, feature in config.image_features.items():
+        if not key.startswith(_EMPTY):
+            _, height, width = feature.shape
+            shapes[original.get(str(key), str(key))] = height, width
     problems = [problem for key in shapes if (problem := _camera_problem(key))]
     if problems:
         raise PolicyError(
@@ -56,9 +56,9 @@ def inputs(config: Any, rename_map: Mapping[str, str]) -> Inputs:
             f"{', '.join(IMAGE_PREFIX + name for name in POLICY_CAMERAS)}: train with these names, "
             "or with LeRobot's rename_map from them, which is saved in the checkpoint."
         )
-    sizes = {shape[1:] for shape in shapes.values()}
+    sizes = set(shapes.values())
     if len(sizes) > 1:
-        listed = ", ".join(f"{key} {h}x{w}" for key, (_, h, w) in shapes.items())
+        listed = ", ".join(f"{key} {h}x{w}" for key, (h, w) in shapes.items())
         raise PolicyError(f"All images have one size here; the checkpoint's differ: {listed}.")
     return Inputs(
         cameras=tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes),
