@@ -131,9 +131,7 @@ def _vision_language_model(folder: Path) -> Path:
         "global_image_token": "<global>",
         "end_of_utterance_token": "<end>",
     }
-    words = PreTrainedTokenizerFast.from_pretrained(
-        tokenizer(folder), extra_special_tokens=special
-    )
+    words = PreTrainedTokenizerFast.from_pretrained(tokenizer(folder), extra_special_tokens=special)
     text = {
         "model_type": "llama",
         "hidden_size": 32,
@@ -225,3 +223,45 @@ def change(folder: Path, name: str, **values: Any) -> None:
     """Change values of one of the JSON files of a checkpoint."""
     path = folder / name
     path.write_text(json.dumps(json.loads(path.read_text()) | values))
+
+
+def pi05(folder: Path, **options: Any) -> Path:
+    """π0.5, which `shrink_pi05` makes small."""
+    small = {"chunk_size": 30, "n_action_steps": 30, "num_inference_steps": 2, "dtype": "float32"}
+    sizes = {"tokenizer_max_length": 16, "image_resolution": (SIZE, SIZE)}
+    return save(folder, "pi05", **{**small, **sizes, **options})
+
+
+def shrink_pi05(patch: Any, folder: Path) -> None:
+    """Make π0.5 small, whose sizes are fixed in LeRobot's code, and find its words.
+
+    Args:
+        patch: pytest's `MonkeyPatch`.
+        folder: Becomes the working directory: the name of the tokenizer is also a relative path.
+    """
+    from lerobot.policies.pi05 import modeling_pi05 as code
+
+    width = 16
+    sizes = code.GemmaConfig(
+        width=width, depth=1, mlp_dim=16, num_heads=8, num_kv_heads=1, head_dim=8
+    )
+    model = code.PaliGemmaForConditionalGenerationWithPiGemma
+
+    def small(config: Any) -> Any:
+        config.text_config.vocab_size = 1024
+        config.projection_dim = width
+        for name, value in {
+            "hidden_size": 16,
+            "intermediate_size": 16,
+            "num_hidden_layers": 1,
+            "num_attention_heads": 2,
+            "patch_size": 16,
+            "projection_dim": width,
+        }.items():
+            setattr(config.vision_config, name, value)
+        return model(config=config)
+
+    patch.setattr(code, "get_gemma_config", lambda _variant: sizes)
+    patch.setattr(code, "PaliGemmaForConditionalGenerationWithPiGemma", small)
+    tokenizer(folder / "google/paligemma-3b-pt-224")
+    patch.chdir(folder)

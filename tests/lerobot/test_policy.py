@@ -3,6 +3,8 @@
 Runs in an environment with LeRobot, which `make test-lerobot` makes.
 """
 
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +27,28 @@ from tests.lerobot.checkpoints import CAMERAS, SIZE, change
 
 INSTRUCTION = "Put the cube into the bowl"
 SEED = 7
-KINDS = ("act", "diffusion", "smolvla", "xvla")
+KINDS = ("act", "diffusion", "pi05", "smolvla", "xvla")
 NOISY = KINDS[1:]
 ROUNDING = 1e-3
 """Batches are added up in another order, and noise starts at 1."""
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path]]:
     root = tmp_path_factory.mktemp("checkpoints")
-    return {kind: getattr(checkpoints, kind)(root / kind) for kind in KINDS}
+    with pytest.MonkeyPatch.context() as patch:
+        checkpoints.shrink_pi05(patch, root)
+        yield {kind: getattr(checkpoints, kind)(root / kind) for kind in KINDS}
+
+
+def test_weights_that_pi05_fails_to_load_without_a_word_are_noticed(
+    tmp_path: Path, folders: dict[str, Path]
+) -> None:
+    folder = shutil.copytree(folders["pi05"], tmp_path / "pi05")
+    act = folders["act"] / "model.safetensors"
+    shutil.copy(act, folder / "model.safetensors")
+    with pytest.raises(DuoBenchError, match="weights of the model are not those of"):
+        load(folder)
 
 
 def load(folder: Path, query: str = "") -> LeRobotPolicy:

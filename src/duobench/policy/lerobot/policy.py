@@ -33,6 +33,7 @@ from duobench.policy.lerobot.features import (
     inputs,
 )
 from duobench.policy.lerobot.noise import EpisodeNoise
+from duobench.policy.lerobot.weights import check_loaded
 from duobench.policy.protocol import PolicyMetadata
 
 Observation = Mapping[str, Any]
@@ -95,6 +96,7 @@ class LeRobotPolicy:
         self._model = get_policy_class(config.type).from_pretrained(
             folder, config=config, strict=True
         )
+        check_loaded(self._model, folder / checkpoint.WEIGHTS)
         self._before, self._after = make_pre_post_processors(
             config,
             pretrained_path=str(folder),
