@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from duobench.types import Array
 
 
 def _frozen(values: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -83,7 +83,7 @@ def _spec(task: Task | str) -> EnvSpec:
 
     if not isinstance(task, Task):
         raise OptionError(
-            'A task is an id, an import path "module:ATTRIBUTE", or a duobench.tasks.task.Task; '
+            'A task is an id, an import path "module:ATTRIBUTE", or a duobench.tasks.Task; '
             f"got {task!r}."
         )
 
@@ -98,7 +98,9 @@ def _spec(task: Task | str) -> EnvSpec:
 
 def _spec_of(task_id: str, path: str | None, create: Any = ENTRY_POINT) -> EnvSpec:
     # The stack brings its own time limit and refuses steps out of order, and the tests run
-    # Gymnasium's checker on it: wrapped again, tools would not find its attributes.
+    # Gymnasium's checker on it: wrapped again, tools would not find its attributes. A registered
+    # `max_episode_steps` would add a second limit, in the way of a longer `horizon`; so the spec of
+    # an environment has it (`env.spec`), and the one that makes it has not.
     return EnvSpec(
         id=env_id(task_id),
         entry_point=create,

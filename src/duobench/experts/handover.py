@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from duobench.experts.motion import (
     CAREFUL,
@@ -26,9 +26,7 @@ from duobench.experts.motion import (
     wait,
 )
 from duobench.spatial import SE3
-from duobench.types import Side
-
-Array = NDArray[np.float64]
+from duobench.types import Array, Side
 
 _FIRM_GRIP_STEPS = 4
 """Control steps in which both arms hold the bar before one lets go."""

@@ -96,7 +96,7 @@ def wall_numbers() -> dict[Segment, int]:
 
 
 def wall_variants() -> dict[str, Variant]:
-    """What of `board()` each maze leaves out, by the maze's number: other walls and images."""
+    """What of `board()` each maze leaves out, other walls and images, by the maze's number."""
     numbers = wall_numbers()
     first = len(board().images) - len(MAZES)
     return {
@@ -105,6 +105,7 @@ def wall_variants() -> dict[str, Variant]:
             without_images=frozenset(
                 first + other for other in range(len(MAZES)) if other != index
             ),
+            printed=printable_board(maze),
         )
         for index, maze in enumerate(MAZES)
     }

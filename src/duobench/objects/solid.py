@@ -12,8 +12,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
-
-Array = NDArray[np.float64]
+from duobench.types import Array
 
 PLA_DENSITY = 1240.0
 """Density of printed PLA, printed solid, in kg/m³ [filament data sheets]."""

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from duobench.types import Array
 
 CREASE = math.radians(8.0)
 """Edges sharper than this are drawn sharp: circles have 64 segments, so they are drawn round."""

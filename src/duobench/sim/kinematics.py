@@ -6,15 +6,12 @@ from collections.abc import Mapping
 
 import mink
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
 from duobench.scene.naming import arm_joint_names, tcp_name
 from duobench.scene.robot import LINK7_FROM_TCP, kinematic_model
 from duobench.spatial import SE3
-from duobench.types import CONTROL_HZ, SIDES, Side
-
-Array = NDArray[np.float64]
+from duobench.types import CONTROL_HZ, SIDES, Array, Side
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
 """Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""

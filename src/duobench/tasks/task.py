@@ -84,6 +84,8 @@ class Task:
     """Adds the poses that follow from the drawn ones, such as marbles in a cup."""
     overview: View = OVERVIEW_VIEW
     """What `render` and films show; a task whose work faces the robot needs one of its own."""
+    expert: str | None = None
+    """Import path `module:attribute` of its expert's script, such as "my_task:script"."""
     printable: bool = False
     """Whether its objects can be printed."""
     real: bool = False
