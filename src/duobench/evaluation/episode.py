@@ -26,11 +26,11 @@ from duobench.evaluation.limits import EpisodeClock, TimedPolicy, TimeLimits
 from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
-from duobench.evaluation.versions import record_versions
 from duobench.evaluation.video import VideoRecorder
 from duobench.policy import Policy, PolicyMetadata
 from duobench.scene.cameras import OVERVIEW
 from duobench.sim.rendering import Renderer, describe
+from duobench.versions import record_versions
 
 _log = logging.getLogger(__name__)
 

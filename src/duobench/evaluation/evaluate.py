@@ -18,8 +18,8 @@ from duobench.evaluation.policies import check_name
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.report import write_report
 from duobench.evaluation.suite import Run, Suite
-from duobench.evaluation.versions import package_versions
 from duobench.sim import rendering
+from duobench.versions import package_versions
 
 
 class Observer(Protocol):

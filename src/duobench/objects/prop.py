@@ -78,7 +78,7 @@ class Prop:
         root = None
         if self.choice is not None:
             value = variants.get(self.choice)
-            if value not in self.variants:
+            if value is None or value not in self.variants:
                 raise UnknownNameError(f"variant of {self.name}", value, self.variants)
             root = self.variants[value].printed
         return (root or self.solid, *(part.solid for part in self.parts))
