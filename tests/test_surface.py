@@ -24,7 +24,7 @@ SURFACE = {
     """,
     "duobench.objects": """
         BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Prop RED
-        Shape Solid SolidMesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder
+        Shape Solid Mesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder
         hull images_of long_block mass_properties mesh_of printable prism ring_wall sphere
     """,
     "duobench.policy": """

@@ -48,11 +48,11 @@ class ImportPathError(DuoBenchError):
 
 
 class OptionError(DuoBenchError, ValueError):
-    """An option of an environment has a value that cannot be."""
+    """An option of an environment has an invalid value."""
 
 
 class LayoutError(DuoBenchError):
-    """A layout is incomplete, overlapping or out of reach, or none could be drawn."""
+    """A layout is incomplete, overlapping or out of reach, or none could be sampled."""
 
 
 class ActionError(DuoBenchError, ValueError):

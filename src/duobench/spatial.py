@@ -97,7 +97,7 @@ class SE3:
 
     @staticmethod
     def from_tquat(tquat: ArrayLike) -> SE3:
-        """Transform from seven numbers x y z qx qy qz qw; see `from_wxyz` for what is refused."""
+        """Transform from seven numbers x y z qx qy qz qw; see `from_wxyz` for what is rejected."""
         t = np.asarray(tquat, dtype=np.float64)
         return SE3.from_wxyz(t[[6, 3, 4, 5]], t[:3])
 

@@ -65,7 +65,7 @@ def test_one_diagonal_tilt_does_not_solve_a_maze(maze: Maze) -> None:
 
 
 def test_a_ball_runs_until_a_wall_stops_it() -> None:
-    maze = Maze.drawn(
+    maze = Maze.parsed(
         (
             "         |",
             "         |",
@@ -98,4 +98,4 @@ def test_an_edge_is_the_same_from_both_sides() -> None:
 
 def test_a_drawing_needs_every_row() -> None:
     with pytest.raises(ValueError, match="shorter"):
-        Maze.drawn(("         |",))
+        Maze.parsed(("         |",))

@@ -55,5 +55,5 @@ def test_a_task_without_stages_is_refused() -> None:
 
 def test_a_task_that_accepts_no_draw_says_so() -> None:
     task = replace(catalog.get("transfer_cube"), accept=lambda _layout: False)
-    with pytest.raises(LayoutError, match=r"'transfer_cube' accepts none of \d+ draws"):
+    with pytest.raises(LayoutError, match=r"'transfer_cube' accepts none of \d+ samples"):
         next(task.layouts(0))

@@ -68,7 +68,7 @@ def make(task: Task | str, **options: Any) -> gym.Env:
 
     Raises:
         UnknownNameError: There is no such task or option; near misses are listed.
-        OptionError: What is given is no task, or the value of an option cannot be.
+        OptionError: What is given is no task, or the value of an option is invalid.
     """
     if isinstance(task, str) and env_id(task) in gym.registry:
         return gym.make(env_id(task), **options)

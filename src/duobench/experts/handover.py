@@ -141,7 +141,7 @@ def clasp(arms: Arms, side: Side, pose: SE3, *, approach: float = 0.10) -> Scrip
 
 
 def let_go(arms: Arms, side: Side, *, retreat: float = 0.10) -> Script:
-    """Open the fingers and draw back along the tool's axis by `retreat` metres."""
+    """Open the fingers and retreat along the tool's axis by `retreat` metres."""
     yield from release(arms, side)
     back = arms.targets[side] @ SE3.at(z=-retreat)
     yield from move(arms, {side: back}, speed=0.35, arrive=False)

@@ -32,8 +32,6 @@ BALL_RADIUS = 0.010
 """Radius of the ball in metres [task definitions]."""
 HALF = CELLS * PITCH / 2
 """Half the edge of the maze in metres, up to the middle of a wall on its outline."""
-TOP = WALL_HEIGHT + BALL_RADIUS
-"""Height in metres above the floor at which the ball's centre is over the walls."""
 
 GRIP_OFFSET = 0.145
 """Distance in metres of a grip's bar from the board's middle: a finger fits between bar and rim."""

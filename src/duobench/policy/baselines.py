@@ -13,7 +13,7 @@ from duobench.types import FLAT_SIZE, OPENING_SLOTS, Array
 
 _OPEN = 1.0
 _RANDOM_STREAM = 0x706F6C
-"""Separates a policy's draws from everything else that is drawn with the same seed."""
+"""Separates a policy's samples from all others with the same seed."""
 
 
 class ZeroPolicy:
@@ -30,7 +30,7 @@ class ZeroPolicy:
 
 
 class RandomPolicy:
-    """Draws every action uniformly from the joint action space."""
+    """Samples every action uniformly from the joint action space."""
 
     metadata = PolicyMetadata(name="random")
 
@@ -40,7 +40,7 @@ class RandomPolicy:
         self._low, self._high = np.vstack(sides).T
         self._generator = np.random.default_rng(_RANDOM_STREAM)
 
-    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - obeys nobody
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - follows no instruction
         """Start the generator of this seed."""
         self._generator = np.random.default_rng((_RANDOM_STREAM, seed))
 

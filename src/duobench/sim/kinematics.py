@@ -135,7 +135,7 @@ class Kinematics:
                 keep to, an arm starts at the nearest position within.
             targets: Tool pose wanted for each side; a side that is missing stays.
             dt: Duration of the step in seconds.
-            posture: What the redundant joint is drawn to (2, 7).
+            posture: Joint positions (2, 7) that the redundant joint is attracted to.
 
         Returns:
             Joint targets (2, 7).
