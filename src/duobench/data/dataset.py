@@ -94,6 +94,10 @@ class DataSet:
         """File of an episode."""
         return self.path / EPISODES / task / f"{name}{SUFFIX}"
 
+    def partial(self, task: str, name: str) -> Path:
+        """File of an episode while it is being recorded."""
+        return self.episode(task, name).with_suffix(stream.SUFFIX)
+
     def episodes(self, task: str | None = None) -> list[Path]:
         """Files of the finished episodes, sorted by task and name."""
         return sorted((self.path / EPISODES).glob(f"{task or '*'}/*{SUFFIX}"))

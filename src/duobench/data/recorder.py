@@ -104,7 +104,7 @@ class Recorder(DuoWrapper):
             subinstructions=tuple(info["stage_to_subinstructions"].values()),
             layout=info["layout"],
             seed=info.get("seed"),
-            split=info.get("split", "eval"),
+            split=info.get("split"),
             config=self.base.config,
             suite_version=SUITE_VERSION,
             versions=package_versions(),
@@ -143,6 +143,14 @@ class Recorder(DuoWrapper):
             if terminated or truncated:
                 self._end(cut=False)
         return observation, float(reward), terminated, truncated, info
+
+    def begin_as(self, name: str) -> None:
+        """Name the next episode, and forget what a killed process has left of it.
+
+        Nobody else may be recording an episode of that name.
+        """
+        self.next_name = name
+        self.data.partial(self.task, name).unlink(missing_ok=True)
 
     def intend(self, action: ArrayLike) -> None:
         """Say what the actor wants the next action to be recorded as.

@@ -120,8 +120,8 @@ class EpisodeInfo:
     """How the episode began: the JSON form of a `Layout`."""
     seed: int | None
     """Seed that sampled the layout; None if it was given."""
-    split: str
-    """What the seed is for: "train" or "eval"."""
+    split: str | None
+    """What the layout was sampled for, "train" or "eval"; None if it was given."""
     config: EnvConfig | None
     """Configuration of the environment; None where wrappers were put together by hand."""
     suite_version: str
