@@ -30,6 +30,7 @@ from duobench.evaluation.versions import record_versions
 from duobench.evaluation.video import VideoRecorder
 from duobench.policy import Policy, PolicyMetadata
 from duobench.scene.cameras import OVERVIEW
+from duobench.scene.looks import DEFAULT
 from duobench.sim.rendering import Renderer, describe
 
 _log = logging.getLogger(__name__)
@@ -50,8 +51,8 @@ class EpisodeResult:
     """How long it took, video included; None if nobody knows."""
 
 
-def config_for(metadata: PolicyMetadata) -> EnvConfig:
-    """The configuration of the environments that a policy expects.
+def config_for(metadata: PolicyMetadata, look: str = DEFAULT) -> EnvConfig:
+    """The configuration of the environments that a policy expects, in a look.
 
     Raises:
         UnknownNameError: It expects a camera or an action mode that does not exist.
@@ -62,6 +63,7 @@ def config_for(metadata: PolicyMetadata) -> EnvConfig:
         action_mode=metadata.action_mode,
         control_rate_hz=metadata.control_rate_hz,
         image_size=metadata.image_size or IMAGE_SIZE,
+        look=look,
     )
 
 
@@ -75,6 +77,7 @@ class EpisodeRunner:
         limits: TimeLimits,
         clock: EpisodeClock | None = None,
         *,
+        look: str = DEFAULT,
         is_interruptible: bool = True,
     ) -> None:
         """Make the policy; environments are made when they are needed.
@@ -84,6 +87,7 @@ class EpisodeRunner:
             tasks: What it may have to play.
             limits: How long it may take.
             clock: Where its times are noted, for another process.
+            look: Name of the look of every image, videos included.
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
 
         Raises:
@@ -98,7 +102,7 @@ class EpisodeRunner:
         self._policy: Policy | None = None
         self._renderer: Renderer | None = None
         metadata = self._source.metadata
-        config = config_for(metadata)
+        config = config_for(metadata, look)
         renderer = describe().renderer if config.cameras else None
         self.setup = Setup(
             policy=policy, metadata=metadata, config=config, versions=record_versions(renderer)
@@ -174,11 +178,13 @@ class EpisodeRunner:
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:
         """A video of the simulation that is being played, from the camera for people."""
-        simulation = sim_of(env).simulation
+        base = sim_of(env)
+        simulation = base.simulation
         if self._renderer is None:
             height, width = VIDEO_SIZE
             self._renderer = Renderer(simulation.model, height=height, width=width)
         renderer = self._renderer
+        renderer.set_look(base.look)
         return VideoRecorder(lambda: renderer.render(simulation.data, OVERVIEW))
 
     def _close_environment(self) -> None:

@@ -117,7 +117,7 @@ def evaluate(
 def _executor(policy: str, suite: Suite, limits: TimeLimits, videos: int, workers: int) -> Executor:
     """What plays a suite."""
     if workers == 0:
-        return LocalExecutor(policy, suite.tasks, limits)
+        return LocalExecutor(policy, suite.tasks, limits, suite.look)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if videos:
@@ -125,4 +125,4 @@ def _executor(policy: str, suite: Suite, limits: TimeLimits, videos: int, worker
     elif ":" in policy and workers > 1:
         with suppress(RenderingError):
             rendering.prepare(processes=workers)
-    return ProcessExecutor(policy, suite.tasks, limits, workers)
+    return ProcessExecutor(policy, suite.tasks, limits, workers, suite.look)

@@ -27,6 +27,7 @@ from duobench.evaluation.worker import (
     UnreadableError,
     Worker,
 )
+from duobench.scene.looks import DEFAULT
 
 MAX_ATTEMPTS = 3
 """How often an episode is begun before a fault of the machinery ends the run."""
@@ -101,20 +102,28 @@ class LocalExecutor:
     started. `ProcessExecutor` does all of that, with one worker too.
     """
 
-    def __init__(self, policy: str, tasks: Sequence[TaskInfo], limits: TimeLimits) -> None:
+    def __init__(
+        self,
+        policy: str,
+        tasks: Sequence[TaskInfo],
+        limits: TimeLimits,
+        look: str = DEFAULT,
+    ) -> None:
         """Remember what to play.
 
         Args:
             policy: Name of the policy.
             tasks: The tasks of the suite.
             limits: How long the policy may take.
+            look: Name of the look of the suite.
         """
-        self._arguments = policy, tasks, limits
+        self._arguments = policy, tasks, limits, look
         self._runner: EpisodeRunner | None = None
 
     def prepare(self) -> Setup:
         """Make the policy, and say what plays."""
-        self._runner = EpisodeRunner(*self._arguments)
+        policy, tasks, limits, look = self._arguments
+        self._runner = EpisodeRunner(policy, tasks, limits, look=look)
         return self._runner.setup
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
@@ -146,7 +155,12 @@ class ProcessExecutor:
     """
 
     def __init__(
-        self, policy: str, tasks: Sequence[TaskInfo], limits: TimeLimits, workers: int
+        self,
+        policy: str,
+        tasks: Sequence[TaskInfo],
+        limits: TimeLimits,
+        workers: int,
+        look: str = DEFAULT,
     ) -> None:
         """Remember what to play; processes are started when they are needed.
 
@@ -155,8 +169,9 @@ class ProcessExecutor:
             tasks: The tasks of the suite.
             limits: How long the policy may take.
             workers: Most processes at a time.
+            look: Name of the look of the suite.
         """
-        self._begin = Begin(policy=policy, tasks=tuple(tasks), limits=limits)
+        self._begin = Begin(policy=policy, tasks=tuple(tasks), limits=limits, look=look)
         self._limits = limits
         self._most = workers
         self._workers: list[Worker] = []

@@ -58,6 +58,7 @@ class Begin(msgspec.Struct, tag=True, frozen=True):
     policy: str
     tasks: tuple[TaskInfo, ...]
     limits: TimeLimits
+    look: str
 
 
 class Play(msgspec.Struct, tag=True, frozen=True):
@@ -294,7 +295,14 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
     begin = orders.get()
     if not isinstance(begin, Begin):
         return
-    runner = EpisodeRunner(begin.policy, begin.tasks, begin.limits, clock, is_interruptible=False)
+    runner = EpisodeRunner(
+        begin.policy,
+        begin.tasks,
+        begin.limits,
+        clock,
+        look=begin.look,
+        is_interruptible=False,
+    )
     _report(channel, Ready(setup=runner.setup))
     while isinstance(order := orders.get(), Play):
         try:
