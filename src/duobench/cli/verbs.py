@@ -12,6 +12,7 @@ from duobench.cli.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
+from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.report import report
 
@@ -31,6 +32,7 @@ def run(arguments: Sequence[str] | None) -> None:
         {
             "eval": evaluate,
             "report": report,
+            "record": record,
             "list": list_tasks,
             "render": render,
             "doctor": doctor,

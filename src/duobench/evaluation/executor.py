@@ -10,7 +10,7 @@ from typing import Protocol
 
 from duobench import errors
 from duobench.errors import EvaluationError, MachineryError, PolicyTimeoutError
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecorder
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
@@ -108,6 +108,7 @@ class LocalExecutor:
         tasks: Sequence[TaskInfo],
         limits: TimeLimits,
         look: str = DEFAULT,
+        recording: RecordingPlan | None = None,
     ) -> None:
         """Remember what to play.
 
@@ -116,14 +117,16 @@ class LocalExecutor:
             tasks: The tasks of the suite.
             limits: How long the policy may take.
             look: Name of the look of the suite.
+            recording: Whether and where episodes are recorded.
         """
-        self._arguments = policy, tasks, limits, look
+        self._arguments = policy, tasks, limits
+        self._options = look, recording
         self._runner: EpisodeRunner | None = None
 
     def prepare(self) -> Setup:
         """Make the policy, and say what plays."""
-        policy, tasks, limits, look = self._arguments
-        self._runner = EpisodeRunner(policy, tasks, limits, look=look)
+        look, recording = self._options
+        self._runner = EpisodeRunner(*self._arguments, look=look, recording=recording)
         return self._runner.setup
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
@@ -161,6 +164,7 @@ class ProcessExecutor:
         limits: TimeLimits,
         workers: int,
         look: str = DEFAULT,
+        recording: RecordingPlan | None = None,
     ) -> None:
         """Remember what to play; processes are started when they are needed.
 
@@ -170,8 +174,11 @@ class ProcessExecutor:
             limits: How long the policy may take.
             workers: Most processes at a time.
             look: Name of the look of the suite.
+            recording: Whether and where episodes are recorded.
         """
-        self._begin = Begin(policy=policy, tasks=tuple(tasks), limits=limits, look=look)
+        self._begin = Begin(
+            policy=policy, tasks=tuple(tasks), limits=limits, look=look, recording=recording
+        )
         self._limits = limits
         self._most = workers
         self._workers: list[Worker] = []

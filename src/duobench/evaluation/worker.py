@@ -33,7 +33,7 @@ from duobench.errors import (
     printable,
     traceback_text,
 )
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
 from duobench.evaluation.limits import EpisodeClock, TimeLimits
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 
@@ -59,6 +59,7 @@ class Begin(msgspec.Struct, tag=True, frozen=True):
     tasks: tuple[TaskInfo, ...]
     limits: TimeLimits
     look: str
+    recording: RecordingPlan | None = None
 
 
 class Play(msgspec.Struct, tag=True, frozen=True):
@@ -301,6 +302,7 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
         begin.limits,
         clock,
         look=begin.look,
+        recording=begin.recording,
         is_interruptible=False,
     )
     _report(channel, Ready(setup=runner.setup))
