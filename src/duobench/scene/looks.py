@@ -118,7 +118,7 @@ LOOKS: Mapping[str, Look] = MappingProxyType(
                 "right_wrist": CameraOffset(
                     position=(-0.005, 0.005, 0.003), rotation=(-0.03, 0.03, -0.04)
                 ),
-                "overview": CameraOffset(position=(0.20, 0.10, -0.10), rotation=(0.02, 0.06, 0.03)),
+                "overview": CameraOffset(position=(0.05, 0.03, -0.03), rotation=(0.02, 0.02, 0.03)),
             }
         ),
         "noisy": Look(noise=0.045, blur=0.003, exposure=-0.3),
@@ -197,7 +197,7 @@ def random_look(seed: int) -> Look:
         colour_variation=1.0,
         lights=_lights(rng),
         ambient=_tinted(rng, _uniform(rng, *AMBIENTS)),
-        clutter=int(rng.integers(0, 25)),
+        clutter=int(rng.integers(0, 17)),
         cameras={name: _offset(rng) for name in POLICY_CAMERAS},
         exposure=_uniform(rng, *EXPOSURES),
         blur=_uniform(rng, 0, MAX_BLUR) if rng.uniform() < 0.5 else 0.0,  # noqa: PLR2004
@@ -239,7 +239,7 @@ def _tinted(rng: np.random.Generator, brightness: float) -> RGB:
 
 
 def _lights(rng: np.random.Generator) -> tuple[Light, ...]:
-    """One that casts shadows, from anywhere above, and up to two weak ones."""
+    """One that casts shadows, from anywhere above, and at most one weak one."""
     # From the front, the back or a side: then one axis of the shadow map has the slope of all
     # level surfaces, and none of them is speckled by its own shadow.
     azimuth = math.pi / 2 * int(rng.integers(4))
@@ -254,7 +254,7 @@ def _lights(rng: np.random.Generator) -> tuple[Light, ...]:
             position=_from(_uniform(rng, -math.pi, math.pi), _uniform(rng, 0.1, 1.2)),
             colour=_tinted(rng, _uniform(rng, 0.05, 0.18)),
         )
-        for _ in range(int(rng.integers(0, 3)))
+        for _ in range(int(rng.integers(0, 2)))
     ]
     return main, *fills
 

@@ -17,6 +17,9 @@ from duobench.scene.look import CameraOffset, Light, Look
 from duobench.scene.workcell import SHADOW_CENTRE
 from duobench.sim.paints import paints
 
+Array = NDArray[np.float64]
+
+_DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
 _LIGHT_DISTANCE = 2.7
 """From a light to the middle of the shadow map in metres, as the workcell's own."""
 
@@ -40,11 +43,11 @@ class Appearance:
         self.pictures = found.pictures
         """What the materials after those of the model show; see `sim.uploads`."""
         self._paints = found.by_geom
-        self._pieces = pieces(look.clutter, look.seed)
+        self._pieces = [_as_geom(piece) for piece in pieces(look.clutter, look.seed)]
         self._first_material, self._first_texture = model.nmat, model.ntex
         self._cameras = {model.camera(name).id: offset for name, offset in look.cameras.items()}
         ambient = np.mean(model.vis.headlight.ambient)
-        self._glow = 1.0 if look.ambient is None else float(np.mean(look.ambient) / ambient)
+        self._glow = None if look.ambient is None else float(np.mean(look.ambient) / ambient)
 
     def dress(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int) -> None:
         """Change a scene that the engine has just made, all but its shapes and where they are.
@@ -68,28 +71,29 @@ class Appearance:
             if paint is not None and paint.picture is not None:
                 geom.matid = self._first_material + paint.picture
                 geom.texid = self._first_texture + paint.picture
-            geom.emission *= self._glow
+            if self._glow is not None:
+                geom.emission *= self._glow
         for piece in self._pieces:
-            _add(geoms[scene.ngeom], piece)
+            geom = geoms[scene.ngeom]
+            mujoco.mjv_initGeom(geom, *piece)
+            # The engine leaves these as they were in the memory.
+            geom.objtype, geom.objid, geom.segid, geom.dataid, geom.texid = 0, -1, -1, -1, -1
+            geom.transparent = 0
+            geom.category = _DECOR  # which casts no shadow
             scene.ngeom += 1
 
 
-def _add(geom: mujoco.MjvGeom, piece: Piece) -> None:
-    """Make a geom of the scene a piece of furniture."""
+def _as_geom(piece: Piece) -> tuple[int, Array, Array, Array, NDArray[np.float32]]:
+    """Type, size, position, rotation and colour of a piece of furniture, as the engine wants it."""
     x, y, z = (length / 2 for length in piece.size)
     kind = mujoco.mjtGeom.mjGEOM_CYLINDER if piece.is_round else mujoco.mjtGeom.mjGEOM_BOX
-    mujoco.mjv_initGeom(
-        geom,
+    return (
         kind.value,
         np.array([x, z, 0.0] if piece.is_round else [x, y, z]),
         np.array(piece.position),
         np.eye(3).ravel(),
         np.array([*piece.colour, 1.0], dtype=np.float32),
     )
-    # The engine leaves these as they were in the memory.
-    geom.objtype, geom.objid, geom.segid, geom.dataid, geom.texid = 0, -1, -1, -1, -1
-    geom.transparent = 0
-    geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value  # which casts no shadow
 
 
 def _light(scene: mujoco.MjvScene, lights: tuple[Light, ...]) -> None:
@@ -125,7 +129,7 @@ def _move(lens: mujoco.MjvGLCamera, offset: CameraOffset) -> None:
         setattr(lens, field, zoom * getattr(lens, field))
 
 
-def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rotation(vector: Array) -> Array:
     """Matrix of a rotation vector."""
     quaternion, matrix = np.empty(4), np.empty(9)
     angle = float(np.linalg.norm(vector))

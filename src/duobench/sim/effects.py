@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from functools import lru_cache
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image as Pillow
-from PIL import ImageFilter
 
 from duobench.scene.look import Look
 
@@ -17,6 +16,9 @@ Image = NDArray[np.uint8]
 
 GAMMA = 2.2
 """Exponent from the numbers of an image to light."""
+_UNIT_BITS = 8
+_UNIT = 1 << _UNIT_BITS
+"""What the whole weights of a blur add up to: with 8 bits of brightness they fill 16."""
 _STARTS = 1 << 18
 """Places in a long row of random numbers where the noise of an image may begin."""
 
@@ -28,16 +30,44 @@ def apply(look: Look, image: Image, data: mujoco.MjData, camera: int) -> Image:
     the simulation state (time and positions), never of what was rendered before.
     """
     if look.blur:
-        blur = ImageFilter.GaussianBlur(look.blur * image.shape[0])
-        image = np.asarray(Pillow.fromarray(image).filter(blur))
+        image = _blurred(image, look.blur * image.shape[0])
     if look.exposure:
-        image = _curve(look.exposure)[image]
+        image = np.take(_curve(look.exposure), image)
     if look.noise:
         row = _noise(look.seed, look.noise, image.size + _STARTS)
         start = _start(look.seed, data, camera)
         grain = row[start : start + image.size].reshape(image.shape)
         image = np.clip(image + grain, 0, 255).astype(np.uint8)
     return image
+
+
+def _blurred(image: Image, deviation: float) -> Image:
+    """The image, convolved with a Gaussian of a standard deviation in pixels, along each axis."""
+    weights = _weights(deviation)
+    radius = len(weights) // 2
+    for axis in (0, 1):
+        edges = [(radius, radius) if one == axis else (0, 0) for one in range(3)]
+        padded = np.pad(image, edges, mode="edge").astype(np.uint16)
+        total = np.full(image.shape, _UNIT // 2, dtype=np.uint16)
+        for number, weight in enumerate(weights):
+            part = (
+                padded[number:][: image.shape[0]]
+                if axis == 0
+                else (padded[:, number:][:, : image.shape[1]])
+            )
+            total += part * weight
+        image = (total >> _UNIT_BITS).astype(np.uint8)
+    return image
+
+
+@lru_cache(maxsize=8)
+def _weights(deviation: float) -> tuple[np.uint16, ...]:
+    """Weights of a row of pixels, whole numbers that add up to `_UNIT`."""
+    radius = math.ceil(2.5 * deviation)
+    gauss = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
+    weights = np.rint(_UNIT * gauss / gauss.sum()).astype(int)
+    weights[radius] += _UNIT - weights.sum()
+    return tuple(np.uint16(weight) for weight in weights)
 
 
 @lru_cache(maxsize=8)

@@ -55,6 +55,7 @@ def upload(model: mujoco.MjModel, context: mujoco.MjrContext, pictures: Sequence
         start = holder.tex_adr[number]
         holder.tex_data[start : start + texels.size] = texels.ravel()
         mujoco.mjr_uploadTexture(holder, context, number)
+        _filter_quickly(kind, int(context.texture[number]))
         material = model.nmat + number - model.ntex
         textures = np.full(_ROLES, -1)
         textures[_RGB] = number
@@ -63,3 +64,14 @@ def upload(model: mujoco.MjModel, context: mujoco.MjrContext, pictures: Sequence
         context.mat_texuniform[material] = 0
     # Freeing the context frees them too.
     context.ntexture = max(context.ntexture, model.ntex + len(pictures))
+
+
+def _filter_quickly(kind: int, name: int) -> None:
+    """Take texels of one size where the engine blends two: on a processor a fifth of an image."""
+    # Only once a context is there, because this binds PyOpenGL to a library.
+    from OpenGL.raw.GL.VERSION import GL_1_0, GL_1_1, GL_1_3
+
+    target = GL_1_3.GL_TEXTURE_CUBE_MAP if kind == _CUBE else GL_1_0.GL_TEXTURE_2D
+    GL_1_1.glBindTexture(target, name)
+    GL_1_0.glTexParameteri(target, GL_1_0.GL_TEXTURE_MIN_FILTER, GL_1_0.GL_LINEAR_MIPMAP_NEAREST)
+    GL_1_1.glBindTexture(target, 0)
