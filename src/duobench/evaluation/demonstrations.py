@@ -188,7 +188,7 @@ def _next(task: TaskInfo, log: Mapping[tuple[str, int], Attempt], wanted: int) -
         index += 1
         if index > MAX_ATTEMPTS * wanted:
             raise EvaluationError(
-                f"Only {kept - len(missing)} of the first {index - 1 - len(missing)} episodes of "
+                f"Only {kept - len(missing)} of the first {index - len(missing)} episodes of "
                 f"{task.id} succeeded; {wanted} are wanted. What succeeded is kept."
             )
     return missing
