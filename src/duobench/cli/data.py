@@ -57,7 +57,7 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
     """
     load_engine()
     from duobench.cli.progress import counting
-    from duobench.data.check import check as find_problems
+    from duobench.data.check import find_problems
     from duobench.data.dataset import DataSet
 
     screen = console()

@@ -51,8 +51,7 @@ class ExpertPolicy:
             PolicyError: If the task has no expert.
         """
         duo = sim_of(env)
-        reference = "" if duo.spec is None else duo.spec.kwargs.get("task", "")
-        self._expert = make_expert(duo.task, duo.simulation, reference)
+        self._expert = make_expert(duo.definition, duo.simulation)
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode."""
@@ -95,7 +94,7 @@ def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
     """
     check_name(name)
     if name == EXPERT:
-        scripts = [find_script(task.id, task.reference).__module__ for task in tasks]
+        scripts = [find_script(task.reference).__module__ for task in tasks]
         metadata = replace(ExpertPolicy.metadata, version=source_version(*scripts))
         return PolicySource(metadata=metadata, bind=ExpertPolicy, close=lambda: None)
     made = policy.make(name)
