@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from duobench.errors import PolicyError
 from duobench.experts.expert import Expert
+from duobench.experts.variety import NONE, Variety
 from duobench.sim.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -39,15 +40,19 @@ def find_script(task_id: str, reference: str = "") -> Callable[[Arms], Script]:
     )
 
 
-def make_expert(task_id: str, simulation: Simulation, reference: str = "") -> Expert:
+def make_expert(
+    task_id: str, simulation: Simulation, reference: str = "", *, variety: Variety = NONE
+) -> Expert:
     """The expert of a task, bound to the simulation that it reads.
 
     Args:
         task_id: Id of the task.
         simulation: That of the environment the expert acts in: `env.unwrapped.simulation`.
         reference: `module:ATTRIBUTE` under which the task was asked for, if it was.
+        variety: How its episodes differ from the plain script.
 
     Raises:
         PolicyError: The task has no expert.
     """
-    return Expert(simulation, find_script(task_id, reference))
+    script = find_script(task_id, reference)
+    return Expert(simulation, script, variety=variety, task_id=task_id)
