@@ -168,7 +168,7 @@ def follow(
     path: Callable[[float], Mapping[Side, SE3]],
     seconds: float,
     *,
-    speed: float = CAREFUL,
+    freedom: float | None = None,
 ) -> Script:
     """Lead the tools along a path, with smooth timing.
 
@@ -176,9 +176,10 @@ def follow(
         arms: The arms to move.
         path: Tool poses at a fraction in [0, 1].
         seconds: How long it takes in the plain script.
-        speed: Speed in m/s that decides the motion's freedom.
+        freedom: How far a variety may change the timing, 0 to 1; if not given, that of careful
+            motions.
     """
-    seconds /= arms.variety.pace(freedom_at(speed))
+    seconds /= arms.variety.pace(freedom_at(CAREFUL) if freedom is None else freedom)
     steps = max(1, math.ceil(seconds / CONTROL_STEP))
     for number in range(1, steps + 1):
         arms.targets.update(path(smooth(number / steps)))
@@ -193,6 +194,7 @@ def move(
     turn_speed: float = TURN_SPEED,
     tolerance: float = ARRIVED,
     arrive: bool = True,
+    freedom: float | None = None,
 ) -> Script:
     """Move tools along straight lines, arriving together; a variety bends long and fast ones.
 
@@ -203,8 +205,9 @@ def move(
         turn_speed: Mean angular speed in rad/s of the tool with the largest turn.
         tolerance: Distance in metres at which a tool has arrived.
         arrive: Whether to wait for the tools themselves; otherwise only for their targets.
+        freedom: How far a variety may change the motion, 0 to 1; if not given, its speed decides.
     """
-    freedom = freedom_at(speed)
+    freedom = freedom_at(speed) if freedom is None else freedom
     yield from wait(arms.variety.pause_steps(goals, freedom))
     starts = {side: arms.targets[side] for side in goals}
     spans = [starts[side].distance(goal) for side, goal in goals.items()]
@@ -215,7 +218,7 @@ def move(
         arms.freedom[[side.index for side in goals]] = freedom * bump(fraction)
         return {side: line(fraction) for side, line in lines.items()}
 
-    yield from follow(arms, path, seconds, speed=speed)
+    yield from follow(arms, path, seconds, freedom=freedom)
     if arrive:
         yield from wait_until(lambda: arrived(arms, goals, tolerance), MAX_ARRIVAL_STEPS)
 
@@ -260,6 +263,7 @@ def pick(
     lift: float = 0.10,
     opening: float = OPEN,
     speed: float = SPEED,
+    freedom: float = 1.0,
 ) -> Script:
     """Come from above, close on an object, lift it.
 
@@ -271,8 +275,9 @@ def pick(
         lift: Height in metres by which it lifts.
         opening: Opening on the way down.
         speed: Mean speed in m/s of the approach.
+        freedom: Share of a variety's grasp offset that still holds the object.
     """
-    grasp = grasp @ arms.variety.grasp_offset()
+    grasp = grasp @ arms.variety.grasp_offset(freedom)
     arms.openings[side.index] = opening
     yield from move(arms, {side: grasp.moved(z=above)}, speed=speed, tolerance=NEAR)
     yield from move(arms, {side: grasp}, speed=CAREFUL)
@@ -306,7 +311,7 @@ def come_down(arms: Arms, grasps: Mapping[Side, SE3], *, opening: float, above: 
         opening: Opening on the way down.
         above: Height in metres from which the tools come straight down.
     """
-    grasps = {side: grasp @ arms.variety.grasp_offset() for side, grasp in grasps.items()}
+    grasps = {side: grasp @ arms.variety.grasp_offset(1.0) for side, grasp in grasps.items()}
     for side in grasps:
         arms.openings[side.index] = opening
     start = {side: grasp.moved(z=above) for side, grasp in grasps.items()}
@@ -363,10 +368,11 @@ def carry(
     start = arms.sim.pose(body)
     grasps = {side: start.inverse() @ arms.targets[side] for side in sides or SIDES}
     length, angle = start.distance(goal)
-    line = _line(arms, start, goal, freedom_at(speed))
+    freedom = freedom_at(speed)
+    line = _line(arms, start, goal, freedom)
 
     def path(fraction: float) -> dict[Side, SE3]:
         world_from_body = line(fraction)
         return {side: world_from_body @ grasp for side, grasp in grasps.items()}
 
-    yield from follow(arms, path, max(length / speed, angle / turn_speed), speed=speed)
+    yield from follow(arms, path, max(length / speed, angle / turn_speed), freedom=freedom)

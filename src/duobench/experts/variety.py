@@ -163,11 +163,11 @@ class VarietySample:
         direction -= (direction @ way) * way / length**2
         return math.copysign(size, direction[2]) * direction / np.linalg.norm(direction)
 
-    def grasp_offset(self) -> SE3:
+    def grasp_offset(self, freedom: float) -> SE3:
         """Pose of a grasp in the frame of the tool that would grasp as the script says."""
-        v, rng = self.variety, self._rng
-        x, z = (around(0.0, half).draw(rng) for half in (v.grasp_shift, v.grasp_depth))
-        yaw, lean = (around(0.0, v.grasp_turn).draw(rng) for _ in range(2))
+        v = self.variety
+        halves = (v.grasp_shift, v.grasp_depth, v.grasp_turn, v.grasp_turn)
+        x, z, yaw, lean = (around(0.0, freedom * half).draw(self._rng) for half in halves)
         return SE3.at(x, 0.0, z, yaw=yaw) @ SE3.about((0, 1, 0), lean)
 
     def ordered(self, sides: tuple[Side, ...]) -> tuple[Side, ...]:
