@@ -1,8 +1,11 @@
 from pathlib import Path
 
+import pytest
+
+from duobench.errors import UnknownNameError
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.policies import ExpertPolicy
+from duobench.evaluation.policies import ExpertPolicy, source
 from duobench.evaluation.rollout import rollout
 from duobench.evaluation.suite import find_tasks
 from duobench.randomness import episode_seed
@@ -38,3 +41,27 @@ def test_experts_score_the_same_here_with_two_workers_and_alone(tmp_path: Path) 
         for episode in range(EPISODES)
     }
     assert len(set(scored.values())) == len(scored)
+
+
+def test_an_expert_has_the_variety_of_its_name() -> None:
+    tasks = find_tasks(TASKS)
+    plain, none, human = (source(f"expert{name}", tasks) for name in ("", ":none", ":human"))
+    assert plain.metadata == none.metadata
+    assert (plain.metadata.name, human.metadata.name) == ("expert", "expert:human")
+    assert human.metadata.version != plain.metadata.version
+    env = make(TASKS[0])
+    assert human.bind(env).metadata.name == "expert:human"
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("expert:humn", r"variety 'humn'\. Did you mean 'human'"),
+        ("expert:", r"variety ''.*Known: human, none, wide"),
+        ("exprt", r"policy 'exprt'\. Did you mean 'expert'"),
+    ],
+)
+def test_a_misspelt_expert_is_refused(name: str, message: str) -> None:
+    with pytest.raises(UnknownNameError, match=message):
+        source(name)

@@ -176,7 +176,7 @@ class VarietySample:
         return sides[::-1] if self.variety.swaps and turned else sides
 
     def disturbance(self, freedom: Array) -> Array:
-        """Noise (2, 7) of the next executed joint targets in radians; an Ornstein-Uhlenbeck process.
+        """Noise (2, 7) of the next executed joint targets in radians (Ornstein-Uhlenbeck process).
 
         Args:
             freedom: That of each arm (2,) at this moment.
