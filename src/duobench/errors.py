@@ -75,6 +75,10 @@ class PolicyTimeoutError(PolicyError):
     """A policy took longer than its time limit."""
 
 
+class DataError(DuoBenchError):
+    """A recording or a data set cannot be read, or does not fit."""
+
+
 class EvaluationError(DuoBenchError):
     """A run cannot begin or go on, or a file of it cannot be read."""
 

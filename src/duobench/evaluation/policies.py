@@ -71,19 +71,22 @@ class ExpertPolicy:
         return self._expert.act(observation)
 
 
+def is_expert(name: str) -> bool:
+    """Whether a name is that of the scripted experts."""
+    return name.partition(":")[0] == EXPERT
+
+
 def _expert_metadata(variety: Variety) -> PolicyMetadata:
     return PolicyMetadata(name=EXPERT if variety is NONE else f"{EXPERT}:{variety.name}")
 
 
-def _variety(name: str) -> Variety | None:
-    """The variety of a policy that is an expert; None for any other policy.
+def _variety(name: str) -> Variety:
+    """The variety that the name of an expert asks for.
 
     Raises:
         UnknownNameError: There is no such variety.
     """
-    kind, is_varied, variety = name.partition(":")
-    if kind != EXPERT:
-        return None
+    _, is_varied, variety = name.partition(":")
     return find_variety(variety) if is_varied else NONE
 
 
@@ -96,7 +99,9 @@ def check_name(name: str) -> None:
     """
     if not name.isprintable():
         raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
-    if _variety(name) is None and ":" not in name and name not in BASELINES:
+    if is_expert(name):
+        _variety(name)
+    elif ":" not in name and name not in BASELINES:
         experts = [EXPERT, *(f"{EXPERT}:{variety}" for variety in VARIETIES)]
         raise UnknownNameError("policy", name, [*experts, *BASELINES, "module:attribute"])
 
@@ -114,7 +119,8 @@ def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
             has no expert.
     """
     check_name(name)
-    if variety := _variety(name):
+    if is_expert(name):
+        variety = _variety(name)
         modules = {find_script(task.id, task.reference).__module__ for task in tasks}
         if variety is not NONE:
             modules.add(Variety.__module__)
