@@ -58,8 +58,11 @@ class ExpertPolicy:
         self.metadata = _expert_metadata(variety)
 
     @property
-    def intended_action(self) -> NDArray[np.float32]:
-        """The last action (16,) without the noise in what was executed: the label to learn from."""
+    def intended_action(self) -> NDArray[np.float32] | None:
+        """The last action (16,) without the noise in what was executed: the label to learn from.
+
+        None before the first action of an episode.
+        """
         return self._expert.intended_action
 
     def reset(self, instruction: str, seed: int) -> None:

@@ -45,24 +45,14 @@ class Expert:
         self._kinematics = Kinematics()
         self._arms: Arms | None = None
         self._running: Script | None = None
-        self._intended: NDArray[np.float32] | None = None
-
-    @property
-    def intended_action(self) -> NDArray[np.float32]:
-        """The action (16,) that the last one was meant to be: the one executed, without its noise.
-
-        Raises:
-            PolicyError: There was no action in this episode yet.
-        """
-        if self._intended is None:
-            raise PolicyError("An expert intends nothing before its first act after a reset.")
-        return self._intended
+        self.intended_action: NDArray[np.float32] | None = None
+        """The last action (16,) without the noise in what was executed; None before the first."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
         """Begin an episode; the simulation must already be reset."""
         sample = VarietySample(self._variety, self._task_id, seed)
         self._arms = Arms(self._simulation, self._kinematics, sample)
-        self._intended = None
+        self.intended_action = None
         self._running = self._script(self._arms)
 
     def act(self, observation: object) -> NDArray[np.float64]:  # noqa: ARG002
@@ -75,7 +65,7 @@ class Expert:
             except StopIteration:
                 self._running = None
         intended, executed = self._next_actions(self._arms)
-        self._intended = intended.astype(np.float32)
+        self.intended_action = intended.astype(np.float32)
         return executed[None]
 
     def _next_actions(self, arms: Arms) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
