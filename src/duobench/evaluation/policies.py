@@ -53,8 +53,7 @@ class ExpertPolicy:
             PolicyError: If the task has no expert.
         """
         duo = sim_of(env)
-        reference = "" if duo.spec is None else duo.spec.kwargs.get("task", "")
-        self._expert = make_expert(duo.task, duo.simulation, reference, variety=variety)
+        self._expert = make_expert(duo.definition, duo.simulation, variety)
         self.metadata = _expert_metadata(variety)
 
     @property
@@ -124,7 +123,7 @@ def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
     check_name(name)
     if is_expert(name):
         variety = _variety(name)
-        modules = {find_script(task.id, task.reference).__module__ for task in tasks}
+        modules = {find_script(task.reference).__module__ for task in tasks}
         if variety is not NONE:
             modules.add(Variety.__module__)
         metadata = replace(_expert_metadata(variety), version=source_version(*modules))

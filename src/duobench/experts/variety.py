@@ -126,12 +126,12 @@ class VarietySample:
         self._rng = variety_generator(task_id, seed, variety.name, "motion")
         self._noise_rng = variety_generator(task_id, seed, variety.name, "noise")
         self._noise = np.zeros((len(SIDES), ARM_JOINTS))
-        self._tempo = variety.tempo.draw(self._rng)
+        self._tempo = variety.tempo.sample(self._rng)
         self._waiting = set(SIDES)
 
     def pace(self, freedom: float) -> float:
         """Factor on the speed of the next motion."""
-        factor = self._tempo * self.variety.speed.draw(self._rng)
+        factor = self._tempo * self.variety.speed.sample(self._rng)
         return 1.0 + freedom * (factor - 1.0)
 
     def pause_steps(self, sides: Iterable[Side], freedom: float) -> int:
@@ -139,10 +139,10 @@ class VarietySample:
         begins = not self._waiting.isdisjoint(sides)
         self._waiting.difference_update(sides)
         if begins:
-            return round(self.variety.start_delay.draw(self._rng) * CONTROL_HZ)
+            return round(self.variety.start_delay.sample(self._rng) * CONTROL_HZ)
         if self._rng.random() >= self.variety.pause_chance * freedom:
             return 0
-        return round(self.variety.pause.draw(self._rng) * CONTROL_HZ)
+        return round(self.variety.pause.sample(self._rng) * CONTROL_HZ)
 
     def detour(self, way: Array, freedom: float) -> Array:
         """How far the middle of a way is led to one side of it, and not down.
@@ -167,7 +167,7 @@ class VarietySample:
         """Pose of a grasp in the frame of the tool that would grasp as the script says."""
         v = self.variety
         halves = (v.grasp_shift, v.grasp_depth, v.grasp_turn, v.grasp_turn)
-        x, z, yaw, lean = (around(0.0, freedom * half).draw(self._rng) for half in halves)
+        x, z, yaw, lean = (around(0.0, freedom * half).sample(self._rng) for half in halves)
         return SE3.at(x, 0.0, z, yaw=yaw) @ SE3.about((0, 1, 0), lean)
 
     def ordered(self, sides: tuple[Side, ...]) -> tuple[Side, ...]:
