@@ -11,15 +11,19 @@ import pytest
 
 SURFACE = {
     "duobench": "DuoBenchError __version__ make register",
+    "duobench.data": """
+        Actor ActorKind DataSet Divergence EpisodeInfo ImageSource Outcome Recorder Recording Replayer
+        replay_all
+    """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper EnvConfig
         EpisodeState RandomizedReset RelativeCartesianActions RelativeJointActions ResetNeededError
         SimEnv StateError TaskStages TimeLimit base_of env_id make make_env register sim_of
     """,
     "duobench.evaluation": """
-        Episode EpisodeRecord Executor ExpertPolicy LocalExecutor Observer PolicySource
+        Attempt Episode EpisodeRecord Executor ExpertPolicy LocalExecutor Observer PolicySource
         ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo TaskResult TimeLimits
-        VideoRecorder Watcher evaluate find_tasks read_results rollout source summarize
+        VideoRecorder Watcher evaluate find_tasks read_results record rollout source summarize
         wilson_interval write_report
     """,
     "duobench.objects": """

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
+    from duobench.evaluation.demonstrations import Attempt, record
     from duobench.evaluation.evaluate import Observer, evaluate
     from duobench.evaluation.executor import Executor, LocalExecutor, ProcessExecutor
     from duobench.evaluation.folder import RunFolder
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from duobench.evaluation.video import VideoRecorder
 
 __all__ = [
+    "Attempt",
     "Episode",
     "EpisodeRecord",
     "Executor",
@@ -44,6 +46,7 @@ __all__ = [
     "evaluate",
     "find_tasks",
     "read_results",
+    "record",
     "rollout",
     "source",
     "summarize",
