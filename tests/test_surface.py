@@ -12,8 +12,8 @@ import pytest
 SURFACE = {
     "duobench": "DuoBenchError __version__ make register",
     "duobench.data": """
-        Actor ActorKind DataSet Divergence EpisodeInfo ImageSource Outcome Recorder Recording Replayer
-        replay_all
+        Actor ActorKind DataSet Divergence EpisodeInfo ImageSource Outcome Recorder Recording
+        Replayer replay_all
     """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper EnvConfig
