@@ -29,7 +29,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     exit code is 1 if an episode broke off with an error.
 
     Args:
-        policy: expert, hold, random, zero, or module:attribute for a policy of your own.
+        policy: expert (also expert:human or expert:wide, which vary what it does), hold, random,
+            zero, or module:attribute for a policy of your own.
         out: Folder of the run.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.

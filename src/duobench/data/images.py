@@ -36,7 +36,7 @@ class ImageSource:
             task: The task, its id, or its import path.
             cameras: Which cameras to render.
             size: Height and width of the images in pixels.
-            look: How they look: a name of `duobench.scene.looks.look`, or a look.
+            look: How the images look, whatever they looked like while recording.
 
         Raises:
             UnknownNameError: There is no such task or look.
