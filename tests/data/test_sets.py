@@ -12,7 +12,7 @@ import pytest
 from duobench.cli import main
 from duobench.data import DataSet, Recording
 from duobench.data.arrange import merge, split
-from duobench.data.check import check
+from duobench.data.check import find_problems
 from duobench.data.page import write_page
 from duobench.data.summary import summarize
 from duobench.errors import DataError, UnknownNameError
@@ -75,7 +75,7 @@ def with_column(name: str, row: int, value: float) -> Callable[[Recording], Reco
 
 def test_a_sound_data_set_has_no_problems(original: DataSet) -> None:
     seen = []
-    assert check(original, progress=lambda *numbers: seen.append(numbers)) == []
+    assert find_problems(original, progress=lambda *numbers: seen.append(numbers)) == []
     assert seen == [(done, EPISODES) for done in range(EPISODES + 1)]
 
 
@@ -101,7 +101,7 @@ def test_what_is_wrong_is_found(
     data: DataSet, change: Callable[[Recording], Recording], complaint: str
 ) -> None:
     path = spoil(data, change)
-    problems = check(data)
+    problems = find_problems(data)
     assert {problem.path for problem in problems} == {path}
     assert any(complaint.lower() in problem.what.lower() for problem in problems), problems
 
@@ -130,7 +130,7 @@ def test_what_is_split_is_merged_again(original: DataSet, tmp_path: Path) -> Non
     names = [path.relative_to(whole) for path in DataSet.open(whole).episodes()]
     assert names == [path.relative_to(original.path) for path in original.episodes()]
     assert contents(DataSet.open(whole)) == contents(original)
-    assert check(DataSet.open(whole)) == []
+    assert find_problems(DataSet.open(whole)) == []
 
 
 def test_a_split_follows_from_its_seed(original: DataSet, tmp_path: Path) -> None:
@@ -242,7 +242,7 @@ def test_page_works_offline_and_shows_every_task(
     before = page.read_bytes()
     write_page(data, summarize(data))
     assert page.read_bytes() == before
-    assert check(data) == []
+    assert find_problems(data) == []
 
 
 def test_an_empty_data_set_is_no_page(tmp_path: Path) -> None:

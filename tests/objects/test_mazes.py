@@ -60,7 +60,7 @@ def test_the_way_from_the_start_takes_several_runs_and_more_than_one_diagonal_ti
 
 
 def test_a_ball_runs_until_a_wall_stops_it() -> None:
-    maze = Maze.drawn(
+    maze = Maze.parsed(
         (
             "         |",
             "         |",
@@ -93,4 +93,4 @@ def test_an_edge_is_the_same_from_both_sides() -> None:
 
 def test_a_drawing_needs_every_row() -> None:
     with pytest.raises(ValueError, match="shorter"):
-        Maze.drawn(("         |",))
+        Maze.parsed(("         |",))

@@ -33,7 +33,7 @@ class Problem:
     """What is wrong, as a sentence."""
 
 
-def check(
+def find_problems(
     data: DataSet, *, workers: int = 0, progress: Progress = lambda _done, _total: None
 ) -> list[Problem]:
     """Check every file of a data set.

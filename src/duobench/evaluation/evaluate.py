@@ -126,7 +126,7 @@ def executor_for(
         )
     check_name(policy)
     if workers == 0:
-        return LocalExecutor(policy, suite.tasks, limits, recording)
+        return LocalExecutor(policy, suite.tasks, limits, suite.look, recording)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if videos:
@@ -134,4 +134,4 @@ def executor_for(
     elif ":" in policy and workers > 1:
         with suppress(RenderingError):
             rendering.prepare(processes=workers)
-    return ProcessExecutor(policy, suite.tasks, limits, workers, recording)
+    return ProcessExecutor(policy, suite.tasks, limits, workers, suite.look, recording)

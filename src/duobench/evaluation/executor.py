@@ -27,6 +27,7 @@ from duobench.evaluation.worker import (
     UnreadableError,
     Worker,
 )
+from duobench.scene.looks import DEFAULT
 
 MAX_ATTEMPTS = 3
 """How often an episode is begun before a fault of the machinery ends the run."""
@@ -106,6 +107,7 @@ class LocalExecutor:
         policy: str,
         tasks: Sequence[TaskInfo],
         limits: TimeLimits,
+        look: str = DEFAULT,
         recording: RecordingPlan | None = None,
     ) -> None:
         """Remember what to play.
@@ -114,15 +116,17 @@ class LocalExecutor:
             policy: Name of the policy.
             tasks: The tasks of the suite.
             limits: How long the policy may take.
+            look: Name of the look of the suite.
             recording: Whether and where episodes are recorded.
         """
         self._arguments = policy, tasks, limits
-        self._recording = recording
+        self._options = look, recording
         self._runner: EpisodeRunner | None = None
 
     def prepare(self) -> Setup:
         """Make the policy, and say what plays."""
-        self._runner = EpisodeRunner(*self._arguments, recording=self._recording)
+        look, recording = self._options
+        self._runner = EpisodeRunner(*self._arguments, look=look, recording=recording)
         return self._runner.setup
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
@@ -159,6 +163,7 @@ class ProcessExecutor:
         tasks: Sequence[TaskInfo],
         limits: TimeLimits,
         workers: int,
+        look: str = DEFAULT,
         recording: RecordingPlan | None = None,
     ) -> None:
         """Remember what to play; processes are started when they are needed.
@@ -168,9 +173,12 @@ class ProcessExecutor:
             tasks: The tasks of the suite.
             limits: How long the policy may take.
             workers: Most processes at a time.
+            look: Name of the look of the suite.
             recording: Whether and where episodes are recorded.
         """
-        self._begin = Begin(policy=policy, tasks=tuple(tasks), limits=limits, recording=recording)
+        self._begin = Begin(
+            policy=policy, tasks=tuple(tasks), limits=limits, look=look, recording=recording
+        )
         self._limits = limits
         self._most = workers
         self._workers: list[Worker] = []

@@ -18,7 +18,7 @@ from duobench.evaluation.suite import Episode, Setup
 from duobench.files import decode, encode
 from duobench.randomness import SUITE_VERSION
 
-RECORD_SCHEMA = 2
+RECORD_SCHEMA = 3
 """Version of the record's fields; raised when one is added, removed or changes its meaning."""
 
 
@@ -41,7 +41,7 @@ class EpisodeRecord:
     config: EnvConfig
     """Configuration of the environment."""
     instruction: str
-    """What the policy was told to do; empty if the episode died before its reset."""
+    """Instruction of the policy; empty if the episode died before its reset."""
     success: bool
     """Whether the last stage was reached."""
     success_at_end: bool

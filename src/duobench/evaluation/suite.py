@@ -11,14 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from duobench.envs.config import EnvConfig
-from duobench.errors import DuoBenchError, EvaluationError, traceback_text
+from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
 from duobench.files import decode, encode
 from duobench.policy import PolicyMetadata
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed
+from duobench.scene import looks
 from duobench.tasks import catalog
 
-RUN_SCHEMA = 2
+RUN_SCHEMA = 3
 """Version of the description's fields."""
 
 
@@ -89,6 +90,8 @@ class Suite:
     """Episodes of each task."""
     first_episode: int = 0
     """Index of the first one."""
+    look: str = looks.DEFAULT
+    """Name of the look of all episodes; see `duobench.scene.looks.look`."""
     version: str = SUITE_VERSION
     """Version of the benchmark's episodes."""
 
@@ -101,6 +104,7 @@ class Suite:
             )
         if not self.tasks:
             raise EvaluationError("A suite has at least one task, got none.")
+        looks.look(self.look)
         ids = [task.id for task in self.tasks]
         if twice := sorted({task_id for task_id in ids if ids.count(task_id) > 1}):
             raise EvaluationError(f"Named more than once: {', '.join(twice)}. Name each task once.")
@@ -127,20 +131,14 @@ def find_tasks(references: Sequence[str]) -> tuple[TaskInfo, ...]:
 
     Raises:
         UnknownNameError: If a task does not exist.
-        EvaluationError: If its module cannot be imported, or the task can have no records.
+        ImportPathError: If its module cannot be imported.
+        EvaluationError: If the task can have no records.
     """
     return tuple(_described(reference) for reference in references or catalog.names())
 
 
 def _described(reference: str) -> TaskInfo:
-    try:
-        task = catalog.get(reference)
-    except (DuoBenchError, KeyboardInterrupt):
-        raise
-    except BaseException as error:
-        raise EvaluationError(
-            f"The module of task {reference!r} cannot be imported.\n{traceback_text(error)}"
-        ) from error
+    task = catalog.get(reference)
     return TaskInfo(
         reference=reference,
         id=task.id,
@@ -205,6 +203,8 @@ class Run:
         words += ["--tasks", *(task.reference for task in suite.tasks)]
         words += ["--episodes", str(suite.episodes), "--first-episode", str(suite.first_episode)]
         words += ["--videos", str(self.videos)]
+        if suite.look != looks.DEFAULT:
+            words += ["--look", suite.look]
         if limits != TimeLimits():
             words += ["--act-timeout", f"{limits.act_s:g}"]
             words += ["--episode-timeout", f"{limits.episode_s:g}"]

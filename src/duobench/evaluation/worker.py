@@ -58,6 +58,7 @@ class Begin(msgspec.Struct, tag=True, frozen=True):
     policy: str
     tasks: tuple[TaskInfo, ...]
     limits: TimeLimits
+    look: str
     recording: RecordingPlan | None = None
 
 
@@ -300,6 +301,7 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
         begin.tasks,
         begin.limits,
         clock,
+        look=begin.look,
         recording=begin.recording,
         is_interruptible=False,
     )

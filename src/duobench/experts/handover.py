@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from duobench.experts.motion import (
     CAREFUL,
@@ -26,9 +26,7 @@ from duobench.experts.motion import (
     wait,
 )
 from duobench.spatial import SE3
-from duobench.types import Side
-
-Array = NDArray[np.float64]
+from duobench.types import Array, Side
 
 _FIRM_GRIP_STEPS = 4
 """Control steps in which both arms hold the bar before one lets go."""
@@ -79,6 +77,8 @@ class Bar:
     """Where the giver clasps it: distance from the bar's centre, towards the giver's camera."""
     height: float
     """Height of the tool centre point when the giver clasps the lying bar, in metres."""
+    freedom: float = 1.0
+    """Share of a variety's differences with which the giver still holds the bar firmly."""
 
     def free_end(self, arms: Arms) -> Array:
         """Direction (3,) of the bar's axis, out of the giver's hand."""
@@ -95,7 +95,8 @@ def pick_bar(arms: Arms, bar: Bar) -> Script:
         # there is the turn from which every yaw is reached without the last joint's stop.
         yaw = nearest_turn(pose.yaw, math.pi, giver.sign * math.radians(15))
         x, y, _ = pose.translation + bar.grip * np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        yield from pick(arms, giver, down(x, y, bar.height, yaw=yaw))
+        grasp = down(x, y, bar.height, yaw=yaw)
+        yield from pick(arms, giver, grasp, freedom=bar.freedom)
 
 
 def present(bar: Bar, centre: ArrayLike, rise: float) -> SE3:
@@ -143,7 +144,7 @@ def clasp(arms: Arms, side: Side, pose: SE3, *, approach: float = 0.10) -> Scrip
 
 
 def let_go(arms: Arms, side: Side, *, retreat: float = 0.10) -> Script:
-    """Open the fingers and draw back along the tool's axis by `retreat` metres."""
+    """Open the fingers and retreat along the tool's axis by `retreat` metres."""
     yield from release(arms, side)
     back = arms.targets[side] @ SE3.at(z=-retreat)
     yield from move(arms, {side: back}, speed=0.35, arrive=False)

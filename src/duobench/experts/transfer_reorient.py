@@ -21,13 +21,14 @@ from duobench.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 from duobench.spatial import SE3
 from duobench.types import Side
 
-BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027)
+BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027, freedom=0.2)
+"""Turned faster or held less deep, the peg swivels in the hand."""
 MEETING_POINT = np.array([0.50, 0.0, 0.38])
 RISE = math.radians(60)
 RECEIVER_GRIP = 0.032
 _READY = tool((0.50, 0.25, 0.45), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
 OVER_BOARD = (0.9, 0.0, 0.0, -2.5, 1.6, 2.45, 0.5)
-"""Joints in radians that the left arm is drawn to over the board."""
+"""Joints in radians that the left arm is attracted to over the board."""
 _ABOVE = (0.16, 0.06)
 """Heights of the peg above the board on its way, in metres. The elbow changes sides; lower down it
 may get stuck half-way, nearly stretched, and the arm does not reach the board."""
@@ -40,7 +41,8 @@ def script(arms: Arms) -> Script:
     """Hand the peg to the left arm, which inserts it."""
     giver, receiver = BAR.giver, BAR.giver.other
     yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
-    yield from move(arms, {giver: present(BAR, MEETING_POINT, RISE)}, tolerance=NEAR)
+    meeting = {giver: present(BAR, MEETING_POINT, RISE)}
+    yield from move(arms, meeting, tolerance=NEAR, freedom=BAR.freedom)
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
     yield from let_go(arms, giver)
     hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
-from duobench.scene.fr3 import Inertial, Vector
+from duobench.scene.fr3_links import Inertial, Vector
 from duobench.scene.meshes import add_robot_mesh
 from duobench.scene.naming import gripper_name
 from duobench.scene.surfaces import ROLLING, TORSION, set_metal

@@ -71,7 +71,6 @@ def _checked(folder: Path, checkpoint: str) -> Path:
     if missing:
         raise PolicyError(
             f"{checkpoint} has no {', '.join(missing)}: it was saved by an older LeRobot. Convert "
-            "it with: python -m lerobot.processor.migrate_policy_normalization --pretrained-path "
-            f"{checkpoint}"
+            "it with LeRobot's module lerobot.processor.migrate_policy_normalization."
         )
     return folder

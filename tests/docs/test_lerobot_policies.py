@@ -1,0 +1,38 @@
+"""Commands of docs/lerobot_policies.md; those that need LeRobot run in tests/lerobot."""
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from duobench.cli import main
+from duobench.policy.lerobot.address import Address, parse
+from duobench.policy.lerobot.checkpoint import LAST
+from tests.docs.markdown import ROOT, blocks
+from tests.policy.lerobot.test_training import export
+
+PAGE = ROOT / "docs" / "lerobot_policies.md"
+
+
+def commands(verb: str) -> list[list[str]]:
+    text = "\n".join(blocks(PAGE, "sh")).replace("\\\n", " ")
+    lines = [shlex.split(line) for line in text.splitlines()]
+    return [words[1:] for words in lines if words[:2] == ["duobench", verb]]
+
+
+def test_trainings_of_the_page_can_be_planned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    export(tmp_path / "demos-lerobot", ("bin_sort",))
+    for words in commands("train"):
+        main([*words, "--print"])
+        assert "lerobot-train" in capsys.readouterr().out
+
+
+def test_checkpoints_of_the_page_are_where_trainings_put_them() -> None:
+    outputs = {words[words.index("--out") + 1] for words in commands("train")}
+    policies = [words[words.index("--policy") + 1] for words in commands("eval")]
+    assert [parse(name.removeprefix("lerobot:")) for name in policies] == [
+        Address(checkpoint=f"{out}/{LAST}") for out in sorted(outputs)
+    ]
