@@ -6,11 +6,13 @@ import hashlib
 import importlib
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
 from duobench.errors import PolicyError, UnknownNameError, traceback_text
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
+from duobench.policy.batch import Batching, BatchPolicy, SessionPolicy
 from duobench.policy.protocol import Policy, PolicyMetadata
 
 BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
@@ -20,11 +22,11 @@ BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
 
 
 def make(name: str) -> Policy:
-    """Make a policy.
+    """Make a policy that plays one episode at a time.
 
     Args:
         name: A baseline's name, or `module:attribute` where the attribute is a class or a function
-            that gives a policy when called without arguments.
+            that gives a `Policy` or a `BatchPolicy` when called without arguments.
 
     Returns:
         A policy that has not been reset yet.
@@ -33,18 +35,41 @@ def make(name: str) -> Policy:
         UnknownNameError: If there is no baseline of that name.
         PolicyError: If the module or its attribute is missing, raises, or gives something else.
     """
+    made = make_any(name)
+    return SessionPolicy(made, Batching()) if isinstance(made, BatchPolicy) else made
+
+
+def make_any(name: str) -> Policy | BatchPolicy:
+    """Make a policy of either kind, as it is; arguments and errors are those of `make`."""
     if ":" in name:
         policy = _made(name)
     elif name in BASELINES:
         policy = BASELINES[name]()
     else:
         raise UnknownNameError("policy", name, [*BASELINES, "module:attribute"])
-    if not isinstance(policy, Policy) or not isinstance(policy.metadata, PolicyMetadata):
+    is_one = isinstance(policy, Policy | BatchPolicy)
+    if not is_one or not isinstance(policy.metadata, PolicyMetadata):
         raise PolicyError(
             f"{name} gave a {type(policy).__name__}, which is no policy. A policy has `metadata` "
-            "(a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and `act(observation)`."
+            "(a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
+            "`act(observation)`, or `begin(instruction, seed)` and "
+            "`act_batch(sessions, observations)` for many episodes at a time."
         )
     return policy
+
+
+def versioned_metadata(name: str, policy: Policy | BatchPolicy) -> PolicyMetadata:
+    """What a policy says about itself, with the hash of its source where it has no version.
+
+    Args:
+        name: Name that it was made by.
+        policy: The policy.
+    """
+    if policy.metadata.version is not None:
+        return policy.metadata
+    modules = [name.partition(":")[0]] if ":" in name else []
+    version = source_version(*modules, type(policy).__module__)
+    return replace(policy.metadata, version=version)
 
 
 def source_version(*modules: str) -> str | None:
