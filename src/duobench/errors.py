@@ -75,6 +75,14 @@ class PolicyTimeoutError(PolicyError):
     """A policy took longer than its time limit."""
 
 
+class ServingError(DuoBenchError):
+    """A policy cannot be served as asked, or a server cannot be asked as told."""
+
+
+class MessageError(ServingError):
+    """A message from or to the other side cannot be read or sent."""
+
+
 class EvaluationError(DuoBenchError):
     """A run cannot begin or go on, or a file of it cannot be read."""
 

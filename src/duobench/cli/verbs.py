@@ -14,6 +14,7 @@ from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
 from duobench.cli.render import render
 from duobench.cli.report import report
+from duobench.cli.serve import serve
 
 DESCRIPTION = (
     "A benchmark for two-armed manipulation on the Franka FR3 Duo. "
@@ -31,6 +32,7 @@ def run(arguments: Sequence[str] | None) -> None:
         {
             "eval": evaluate,
             "report": report,
+            "serve": serve,
             "list": list_tasks,
             "render": render,
             "doctor": doctor,
