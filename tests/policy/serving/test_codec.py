@@ -86,7 +86,7 @@ def test_what_could_not_be_read_is_not_sent(value: object) -> None:
         (b"\x81\xa1a\xd4\x05x", "cannot be read"),
         (b"\x81\xa1a\xd6\xff\0\0\0\1", "cannot be read"),
         (b"\x81\x01\x02", "keys of a map"),
-        (b"\x93\1\2\3", "is a map, got a list"),
+        (b"\x93\1\2\3", "is a map of names to values, got a list"),
         (b"\x9f" + (b"\xdc\x0f\xa0" + b"\x80" * 4000) * 15, "at most 10000 items"),
         (b"\x81\xa1a\xdb\0\1\0\1" + b"x" * 65537, "cannot be read"),
     ],

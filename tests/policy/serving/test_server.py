@@ -4,7 +4,7 @@ import asyncio
 import http.client
 import socket
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from typing import Any
 
@@ -22,9 +22,8 @@ from duobench.policy.serving.host import PolicyHost
 from duobench.policy.serving.server import PolicyServer, _Conversation
 from tests.evaluation.processes import wait_until
 from tests.policy.serving.hostile import messages
+from tests.policy.serving.serving import TIMEOUT_S, Serve
 from tests.policy.test_batch import OBSERVATION, Network, Refuses, observations
-
-TIMEOUT_S = 30
 
 
 class Gated(Network):
@@ -38,34 +37,6 @@ class Gated(Network):
         self.asked.set()
         assert self.may.wait(TIMEOUT_S)
         return super().act_batch(sessions, observations)
-
-
-class Serve:
-    """Serves policies; calling it gives the port of another one."""
-
-    def __init__(self) -> None:
-        self.hosts: list[PolicyHost] = []
-        self._threads: list[threading.Thread] = []
-
-    def __call__(self, policy: Network, key: str | None = None) -> int:
-        host = PolicyHost(policy, policy.metadata, Batching(size=2), key=key)
-        self.hosts.append(host)
-        self._threads.append(threading.Thread(target=host.run, daemon=True))
-        self._threads[-1].start()
-        return host.port
-
-    def close(self) -> None:
-        for host, thread in zip(self.hosts, self._threads, strict=True):
-            host.stop()
-            thread.join(TIMEOUT_S)
-            assert not thread.is_alive()
-
-
-@pytest.fixture
-def serve() -> Iterator[Serve]:
-    serving = Serve()
-    yield serving
-    serving.close()
 
 
 def dial(port: int, **options: Any) -> ClientConnection:

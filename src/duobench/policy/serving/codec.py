@@ -38,10 +38,24 @@ def pack(message: Mapping[str, Any]) -> bytes:
 
 
 def unpack(data: bytes) -> dict[str, Any]:
-    """A message from bytes that anybody may have sent; its arrays are copies, and writable.
+    """A map from bytes that anybody may have sent; its arrays are copies, and writable.
 
     Raises:
         MessageError: If it is no map of texts to plain values and arrays, or beyond the limits.
+    """
+    message = read(data)
+    if not isinstance(message, dict):
+        raise MessageError(
+            f"A message is a map of names to values, got a {type(message).__name__}."
+        )
+    return message
+
+
+def read(data: bytes) -> Any:
+    """A message of any type from bytes that anybody may have sent.
+
+    Raises:
+        MessageError: If it is none, or beyond the limits.
     """
     count = _Counter()
     try:
@@ -62,12 +76,7 @@ def unpack(data: bytes) -> dict[str, Any]:
         raise MessageError(
             f"A message cannot be read: {str(error) or 'it is no MessagePack'}."
         ) from error
-    if not isinstance(message, dict):
-        raise MessageError(f"A message is a map, got a {type(message).__name__}.")
-    value = _checked(message, 0)
-    if not isinstance(value, dict):
-        raise MessageError("A message is a map of names to values, got an array.")
-    return value
+    return _checked(message, 0)
 
 
 class _Counter:

@@ -1,7 +1,12 @@
-"""What a server and a client accept from the other side, all in one place.
+"""What server and client agree on, and what each accepts from the other, all in one place.
 
 Whoever sends more, or takes longer, is refused; what is refused costs little memory and time.
 """
+
+PROTOCOL = 1
+"""Version of what our server adds to openpi's protocol."""
+HEALTH_PATH = "/healthz"
+"""Where a server says that it lives."""
 
 MAX_REQUEST = 16 << 20
 """Bytes of a message to a server: three images of 720 x 1280 take 8.3 MB."""

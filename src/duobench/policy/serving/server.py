@@ -27,13 +27,10 @@ from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.protocol import PolicyMetadata
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack, unpack
+from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 
 T = TypeVar("T")
 
-PROTOCOL = 1
-"""Version of what this server adds to openpi's protocol."""
-HEALTH_PATH = "/healthz"
-"""Where a server says that it lives."""
 RESET_STATUS = "reset successful"
 """Answer to a reset, as other servers of the protocol give it."""
 _GOING_AWAY, _INTERNAL_ERROR, _TRY_AGAIN = 1001, 1011, 1013
