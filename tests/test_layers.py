@@ -16,7 +16,7 @@ import duobench
 # itself; rooms of one line are siblings, which never import each other.
 FLOORS = (
     ("errors",),
-    ("spatial", "files"),
+    ("spatial", "files", "versions"),
     ("types", "randomness"),
     ("backend",),
     ("objects",),
@@ -31,7 +31,7 @@ FLOORS = (
     ("__main__",),
 )
 RANK = {room: rank for rank, rooms in enumerate(FLOORS) for room in rooms}
-BASE = ("errors", "spatial", "files", "types", "randomness", "backend")
+BASE = ("errors", "spatial", "files", "versions", "types", "randomness", "backend")
 
 # Modules that a room may not name, apart from what the floors already say.
 EVERYWHERE = ("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy")

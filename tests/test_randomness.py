@@ -11,15 +11,20 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from duobench.errors import UnknownNameError
 from duobench.randomness import (
     ANY_YAW,
+    EVAL,
     SUITE_VERSION,
+    TRAIN,
     Choice,
     Uniform,
     around,
     episode_seed,
     generator,
+    layout_key,
 )
+from duobench.tasks import catalog
 
 DRAW = (
     "from duobench.randomness import episode_seed, generator\n"
@@ -64,6 +69,49 @@ def test_episode_seeds_are_distinct_32_bit_numbers() -> None:
     assert all(0 <= seed < 2**32 for seed in seeds)
     assert stats.kstest(np.array(seeds) / 2**32, "uniform").pvalue > 0.01
     assert set(seeds).isdisjoint(episode_seed("carry_pot", episode) for episode in range(1000))
+
+
+# --- splits --------------------------------------------------------------------------------------
+
+FIRST = range(100_000)
+
+
+def test_the_eval_split_is_the_default() -> None:
+    assert first_draw("bin_sort", 3) == generator("bin_sort", 3, EVAL).integers(2**62)
+    assert episode_seed("bin_sort", 3) == episode_seed("bin_sort", 3, EVAL)
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_train_and_eval_layouts_never_meet(name: str) -> None:
+    """No two keys of generators are equal, so no generator begins like another."""
+    keys = {layout_key(name, seed, split) for split in (EVAL, TRAIN) for seed in FIRST}
+    assert len(keys) == 2 * len(FIRST)
+
+
+def test_generators_of_both_splits_begin_with_other_numbers() -> None:
+    draws = {generator("bin_sort", seed, s).random() for s in (EVAL, TRAIN) for seed in FIRST}
+    assert len(draws) == 2 * len(FIRST)
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_sampled_layouts_of_both_splits_differ(name: str) -> None:
+    task, count = catalog.get(name), 100
+    layouts = [
+        next(task.layouts(seed, s)).to_json() for s in (EVAL, TRAIN) for seed in range(count)
+    ]
+    assert len({str(layout["poses"]) for layout in layouts}) == 2 * count
+
+
+def test_episode_seeds_of_both_splits_differ() -> None:
+    seeds = [{episode_seed("bin_sort", n, split) for n in range(1000)} for split in (EVAL, TRAIN)]
+    assert seeds[0].isdisjoint(seeds[1])
+
+
+@pytest.mark.parametrize("split", ["test", "", None, 0])
+def test_an_unknown_split_is_refused(split: str) -> None:
+    for call in (generator, layout_key, episode_seed):
+        with pytest.raises(UnknownNameError, match=r"split.*Known: eval, train"):
+            call("bin_sort", 0, split)
 
 
 def test_an_episode_before_the_first_is_refused() -> None:

@@ -47,8 +47,17 @@ class DuoBackend(Protocol):
         """The command that was really sent last; before the first one, where the arms are held."""
         ...
 
+    @property
+    def time(self) -> float:
+        """Seconds on a clock that never goes back, when the latest state was measured."""
+        ...
+
     def read(self) -> DuoState:
         """The latest state of the arms."""
+        ...
+
+    def joint_velocities(self) -> Array:
+        """Joint velocities (2, 7) in rad/s, left then right, of the latest state."""
         ...
 
     def command(self, command: DuoCommand) -> DuoCommand:

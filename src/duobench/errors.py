@@ -83,6 +83,10 @@ class MessageError(ServingError):
     """A message from or to the other side cannot be read or sent."""
 
 
+class DataError(DuoBenchError):
+    """A recording or a data set cannot be read, or does not fit."""
+
+
 class EvaluationError(DuoBenchError):
     """A run cannot begin or go on, or a file of it cannot be read."""
 

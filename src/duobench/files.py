@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import json
 import os
 from collections.abc import Iterator
@@ -21,6 +23,9 @@ T = TypeVar("T", bound="DataclassInstance")
 
 TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; whatever still carries it after a crash is rubbish."""
+
+_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
+"""What file systems without locks answer; work there goes on unprotected."""
 
 
 @contextmanager
@@ -55,6 +60,40 @@ def make_folder(path: Path) -> None:
             reason = "nothing may be written into it"
     if reason:
         raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked.
+
+    Raises:
+        OutputError: If the folder cannot be made, or another process is writing into it.
+    """
+    make_folder(folder)
+    handles = [os.open(folder, os.O_RDONLY)]
+
+    def release() -> None:
+        while handles:
+            os.close(handles.pop())
+
+    # A child that a policy forks would keep the lock for as long as it lives.
+    os.register_at_fork(after_in_child=release)
+    try:
+        _lock(handles[0], folder)
+        yield
+    finally:
+        release()
+
+
+def _lock(handle: int, folder: Path) -> None:
+    """Lock an open folder; the operating system drops the lock with the process."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise OutputError(f"Another process is writing into {folder}. Wait for its end.") from error
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
 
 
 def write(path: Path, content: str | bytes) -> None:

@@ -1,8 +1,8 @@
 """Everything that is drawn: named distributions, and generators that depend on nothing else.
 
-A generator is a pure function of (task, suite version, seed); an episode's seed is a pure function
-of (task, suite version, episode index). Hashing makes neighbouring numbers unrelated and keeps the
-result independent of the process, the platform and of what ran before.
+A layout's generator is a pure function of (task, suite version, split, seed); an episode's seed is
+a pure function of (task, suite version, split, episode index). Hashing makes neighbouring numbers
+unrelated and keeps the result independent of the process, the platform and of what ran before.
 """
 
 from __future__ import annotations
@@ -13,8 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duobench.errors import UnknownNameError
+
 SUITE_VERSION = "3"
 """Version of the benchmark's episodes. A change that alters any layout or state raises it."""
+
+EVAL, TRAIN = "eval", "train"
+"""Splits: layouts that policies are evaluated on, and layouts that demonstrations begin with."""
+SPLITS = (EVAL, TRAIN)
 
 
 def _digest(*words: object) -> int:
@@ -22,17 +28,64 @@ def _digest(*words: object) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")
 
 
-def generator(task_id: str, seed: int) -> np.random.Generator:
-    """Generator for one episode of a task; the same (task, suite version, seed), the same draws."""
-    words = _digest("layout", task_id, SUITE_VERSION, int(seed))
+def check_split(split: object) -> None:
+    """Reject what is no split.
+
+    Raises:
+        UnknownNameError: There is no such split.
+    """
+    if not isinstance(split, str) or split not in SPLITS:
+        raise UnknownNameError("split", split, SPLITS)
+
+
+def _word(kind: str, split: str) -> str:
+    # The first hashed word keeps the splits apart, so a layout in both would need two different
+    # texts with the same SHA-256 hash.
+    check_split(split)
+    return kind if split == EVAL else f"{split} {kind}"
+
+
+def layout_key(task_id: str, seed: int, split: str = EVAL) -> int:
+    """Number (256 bits) that a layout follows from; distinct for all tasks, splits and seeds.
+
+    Raises:
+        UnknownNameError: There is no such split.
+    """
+    return _digest(_word("layout", split), task_id, SUITE_VERSION, int(seed))
+
+
+def generator(task_id: str, seed: int, split: str = EVAL) -> np.random.Generator:
+    """Generator of a layout; the same (task, suite version, split, seed), the same numbers.
+
+    Raises:
+        UnknownNameError: There is no such split.
+    """
+    return np.random.Generator(np.random.PCG64(layout_key(task_id, seed, split)))
+
+
+def variety_generator(task_id: str, seed: int, variety: str, purpose: str) -> np.random.Generator:
+    """Generator of what an expert does differently in an episode; unrelated to the layout's.
+
+    Args:
+        task_id: Id of the task.
+        seed: Seed of the episode.
+        variety: Name of the variety.
+        purpose: What is sampled; other purposes, unrelated numbers.
+    """
+    words = _digest("variety", task_id, int(seed), variety, purpose)
     return np.random.Generator(np.random.PCG64(words))
 
 
-def episode_seed(task_id: str, episode: int) -> int:
-    """Seed (32 bits) of the n-th evaluation episode of a task in this suite version."""
+def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
+    """Seed (32 bits) of the n-th episode of a task's split in this suite version.
+
+    Raises:
+        UnknownNameError: There is no such split.
+        ValueError: The index is negative.
+    """
     if episode < 0:
         raise ValueError(f"An episode index counts from 0, got {episode}.")
-    return _digest("episode", task_id, SUITE_VERSION, int(episode)) % 2**32
+    return _digest(_word("episode", split), task_id, SUITE_VERSION, int(episode)) % 2**32
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,6 +48,11 @@ class NumberArms:
         self.closed = False
         self._kinematics = Kinematics()
 
+    time = 0.0
+
+    def joint_velocities(self) -> np.ndarray:
+        return np.zeros((2, 7))
+
     def read(self) -> DuoState:
         poses = self._kinematics.forward(self.last_command.joints)
         return DuoState(

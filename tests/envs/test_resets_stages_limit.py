@@ -14,7 +14,7 @@ import duobench
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.sim_env import SimEnv
 from duobench.envs.wrappers import RandomizedReset, TaskStages, TimeLimit
-from duobench.errors import ActionError, LayoutError
+from duobench.errors import ActionError, LayoutError, UnknownNameError
 from duobench.sim import placement
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
@@ -84,6 +84,36 @@ def test_a_layout_can_be_given_instead_of_a_seed(env: gym.Env) -> None:
     assert state_hash(env) == first
     assert again["seed"] is None
     assert again["layout"] == info["layout"]
+
+
+def test_a_reset_samples_from_the_split_of_its_environment_or_options(env: gym.Env) -> None:
+    _, on_eval = env.reset(seed=7)
+    _, on_train = env.reset(seed=7, options={"split": "train"})
+    assert (on_eval["split"], on_train["split"]) == ("eval", "train")
+    assert on_eval["layout"] != on_train["layout"]
+    task, simulation = catalog.get(TASK), sim_of(env).simulation
+    sampled = placement.first_valid(simulation, task.layouts(7, "train"), task.id)
+    assert on_train["layout"] == sampled.to_json()
+    _, of_given = env.reset(options={"layout": on_train["layout"]})
+    assert of_given["split"] is None
+
+    train = duobench.make(TASK, cameras=False, split="train")
+    assert train.get_wrapper_attr("config").split == "train"
+    _, info = train.reset(seed=7)
+    assert (info["split"], info["layout"]) == ("train", on_train["layout"])
+    _, info = train.reset(seed=7, options={"split": "eval"})
+    assert (info["split"], info["layout"]) == ("eval", on_eval["layout"])
+    train.close()
+
+
+def test_an_unknown_split_is_refused(env: gym.Env) -> None:
+    for call in (
+        lambda: duobench.make(TASK, split="test"),
+        lambda: RandomizedReset(SimEnv(catalog.get(TASK)), "test"),
+        lambda: env.reset(seed=7, options={"split": "test"}),
+    ):
+        with pytest.raises(UnknownNameError, match=r"split 'test'.*Known: eval, train"):
+            call()
 
 
 def test_unknown_option_keys_are_left_alone(env: gym.Env) -> None:

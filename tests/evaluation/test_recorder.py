@@ -4,9 +4,9 @@ from duobench.errors import PolicyTimeoutError
 from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import rollout
 from duobench.evaluation.suite import Episode, Setup, find_tasks
-from duobench.evaluation.versions import record_versions
 from duobench.policy import PolicyMetadata, make
 from duobench.randomness import episode_seed
+from duobench.versions import record_versions
 from tests.evaluation import toy_tasks
 
 (WAVE,) = find_tasks([toy_tasks.WAVE_NAME])

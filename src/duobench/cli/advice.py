@@ -35,6 +35,21 @@ def for_evaluation(folder: RunFolder) -> Iterator[None]:
         raise AdvisedError(f"{error} {_advice(error, folder)}") from error
 
 
+@contextmanager
+def for_data() -> Iterator[None]:
+    """Add advice to what recording raises.
+
+    Raises:
+        AdvisedError: In place of an error about which there is advice.
+    """
+    try:
+        yield
+    except OtherRunError as error:
+        raise AdvisedError(f"{error} Give --out another folder.") from error
+    except (OutputError, MachineryError) as error:
+        raise AdvisedError(f"{error} The same command goes on with what is missing.") from error
+
+
 def _advice(error: DuoBenchError, folder: RunFolder) -> str:
     match error:
         case OtherRunError() if folder.description.exists():

@@ -35,8 +35,8 @@ def doctor() -> None:
 
 def _versions() -> dict[str, str]:
     """Versions of what scores depend on."""
-    from duobench.evaluation.versions import record_versions
     from duobench.randomness import SUITE_VERSION
+    from duobench.versions import record_versions
 
     found = {name: version for name, version in record_versions(None).items() if version}
     return {**found, "suite version": SUITE_VERSION}

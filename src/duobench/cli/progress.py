@@ -18,9 +18,10 @@ from rich.progress import (
 )
 
 from duobench.cli.console import counted
+from duobench.evaluation.demonstrations import Attempt
 from duobench.evaluation.evaluate import Observer
 from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Run
+from duobench.evaluation.suite import Run, TaskInfo
 
 PLAIN_LINES = 10
 """About how many lines of progress a run prints where nothing can be drawn over."""
@@ -104,3 +105,67 @@ def progress_display(console: Console) -> Iterator[Observer]:
     )
     with Progress(*columns, console=console) as progress:
         yield LiveProgress(progress)
+
+
+class AttemptBars:
+    """A bar a task, of the episodes that are kept; for recording."""
+
+    def __init__(self, progress: Progress) -> None:
+        """Draw into a display that is already live."""
+        self._progress = progress
+        self._bars: dict[str, TaskID] = {}
+
+    def on_start(self, tasks: Sequence[TaskInfo], wanted: int, attempts: Sequence[Attempt]) -> None:
+        """Draw the bars, with what was kept earlier."""
+        for task in tasks:
+            self._bars[task.id] = self._progress.add_task(task.id, total=wanted, start=False)
+        for attempt in attempts:
+            self.on_attempt(attempt)
+
+    def on_attempt(self, attempt: Attempt) -> None:
+        """Advance the bar of the task, if the episode is kept."""
+        bar = self._bars.get(attempt.task)
+        if bar is not None:
+            self._progress.start_task(bar)
+            self._progress.update(bar, advance=int(attempt.kept))
+
+
+class AttemptLines:
+    """A line whenever another tenth is kept; for recording."""
+
+    def __init__(self, console: Console) -> None:
+        """Print to a console that is no terminal."""
+        self._console = console
+        self._total = self._kept = 0
+
+    def on_start(self, tasks: Sequence[TaskInfo], wanted: int, attempts: Sequence[Attempt]) -> None:
+        """Say what is going to be done."""
+        self._total = wanted * len(tasks)
+        self._kept = sum(attempt.kept for attempt in attempts)
+        self._console.print(
+            f"{counted(len(tasks), 'task')}, {counted(self._total, 'episode')}"
+            + (f", {self._kept} already recorded" if self._kept else "")
+        )
+
+    def on_attempt(self, attempt: Attempt) -> None:
+        """Print a line whenever another tenth is done."""
+        before, self._kept = self._kept, self._kept + attempt.kept
+        if PLAIN_LINES * before // self._total != PLAIN_LINES * self._kept // self._total:
+            self._console.print(f"{self._kept} of {counted(self._total, 'episode')}")
+
+
+@contextmanager
+def bars(console: Console) -> Iterator[AttemptBars | AttemptLines]:
+    """The observer of a recording that suits a console, live as long as the block lasts."""
+    if not console.is_terminal:
+        yield AttemptLines(console)
+        return
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as progress:
+        yield AttemptBars(progress)

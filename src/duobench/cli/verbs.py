@@ -12,7 +12,9 @@ from duobench.cli.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
+from duobench.cli.record import record
 from duobench.cli.render import render
+from duobench.cli.replay import replay
 from duobench.cli.report import report
 from duobench.cli.serve import serve
 
@@ -33,6 +35,8 @@ def run(arguments: Sequence[str] | None) -> None:
             "eval": evaluate,
             "report": report,
             "serve": serve,
+            "record": record,
+            "replay": replay,
             "list": list_tasks,
             "render": render,
             "doctor": doctor,

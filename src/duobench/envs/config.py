@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from duobench.errors import OptionError, UnknownNameError
+from duobench.randomness import EVAL, SPLITS
 from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
 from duobench.types import CONTROL_HZ
 
@@ -39,6 +40,8 @@ class EnvConfig:
     """Actions in one step, as an array (chunk, n); None takes single actions (n,)."""
     horizon: int | None = None
     """Control steps after which an episode is truncated; None takes the task's."""
+    split: str = EVAL
+    """Layouts that resets sample from: "eval", or "train" for demonstrations."""
     control_rate_hz: float = CONTROL_HZ
     """Control steps a second; there is one rate."""
     render_mode: str | None = None
@@ -51,6 +54,7 @@ class EnvConfig:
         for name in self.cameras:
             _check_name("camera", name, POLICY_CAMERAS)
         _check_name("action mode", self.action_mode, ACTION_MODES)
+        _check_name("split", self.split, SPLITS)
         if self.render_mode is not None:
             _check_name("render mode", self.render_mode, RENDER_MODES)
         if not isinstance(self.binary_gripper, bool):
@@ -76,7 +80,7 @@ class EnvConfig:
                 numbers may be NumPy's.
 
         Raises:
-            UnknownNameError: There is no such option, camera or mode.
+            UnknownNameError: There is no such option, camera, mode or split.
             OptionError: A value is invalid.
         """
         known = [field.name for field in fields(EnvConfig)]

@@ -65,7 +65,7 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
         The environment; `env.get_wrapper_attr("config")` is its `EnvConfig`.
 
     Raises:
-        UnknownNameError: There is no such task, option, camera or mode.
+        UnknownNameError: There is no such task, option, camera, mode or split.
         OptionError: A value is invalid.
     """
     config = EnvConfig.from_options(options)
@@ -74,7 +74,7 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
         definition = replace(definition, horizon=config.horizon)
     base = SimEnv(definition, render_mode=config.render_mode, render_size=config.render_size)
     base.config = config
-    env: gym.Env = TimeLimit(TaskStages(RandomizedReset(base)), definition.horizon)
+    env: gym.Env = TimeLimit(TaskStages(RandomizedReset(base, config.split)), definition.horizon)
     env = _WRAP[config.action_mode](env)
     if config.binary_gripper:
         env = BinaryGripper(env)

@@ -59,8 +59,9 @@ def make(task: Task | str, **options: Any) -> gym.Env:
         task: Id of a task, import path "module:ATTRIBUTE", or a task.
         options: `cameras` (True, False or names), `image_size` (224, or height and width),
             `action_mode` ("joint", "joint_relative", "cartesian", "cartesian_relative"),
-            `binary_gripper`, `chunk` (actions in one step), `horizon`, `render_mode`
-            ("rgb_array"), `render_size`; see `duobench.envs.config.EnvConfig`.
+            `binary_gripper`, `chunk` (actions in one step), `horizon`, `split` ("eval", or "train"
+            for demonstrations), `render_mode` ("rgb_array"), `render_size`; see
+            `duobench.envs.config.EnvConfig`.
 
     Returns:
         The environment; without options, that of the evaluation protocol.

@@ -13,6 +13,7 @@ from duobench.envs.config import RENDER_SIZE
 from duobench.envs.duo_env import DuoEnv, Info, Observation, ResetNeededError, base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.errors import DuoBenchError, LayoutError
+from duobench.randomness import EVAL
 from duobench.scene.cameras import OVERVIEW
 from duobench.sim import placement
 from duobench.sim.backend import SimBackend
@@ -22,7 +23,7 @@ from duobench.tasks.task import Task
 
 DEFAULT_SEED = 0
 """A reset without a layout uses the one that this seed samples."""
-LAYOUT, LAYOUT_SEED = "layout", "layout_seed"
+LAYOUT, LAYOUT_SEED, SPLIT = "layout", "layout_seed", "split"
 """Options of a reset."""
 
 
@@ -77,7 +78,8 @@ class SimEnv(DuoEnv):
         Args:
             seed: Seeds `np_random`; what is on the table depends on the layout alone.
             options: `layout` is the layout, as a `Layout` or as its JSON form; without it,
-                `layout_seed` samples one from the task. Other keys are left to others.
+                `layout_seed` samples one from the task's `split`, "eval" or "train". Other keys are
+                left to others.
 
         Returns:
             Observation and info, both taken after everything has come to rest. Info holds
@@ -85,6 +87,7 @@ class SimEnv(DuoEnv):
 
         Raises:
             LayoutError: The layout is incomplete, overlapping or out of reach.
+            UnknownNameError: There is no such split.
         """
         return super().reset(seed=seed, options=options)
 
@@ -92,7 +95,8 @@ class SimEnv(DuoEnv):
         given = options.get(LAYOUT)
         if given is None:
             seed = options.get(LAYOUT_SEED)
-            given = self.definition.layouts(DEFAULT_SEED if seed is None else seed)
+            seed = DEFAULT_SEED if seed is None else seed
+            given = self.definition.layouts(seed, options.get(SPLIT, EVAL))
         else:
             given = iter([given])
         # Every layout takes the way through plain data, so that what info reports begins exactly

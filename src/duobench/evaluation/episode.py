@@ -6,11 +6,13 @@ import logging
 import random
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 
+from duobench.data import Actor, ActorKind, DataSet, Outcome, Recorder
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.registration import make
 from duobench.envs.sim_env import sim_of
@@ -19,6 +21,7 @@ from duobench.errors import (
     EvaluationError,
     MachineryError,
     RenderingError,
+    printable,
     traceback_text,
 )
 from duobench.evaluation import policies
@@ -26,16 +29,32 @@ from duobench.evaluation.limits import EpisodeClock, TimedPolicy, TimeLimits
 from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
-from duobench.evaluation.versions import record_versions
 from duobench.evaluation.video import VideoRecorder
 from duobench.policy import Policy, PolicyMetadata
 from duobench.scene.cameras import OVERVIEW
 from duobench.sim.rendering import Renderer, describe
+from duobench.versions import record_versions
 
 _log = logging.getLogger(__name__)
 
 VIDEO_SIZE = (480, 640)
 """Height and width of a video in pixels."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RecordingPlan:
+    """That episodes are recorded, and where."""
+
+    folder: str
+    """Folder of the data set, absolute."""
+    split: str
+    """Layouts that the episodes begin with."""
+    keep_failures: bool = False
+    """Whether episodes are kept that did not succeed."""
+
+    def keeps(self, outcome: Outcome) -> bool:
+        """Whether an episode that ended so is kept."""
+        return self.keep_failures or (outcome.success and not outcome.cut)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,6 +94,7 @@ class EpisodeRunner:
         limits: TimeLimits,
         clock: EpisodeClock | None = None,
         *,
+        recording: RecordingPlan | None = None,
         is_interruptible: bool = True,
     ) -> None:
         """Make the policy; environments are made when they are needed.
@@ -84,6 +104,7 @@ class EpisodeRunner:
             tasks: What it may have to play.
             limits: How long it may take.
             clock: Where its times are noted, for another process.
+            recording: Whether and where its episodes are recorded.
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
 
         Raises:
@@ -99,6 +120,10 @@ class EpisodeRunner:
         self._renderer: Renderer | None = None
         metadata = self._source.metadata
         config = config_for(metadata)
+        if recording is not None:
+            config = replace(config, split=recording.split)
+        self._recording = recording
+        self._recorder: Recorder | None = None
         renderer = describe().renderer if config.cameras else None
         self.setup = Setup(
             policy=policy, metadata=metadata, config=config, versions=record_versions(renderer)
@@ -120,6 +145,8 @@ class EpisodeRunner:
         env, policy = self._prepare(episode.task)
         recorder = EpisodeRecorder(episode)
         watchers: list[Watcher] = [recorder]
+        if self._recorder is not None:
+            self._recorder.begin_as(episode.name)
         video = self._video_recorder(env) if episode.has_video else None
         if video is not None:
             watchers.append(video)
@@ -130,6 +157,8 @@ class EpisodeRunner:
         try:
             rollout(env, policy, seed=episode.seed, watchers=watchers)
         except (RenderingError, MachineryError) as fault:
+            if self._recorder is not None:
+                self._recorder.discard()
             self._close_environment()
             raise MachineryError(str(fault)) from fault
         except self._let_through:
@@ -139,6 +168,10 @@ class EpisodeRunner:
         finally:
             self._clock.end_episode()
         if error is not None:
+            if self._recorder is not None:
+                self._recorder.finish(
+                    kept=False, reason=printable(f"{type(error).__name__}: {error}")
+                )
             self._close_environment()  # whatever broke may have left it in any state
         return EpisodeResult(
             record=recorder.record(self.setup, error),
@@ -161,6 +194,8 @@ class EpisodeRunner:
             try:
                 self._env = make(task.reference, **asdict(self.setup.config))
                 bound = self._source.bind(self._env)
+                if self._recording is not None:
+                    self._env = self._recorder = self._recorded(self._env, self._recording)
             except (DuoBenchError, KeyboardInterrupt):
                 raise
             except BaseException as error:
@@ -171,6 +206,17 @@ class EpisodeRunner:
             self._policy = TimedPolicy(bound, self._limits, self._clock, action_size)
             self._task = task
         return self._env, self._policy
+
+    def _recorded(self, env: gym.Env, plan: RecordingPlan) -> Recorder:
+        """An environment that records what is played in it."""
+        metadata = self.setup.metadata
+        is_expert = policies.is_expert(self.setup.policy)
+        actor = Actor(
+            kind=ActorKind.EXPERT if is_expert else ActorKind.POLICY,
+            name=self.setup.policy,
+            version=metadata.version,
+        )
+        return Recorder(env, DataSet(Path(plan.folder)), actor, keep=plan.keeps)
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:
         """A video of the simulation that is being played, from the camera for people."""
@@ -186,4 +232,4 @@ class EpisodeRunner:
             self._renderer.close()
         if self._env is not None:
             self._env.close()
-        self._renderer = self._env = self._policy = self._task = None
+        self._renderer = self._env = self._policy = self._task = self._recorder = None

@@ -10,6 +10,7 @@ from contextlib import closing, suppress
 from typing import Protocol
 
 from duobench.errors import EvaluationError, RenderingError
+from duobench.evaluation.episode import RecordingPlan
 from duobench.evaluation.executor import Executor, LocalExecutor, ProcessExecutor
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
@@ -18,8 +19,8 @@ from duobench.evaluation.policies import check_name
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.report import write_report
 from duobench.evaluation.suite import Run, Suite
-from duobench.evaluation.versions import package_versions
 from duobench.sim import rendering
+from duobench.versions import package_versions
 
 
 class Observer(Protocol):
@@ -71,13 +72,9 @@ def evaluate(
         PolicyError: If the policy cannot be made, or does not fit the environment.
         DuoBenchError: If the environment cannot be made.
     """
-    if workers < 0:
-        raise EvaluationError(
-            f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
-        )
-    check_name(policy)
     limits = limits or TimeLimits()
-    with folder.locked(), closing(_executor(policy, suite, limits, videos, workers)) as executor:
+    executor = executor_for(policy, suite, limits, videos, workers)
+    with folder.locked(), closing(executor):
         setup = executor.prepare()
         run = Run(
             policy=policy,
@@ -114,10 +111,22 @@ def evaluate(
         return results
 
 
-def _executor(policy: str, suite: Suite, limits: TimeLimits, videos: int, workers: int) -> Executor:
+def executor_for(
+    policy: str,
+    suite: Suite,
+    limits: TimeLimits,
+    videos: int,
+    workers: int,
+    recording: RecordingPlan | None = None,
+) -> Executor:
     """What plays a suite."""
+    if workers < 0:
+        raise EvaluationError(
+            f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
+        )
+    check_name(policy)
     if workers == 0:
-        return LocalExecutor(policy, suite.tasks, limits)
+        return LocalExecutor(policy, suite.tasks, limits, recording)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if videos:
@@ -125,4 +134,4 @@ def _executor(policy: str, suite: Suite, limits: TimeLimits, videos: int, worker
     elif ":" in policy and workers > 1:
         with suppress(RenderingError):
             rendering.prepare(processes=workers)
-    return ProcessExecutor(policy, suite.tasks, limits, workers)
+    return ProcessExecutor(policy, suite.tasks, limits, workers, recording)

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from duobench import errors
 from duobench.errors import EvaluationError, MachineryError, PolicyTimeoutError
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecorder
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
@@ -101,20 +101,28 @@ class LocalExecutor:
     started. `ProcessExecutor` does all of that, with one worker too.
     """
 
-    def __init__(self, policy: str, tasks: Sequence[TaskInfo], limits: TimeLimits) -> None:
+    def __init__(
+        self,
+        policy: str,
+        tasks: Sequence[TaskInfo],
+        limits: TimeLimits,
+        recording: RecordingPlan | None = None,
+    ) -> None:
         """Remember what to play.
 
         Args:
             policy: Name of the policy.
             tasks: The tasks of the suite.
             limits: How long the policy may take.
+            recording: Whether and where episodes are recorded.
         """
         self._arguments = policy, tasks, limits
+        self._recording = recording
         self._runner: EpisodeRunner | None = None
 
     def prepare(self) -> Setup:
         """Make the policy, and say what plays."""
-        self._runner = EpisodeRunner(*self._arguments)
+        self._runner = EpisodeRunner(*self._arguments, recording=self._recording)
         return self._runner.setup
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
@@ -146,7 +154,12 @@ class ProcessExecutor:
     """
 
     def __init__(
-        self, policy: str, tasks: Sequence[TaskInfo], limits: TimeLimits, workers: int
+        self,
+        policy: str,
+        tasks: Sequence[TaskInfo],
+        limits: TimeLimits,
+        workers: int,
+        recording: RecordingPlan | None = None,
     ) -> None:
         """Remember what to play; processes are started when they are needed.
 
@@ -155,8 +168,9 @@ class ProcessExecutor:
             tasks: The tasks of the suite.
             limits: How long the policy may take.
             workers: Most processes at a time.
+            recording: Whether and where episodes are recorded.
         """
-        self._begin = Begin(policy=policy, tasks=tuple(tasks), limits=limits)
+        self._begin = Begin(policy=policy, tasks=tuple(tasks), limits=limits, recording=recording)
         self._limits = limits
         self._most = workers
         self._workers: list[Worker] = []

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import json
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
-from duobench.errors import EvaluationError, OtherRunError, OutputError
+from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Run, TaskInfo
 from duobench.files import (
     TEMPORARY_SUFFIX,
-    make_folder,
+    locked,
     read,
     remove_temporary,
     write,
     writing,
 )
 
-_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
-"""What file systems without locks answer; a run there goes on unprotected."""
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
 
@@ -101,39 +95,9 @@ class RunFolder:
         """Whether it is a description that a killed run was writing."""
         return path.match(f".{self.description.name}.*{TEMPORARY_SUFFIX}")
 
-    @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Keep a second evaluation out of the folder; a killed one leaves nothing locked.
-
-        Raises:
-            OutputError: If the folder cannot be made, or another process is evaluating into it.
-        """
-        make_folder(self.path)
-        handles = [os.open(self.path, os.O_RDONLY)]
-
-        def release() -> None:
-            while handles:
-                os.close(handles.pop())
-
-        # A child that a policy forks would keep the lock for as long as it lives.
-        os.register_at_fork(after_in_child=release)
-        try:
-            self._lock(handles[0])
-            yield
-        finally:
-            release()
-
-    def _lock(self, handle: int) -> None:
-        """Lock the open folder; the operating system drops the lock with the process."""
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise OutputError(
-                f"Another process is evaluating into {self.path}. Wait for its end."
-            ) from error
-        except OSError as error:
-            if error.errno not in _NO_LOCKS:
-                raise
+    def locked(self) -> AbstractContextManager[None]:
+        """Keep a second evaluation out of the folder; see `duobench.files.locked`."""
+        return locked(self.path)
 
     def read_run(self) -> Run:
         """The description of the run.

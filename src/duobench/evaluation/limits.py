@@ -122,6 +122,11 @@ class TimedPolicy:
         """That of the policy."""
         return self._policy.metadata
 
+    @property
+    def intended_action(self) -> ArrayLike | None:
+        """What the policy wanted its last action to be, if it disturbs its own."""
+        return getattr(self._policy, "intended_action", None)
+
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode.
 

@@ -63,6 +63,11 @@ class ExpertPolicy:
         return self._expert.act(observation)
 
 
+def is_expert(name: str) -> bool:
+    """Whether a name is that of the scripted experts."""
+    return name.partition(":")[0] == EXPERT
+
+
 def check_name(name: str) -> None:
     """Reject a name that cannot be a policy's, without making one.
 

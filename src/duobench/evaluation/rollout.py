@@ -70,6 +70,9 @@ def rollout(env: gym.Env, policy: Policy, *, seed: int, watchers: Iterable[Watch
     only when somebody asks for them: the policy, which sees one observation a chunk, or a watcher
     that needs frames. At other steps the observation has no `pixels`.
 
+    A policy that disturbs its own actions may say in an attribute `intended_action` what it wanted
+    its last action, a chunk of one, to be; that is what a recorder around the environment records.
+
     Args:
         env: An environment of the benchmark that takes single actions, in any wrappers.
         policy: The policy.
@@ -83,7 +86,8 @@ def rollout(env: gym.Env, policy: Policy, *, seed: int, watchers: Iterable[Watch
     check_fits(policy.metadata, env)
     watching = tuple(watchers)
     needs_frames = any(getattr(watcher, "needs_frames", False) for watcher in watching)
-    render = _rendering_switch(env)
+    render = _method(env, "set_rendering")
+    intend = _method(env, "intend")
     (action_size,) = env.action_space.shape or (0,)
     with ExitStack() as ending:
         ending.callback(render, True)
@@ -98,6 +102,8 @@ def rollout(env: gym.Env, policy: Policy, *, seed: int, watchers: Iterable[Watch
             chunk = as_chunk(policy.act(observation), action_size)
             for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
                 render(needs_frames or left == 0)
+                if (wanted := getattr(policy, "intended_action", None)) is not None:
+                    intend(wanted)
                 observation, reward, terminated, truncated, info = env.step(action)
                 number += 1
                 step = Step(
@@ -116,12 +122,12 @@ def rollout(env: gym.Env, policy: Policy, *, seed: int, watchers: Iterable[Watch
                     break
 
 
-def _rendering_switch(env: gym.Env) -> Callable[[bool], None]:
-    """What switches the images in observations on and off, wherever the cameras are."""
+def _method(env: gym.Env, name: str) -> Callable[..., None]:
+    """A method of the wrapper that has it, wherever it is; nothing happens where none has."""
     try:
-        return env.get_wrapper_attr("set_rendering")
+        return env.get_wrapper_attr(name)
     except AttributeError:
-        return lambda _is_on: None
+        return lambda *_arguments: None
 
 
 def _end(watcher: Watcher, _kind: object, error: BaseException | None, _trace: object) -> None:

@@ -15,7 +15,7 @@ from duobench.errors import DuoBenchError, EvaluationError, traceback_text
 from duobench.evaluation.limits import TimeLimits
 from duobench.files import decode, encode
 from duobench.policy import PolicyMetadata
-from duobench.randomness import SUITE_VERSION, episode_seed
+from duobench.randomness import EVAL, SUITE_VERSION, episode_seed
 from duobench.tasks import catalog
 
 RUN_SCHEMA = 2
@@ -65,11 +65,18 @@ class Episode:
     """Index of the episode in the suite."""
     has_video: bool = False
     """Whether a video of it is made."""
+    split: str = EVAL
+    """Which layouts it is one of."""
+
+    @property
+    def name(self) -> str:
+        """Name of its files."""
+        return f"{self.index:05d}"
 
     @property
     def seed(self) -> int:
-        """Seed of the reset: a pure function of (task, suite version, episode)."""
-        return episode_seed(self.task.id, self.index)
+        """Seed of the reset: a pure function of (task, suite version, split, episode)."""
+        return episode_seed(self.task.id, self.index, self.split)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -185,7 +192,7 @@ class Run:
     def episodes(self) -> list[Episode]:
         """Every episode of every task, task by task."""
         return [
-            Episode(task=task, index=index, has_video=nth < self.videos)
+            Episode(task=task, index=index, has_video=nth < self.videos, split=self.config.split)
             for task in self.suite.tasks
             for nth, index in enumerate(self.suite.indices)
         ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 
@@ -36,6 +36,19 @@ def _encoding() -> Iterator[None]:
         yield
     except FFmpegError as error:
         raise MachineryError(f"A video cannot be encoded: {error}.") from error
+
+
+def encode_video(images: Iterable[Image]) -> bytes | None:
+    """A WebM video of images (height, width, 3), both even, that are `FRAME_EVERY` steps apart.
+
+    Raises:
+        MachineryError: They cannot be encoded.
+    """
+    recorder = VideoRecorder(lambda: np.empty(0, np.uint8))
+    for image in images:
+        recorder.add(image)
+    recorder.on_episode_end(None)
+    return recorder.video()
 
 
 class VideoRecorder:
@@ -77,7 +90,10 @@ class VideoRecorder:
         return self._file.getvalue() if self._frames else None
 
     def _add_frame(self) -> None:
-        image = self._render()
+        self.add(self._render())
+
+    def add(self, image: Image) -> None:
+        """Add a frame (height, width, 3), both even."""
         with _encoding():
             self._open = self._open or self._opened(image)
             container, stream = self._open

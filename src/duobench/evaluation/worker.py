@@ -33,7 +33,7 @@ from duobench.errors import (
     printable,
     traceback_text,
 )
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
 from duobench.evaluation.limits import EpisodeClock, TimeLimits
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 
@@ -58,6 +58,7 @@ class Begin(msgspec.Struct, tag=True, frozen=True):
     policy: str
     tasks: tuple[TaskInfo, ...]
     limits: TimeLimits
+    recording: RecordingPlan | None = None
 
 
 class Play(msgspec.Struct, tag=True, frozen=True):
@@ -294,7 +295,14 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
     begin = orders.get()
     if not isinstance(begin, Begin):
         return
-    runner = EpisodeRunner(begin.policy, begin.tasks, begin.limits, clock, is_interruptible=False)
+    runner = EpisodeRunner(
+        begin.policy,
+        begin.tasks,
+        begin.limits,
+        clock,
+        recording=begin.recording,
+        is_interruptible=False,
+    )
     _report(channel, Ready(setup=runner.setup))
     while isinstance(order := orders.get(), Play):
         try:

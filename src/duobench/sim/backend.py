@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from duobench.backend import DuoLimits, Image
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
-from duobench.types import DuoCommand, DuoState
+from duobench.types import Array, DuoCommand, DuoState
 
 
 class SimBackend:
@@ -32,9 +32,18 @@ class SimBackend:
         """The last command, as the actuators hold it."""
         return self.simulation.duo.command()
 
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the objects came to rest at the reset."""
+        return self.simulation.data.time
+
     def read(self) -> DuoState:
         """State after the last physics step."""
         return self.simulation.duo.read()
+
+    def joint_velocities(self) -> Array:
+        """Joint velocities (2, 7) in rad/s after the last physics step."""
+        return self.simulation.duo.joint_velocities()
 
     def command(self, command: DuoCommand) -> DuoCommand:
         """Advance one control step towards a command, which is sent as it is.

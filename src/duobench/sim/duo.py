@@ -116,6 +116,10 @@ class Duo:
             tcp_poses=np.array(tools).reshape(2, 7),
         )
 
+    def joint_velocities(self) -> Array:
+        """Joint velocities (2, 7) in rad/s, as of the last physics step."""
+        return self._data.qvel[self.handles.dofs]
+
     @staticmethod
     def _controls(command: DuoCommand) -> Array:
         rows = np.empty((len(command.openings), SIDE_SIZE))

@@ -61,6 +61,8 @@ class DuoHandles:
     """Arm joint ids (2, 7)."""
     qpos: Ids
     """Addresses of the arm joints in qpos (2, 7)."""
+    dofs: Ids
+    """Addresses of the arm joints in qvel (2, 7)."""
     drivers: Ids
     """Addresses of the gripper driver joints in qpos (2, 2)."""
     tcp_sites: Ids
@@ -88,6 +90,7 @@ class DuoHandles:
         return DuoHandles(
             joints=joints,
             qpos=model.jnt_qposadr[joints].astype(np.int64),
+            dofs=model.jnt_dofadr[joints].astype(np.int64),
             drivers=model.jnt_qposadr[np.array(drivers)].astype(np.int64),
             tcp_sites=resolve_all(model, mujoco.mjtObj.mjOBJ_SITE, [tcp_name(s) for s in SIDES]),
             actuators=actuators,

@@ -10,7 +10,7 @@ import numpy as np
 
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.objects.prop import Prop
-from duobench.randomness import Choice, Uniform, generator
+from duobench.randomness import EVAL, Choice, Uniform, generator
 from duobench.scene.cameras import OVERVIEW_VIEW, View
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
@@ -103,13 +103,14 @@ class Task:
         """Number of the last stage."""
         return len(self.stages)
 
-    def layouts(self, seed: int) -> Iterator[Layout]:
-        """Candidate layouts without end, a pure function of (task, suite version, seed).
+    def layouts(self, seed: int, split: str = EVAL) -> Iterator[Layout]:
+        """Candidate layouts without end, a pure function of (task, suite version, split, seed).
 
         Raises:
+            UnknownNameError: There is no such split.
             LayoutError: The task accepts none of its own draws.
         """
-        rng = generator(self.id, seed)
+        rng = generator(self.id, seed, split)
         rejected = 0
         while rejected < MAX_REJECTED:
             drawn = Layout(

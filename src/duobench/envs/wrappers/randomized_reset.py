@@ -8,46 +8,57 @@ import gymnasium as gym
 
 from duobench.envs.config import checked_reset_options, checked_seed
 from duobench.envs.duo_env import Info, Observation
-from duobench.envs.sim_env import LAYOUT, LAYOUT_SEED, sim_of
+from duobench.envs.sim_env import LAYOUT, LAYOUT_SEED, SPLIT, sim_of
 from duobench.envs.wrappers.base import DuoWrapper
+from duobench.randomness import EVAL, check_split
 
 SEEDS = 2**32
 """A reset without a seed draws one below this number."""
 
 
 class RandomizedReset(DuoWrapper):
-    """Samples a layout of the task, a pure function of (task, suite version, seed).
+    """Samples a layout of the task, a pure function of (task, suite version, split, seed).
 
     Without a seed the next one comes from the environment's own generator, so that a seeded reset
     decides all episodes after it. A layout that is given in the options is used as it is.
     """
 
-    def __init__(self, env: gym.Env) -> None:
+    def __init__(self, env: gym.Env, split: str = EVAL) -> None:
         """Wrap an environment.
 
         Args:
             env: A `SimEnv`, wrapped or not.
+            split: Which layouts a reset samples from unless its options name a `split`: "eval", or
+                "train" for demonstrations.
 
         Raises:
             TypeError: There is no simulation inside.
+            UnknownNameError: There is no such split.
         """
         super().__init__(env)
         sim_of(env)  # only a simulation lays its objects out
+        check_split(split)
+        self._split = split
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, Info]:
-        """Begin an episode; info also holds `seed`, which drew the layout, or None.
+        """Begin an episode.
+
+        Info also holds `seed` and `split`, from which the layout was sampled; both are None for a
+        layout that was given.
 
         Raises:
             LayoutError: No valid layout was found, or the given one is none.
+            UnknownNameError: There is no such split.
             OptionError: The seed is no whole number from 0 on, or the options are no dict.
         """
         options, seed = checked_reset_options(options), checked_seed(seed)
-        used = None
+        used = split = None
         if options.get(LAYOUT) is None:
             used = int(self.np_random.integers(SEEDS)) if seed is None else seed
             options[LAYOUT_SEED] = used
+            split = options.setdefault(SPLIT, self._split)
         observation, info = self.env.reset(seed=seed, options=options)
-        info["seed"] = used
+        info["seed"], info[SPLIT] = used, split
         return observation, info

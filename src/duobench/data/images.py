@@ -1,0 +1,70 @@
+"""Images of a recorded episode, rendered from its states: at any size, from any camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from duobench.backend import Image
+from duobench.data.recording import Recording
+from duobench.envs.config import IMAGE_SIZE
+from duobench.errors import DataError, DuoBenchError
+from duobench.scene.cameras import POLICY_CAMERAS
+from duobench.sim.backend import SimBackend
+from duobench.sim.layout import Layout
+from duobench.sim.simulation import Simulation
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+
+
+class ImageSource:
+    """Renders recorded states of one task."""
+
+    def __init__(
+        self,
+        task: str | Task,
+        *,
+        cameras: Sequence[str] = POLICY_CAMERAS,
+        size: tuple[int, int] = IMAGE_SIZE,
+    ) -> None:
+        """Compile the task's model.
+
+        Args:
+            task: The task, its id, or its import path.
+            cameras: Which cameras to render.
+            size: Height and width of the images in pixels.
+
+        Raises:
+            UnknownNameError: There is no such task.
+        """
+        definition = catalog.get(task) if isinstance(task, str) else task
+        self.simulation = Simulation(definition.props, definition.overview)
+        """The physics, in the state that was rendered last."""
+        self._backend = SimBackend(self.simulation)
+        self._cameras, self._size = tuple(cameras), size
+        self._layout: dict[str, Any] | None = None
+
+    def images(self, recording: Recording, row: int) -> dict[str, Image]:
+        """What the cameras saw at a row of a recording.
+
+        Returns:
+            Images (height, width, 3) by camera, as the environment gave them.
+
+        Raises:
+            DataError: The state does not fit the task.
+            RenderingError: Nothing can be rendered.
+        """
+        try:
+            if recording.info.layout != self._layout:
+                self.simulation.apply(Layout.from_json(recording.info.layout))
+                self._layout = recording.info.layout
+            self.simulation.set_state(recording.state[row])
+        except DuoBenchError as error:
+            raise DataError(
+                f"Row {row} of an episode of {recording.info.task} cannot be shown: {error}"
+            ) from error
+        return self._backend.images(self._cameras, self._size)
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._backend.close()

@@ -1,0 +1,216 @@
+"""Recording as a wrapper, so that it works in any loop: a rollout, one's own, teleoperation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duobench.data.dataset import DataSet
+from duobench.data.schema import Actor, EpisodeInfo, Outcome, action_names
+from duobench.data.stream import EpisodeStream
+from duobench.envs.duo_env import Info, Observation
+from duobench.envs.sim_env import sim_of
+from duobench.envs.wrappers.base import DuoWrapper
+from duobench.errors import BackendError, DataError
+from duobench.randomness import SUITE_VERSION
+from duobench.versions import package_versions
+
+OBSERVED = ("agent_pos", "tcp_pose")
+"""What of the observation is recorded as it is."""
+
+
+class Recorder(DuoWrapper):
+    """Writes every episode into a data set, while it is played.
+
+    An episode is finished when the environment ends it, and then written as one Parquet file. One
+    that is left earlier, by `reset` or `close`, is written as cut. A killed process loses at most
+    half a second; `duobench.data.recover` turns what is left into an episode.
+
+    Put it outside everything that changes the observation's `agent_pos` and `tcp_pose` or the
+    meaning of actions, so that it sees what the policy sees and says; cameras may be on either
+    side of it, since images are rendered from the recorded states.
+
+    Example:
+        >>> env = Recorder(duobench.make("bin_sort"), DataSet.open("demos"), Actor(name="me"))
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        data: DataSet | str | Path,
+        actor: Actor | None = None,
+        *,
+        keep: Callable[[Outcome], bool] = lambda _outcome: True,
+    ) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A simulated environment that takes single actions.
+            data: Data set that episodes are added to, or its folder.
+            actor: Who or what acts.
+            keep: Whether a finished episode is written at all; by default every one is.
+
+        Raises:
+            DataError: The environment takes chunks of actions, or its observation lacks what is to
+                be recorded.
+            TypeError: There is no simulation inside.
+        """
+        super().__init__(env)
+        self._sim = sim_of(env)
+        self.data = data if isinstance(data, DataSet) else DataSet.open(data)
+        """The data set."""
+        self.actor = actor or Actor()
+        """Who or what acts, from the next episode on."""
+        self.next_name: str | None = None
+        """Name of the next episode's file; without one it is the next free number."""
+        self._intended: ArrayLike | None = None
+        self._keep = keep
+        self._stream: EpisodeStream | None = None
+        self._info: Info = {}
+        spaces = getattr(env.observation_space, "spaces", {})
+        if missing := [name for name in OBSERVED if name not in spaces]:
+            raise DataError(
+                f"The observation lacks {', '.join(missing)}; put the recorder inside wrappers "
+                "that change the observation."
+            )
+        shape = env.action_space.shape or ()
+        if len(shape) != 1:
+            raise DataError(
+                f"Actions have shape {shape}; the recorder takes single actions: put it inside "
+                "the wrapper that takes chunks."
+            )
+        (self._action_size,) = shape
+        self._names = action_names(self.base.config, self._action_size)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin an episode and its recording; a running one ends here, marked as cut.
+
+        Raises:
+            OutputError: The recording cannot be written.
+        """
+        self.finish(reason="The environment was reset.")
+        observation, info = self.env.reset(seed=seed, options=options)
+        state = self.save_state()
+        described = EpisodeInfo(
+            task=self.task,
+            instruction=info["instruction"],
+            subinstructions=tuple(info["stage_to_subinstructions"].values()),
+            layout=info["layout"],
+            seed=info.get("seed"),
+            split=info.get("split"),
+            config=self.base.config,
+            suite_version=SUITE_VERSION,
+            versions=package_versions(),
+            actor=self.actor,
+            first_hash=state.hash,
+            action_names=self._names,
+        )
+        sizes = {"action": self._action_size, "state": len(state.physics)}
+        self._stream = self.data.new_stream(described, sizes, self.next_name)
+        self.next_name = self._intended = None
+        self._see(observation, info)
+        return observation, info
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
+        """Advance one control step and record it.
+
+        Raises:
+            OutputError: The recording cannot be written.
+        """
+        given = np.asarray(action)
+        wanted, self._intended = self._intended, None
+        try:
+            observation, reward, terminated, truncated, info = self.env.step(action)
+        except BackendError as error:
+            self.finish(reason=str(error))
+            raise
+        if self._stream is not None:
+            self._stream.act(
+                {
+                    "action": given if wanted is None else wanted,
+                    "sent": info["sent"],
+                    "reward": reward,
+                }
+            )
+            self._see(observation, info)
+            if terminated or truncated:
+                self._end(cut=False)
+        return observation, float(reward), terminated, truncated, info
+
+    def begin_as(self, name: str) -> None:
+        """Name the next episode, and forget what a killed process has left of it.
+
+        Nobody else may be recording an episode of that name.
+        """
+        self.next_name = name
+        self.data.partial(self.task, name).unlink(missing_ok=True)
+
+    def intend(self, action: ArrayLike) -> None:
+        """Say what the actor wants the next action to be recorded as.
+
+        For an actor that disturbs its own actions: what it wanted is the label to learn from, and
+        what is executed then is not.
+        """
+        self._intended = action
+
+    def finish(self, *, kept: bool = True, reason: str | None = None) -> None:
+        """End the recording of the running episode, if there is one, before its end.
+
+        Args:
+            kept: Whether it is meant to be used.
+            reason: Why it ended, or why it is not.
+        """
+        if self._stream is not None:
+            self._end(cut=True, kept=kept, reason=reason)
+
+    def discard(self) -> None:
+        """Forget the running episode; nothing of it is kept."""
+        if self._stream is not None:
+            self._stream.discard()
+            self._stream = None
+
+    def close(self) -> None:
+        """End the running episode, marked as cut, and close the environment."""
+        self.finish(reason="The environment was closed.")
+        super().close()
+
+    def _see(self, observation: Observation, info: Info) -> None:
+        self._info = info
+        if self._stream is None:
+            return
+        backend = self.base.backend
+        self._stream.append(
+            {
+                **{name: observation[name] for name in OBSERVED},
+                "time": backend.time,
+                "joint_velocity": backend.joint_velocities().ravel(),
+                "stage": info["stage"],
+                "success": info["success"],
+                "success_at_end": info["success_at_end"],
+                "state": self._sim.simulation.get_state(),
+            }
+        )
+
+    def _end(self, *, cut: bool, kept: bool = True, reason: str | None = None) -> None:
+        stream, self._stream = self._stream, None
+        if stream is None:
+            return
+        outcome = Outcome(
+            success=self._info["success"],
+            stage=self._info["stage"],
+            max_stage=self._info["max_stage"],
+            kept=kept,
+            reason=reason,
+            cut=cut,
+        )
+        if self._keep(outcome):
+            stream.finish(outcome, self.state_hash())
+        else:
+            stream.discard()

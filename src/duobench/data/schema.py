@@ -1,0 +1,171 @@
+"""What a recording holds: its columns, and what is said about the episode as a whole.
+
+One Parquet file an episode. Row t holds what was seen before action t, the action, and what the
+step gave back; one last row holds what was seen after the last action, its action being null. So
+both pairings can be read: the causal one (o_t, a_t) and the delayed one (a_t, o_{t+1}).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from duobench.envs.config import EnvConfig
+from duobench.envs.spaces import JOINT_NAMES, POSE_NAMES, SHIFT_NAMES
+from duobench.errors import DataError
+from duobench.types import CONTROL_HZ
+
+SCHEMA = 1
+"""Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
+INFO_KEY = b"duobench.episode"
+"""Key of the file's metadata under which `EpisodeInfo` stands as JSON."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Column:
+    """One column of a recording."""
+
+    name: str
+    """Its name in the file."""
+    dtype: DTypeLike
+    """Type of its numbers."""
+    shape: tuple[int, ...]
+    """Shape of one row: () for a number, (n,) for n of them, (0,) for as many as there are."""
+    of_action: bool = False
+    """Whether it belongs to the action of its row, so that the last row has none."""
+
+
+COLUMNS = (
+    Column(name="time", dtype=np.float64, shape=()),
+    Column(name="agent_pos", dtype=np.float32, shape=(16,)),
+    Column(name="tcp_pose", dtype=np.float32, shape=(14,)),
+    Column(name="joint_velocity", dtype=np.float32, shape=(14,)),
+    Column(name="stage", dtype=np.int64, shape=()),
+    Column(name="success", dtype=np.bool_, shape=()),
+    Column(name="success_at_end", dtype=np.bool_, shape=()),
+    Column(name="state", dtype=np.float64, shape=(0,)),
+    Column(name="action", dtype=np.float64, shape=(0,), of_action=True),
+    Column(name="sent", dtype=np.float64, shape=(16,), of_action=True),
+    Column(name="reward", dtype=np.float64, shape=(), of_action=True),
+)
+"""Every column of a recording in simulation.
+
+`time` is in seconds on a clock that never goes back (simulated time, 0 at the reset). `agent_pos`
+and `tcp_pose` are the observation's: 16 joint positions in radians and openings 0..1, and both tool
+centre points x y z qx qy qz qw in the table frame, in metres. `joint_velocity` is in rad/s, left
+then right. `action` is what the actor wanted, in the action mode of the environment: the label to
+learn from. `sent` is the joint targets and openings that the arms were really sent; it differs
+where limits clipped the action, where the mode is not "joint", and where an actor disturbed its
+own actions so that the recording shows how it recovers [DART, Laskey et al. 2017]. `stage`,
+`success` and `success_at_end` are those of the observation, `reward` that of the step. `state` is
+the full state of the simulation, from which images are rendered."""
+
+
+class ActorKind(StrEnum):
+    """Who or what decided the actions."""
+
+    EXPERT = "expert"
+    POLICY = "policy"
+    PERSON = "person"
+    PROGRAM = "program"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Actor:
+    """Who or what acted."""
+
+    kind: ActorKind = ActorKind.PROGRAM
+    """What sort of actor it is."""
+    name: str = ""
+    """Name of the policy, or a person's pseudonym."""
+    version: str | None = None
+    """Version of the policy, if it has one."""
+    device: str | None = None
+    """What a person used."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Outcome:
+    """How an episode ended."""
+
+    success: bool
+    """Whether the last stage was reached."""
+    stage: int
+    """Highest stage that was reached."""
+    max_stage: int
+    """Number of the task's last stage."""
+    kept: bool = True
+    """Whether it is meant to be used."""
+    reason: str | None = None
+    """Why it is not, or what broke it."""
+    cut: bool = False
+    """Whether it ended before the environment ended it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EpisodeInfo:
+    """What is said about an episode as a whole."""
+
+    task: str
+    """Id of the task."""
+    instruction: str
+    """What the policy was told."""
+    subinstructions: tuple[str, ...]
+    """What to do at stage 0, 1, ... to reach the next one."""
+    layout: dict[str, Any]
+    """How the episode began: the JSON form of a `Layout`."""
+    seed: int | None
+    """Seed that sampled the layout; None if it was given."""
+    split: str | None
+    """What the layout was sampled for, "train" or "eval"; None if it was given."""
+    config: EnvConfig | None
+    """Configuration of the environment; None where wrappers were put together by hand."""
+    suite_version: str
+    """Version of the benchmark's episodes."""
+    versions: dict[str, str]
+    """Versions of the packages that the episode depends on."""
+    actor: Actor
+    """Who or what acted."""
+    outcome: Outcome | None = None
+    """How it ended; None while it is being recorded."""
+    first_hash: str | None = None
+    """Hash of the `EpisodeState` of the first row."""
+    last_hash: str | None = None
+    """Hash of the `EpisodeState` of the last row."""
+    control_rate_hz: float = CONTROL_HZ
+    """Rows a second."""
+    observation_names: tuple[str, ...] = field(default=JOINT_NAMES)
+    """What the numbers of `agent_pos` and `sent` are."""
+    action_names: tuple[str, ...] = field(default=JOINT_NAMES)
+    """What the numbers of `action` are."""
+
+
+_ACTION_NAMES = {
+    "joint": JOINT_NAMES,
+    "joint_relative": tuple(f"{name}_change" for name in JOINT_NAMES),
+    "cartesian": POSE_NAMES,
+    "cartesian_relative": SHIFT_NAMES,
+}
+
+
+def action_names(config: EnvConfig | None, size: int) -> tuple[str, ...]:
+    """Names of the numbers of an action.
+
+    Args:
+        config: Configuration of the environment that takes it.
+        size: How many numbers it has.
+
+    Raises:
+        DataError: An action of that configuration has another size.
+    """
+    names = _ACTION_NAMES["joint" if config is None else config.action_mode]
+    if len(names) != size:
+        raise DataError(
+            f"An action of this environment has {size} numbers, and {len(names)} are known: "
+            f"{', '.join(names)}. Put the recorder inside wrappers that change the actions."
+        )
+    return names

@@ -1,0 +1,215 @@
+"""Generating demonstrations: a policy is recorded until every task has enough good episodes.
+
+Which episodes those are does not depend on the number of workers or on interruptions: the first
+ones, by index, that succeed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Protocol
+
+from duobench.data import DataSet, Recording
+from duobench.errors import EvaluationError, OtherRunError
+from duobench.evaluation.episode import RecordingPlan
+from duobench.evaluation.evaluate import executor_for
+from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.records import EpisodeRecord
+from duobench.evaluation.suite import RUN_SCHEMA, Episode, Run, Suite, TaskInfo
+from duobench.files import encode, locked, read, remove_temporary, write
+from duobench.randomness import TRAIN
+from duobench.versions import package_versions
+
+RUN, ATTEMPTS = "record.json", "attempts.json"
+"""What is recorded, and how the episodes went that were played for it."""
+ATTEMPTS_SCHEMA = 1
+MAX_ATTEMPTS = 10
+"""Episodes that are played for one that succeeds, on average, before a task is given up."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Attempt:
+    """An episode that was played for a data set."""
+
+    task: str
+    """Id of the task."""
+    episode: int
+    """Index of the episode in its split."""
+    success: bool
+    """Whether it reached the last stage."""
+    stage: int
+    """The last stage that it reached."""
+    steps: int
+    """Control steps that it took."""
+    kept: bool
+    """Whether it is in the data set."""
+    error: str | None
+    """The last line of what broke it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Attempts:
+    """All of them, by task and index."""
+
+    attempts: tuple[Attempt, ...] = ()
+    """In order."""
+
+
+class Observer(Protocol):
+    """Something that shows how far a recording is."""
+
+    def on_start(self, tasks: Sequence[TaskInfo], wanted: int, attempts: Sequence[Attempt]) -> None:
+        """It begins, or goes on with what was played before."""
+        ...
+
+    def on_attempt(self, attempt: Attempt) -> None:
+        """One more episode was played."""
+        ...
+
+
+def record(  # noqa: PLR0913
+    policy: str,
+    tasks: Sequence[TaskInfo],
+    data: DataSet,
+    *,
+    episodes: int = 50,
+    split: str = TRAIN,
+    keep_failures: bool = False,
+    limits: TimeLimits | None = None,
+    workers: int = 1,
+    observers: Sequence[Observer] = (),
+) -> list[Attempt]:
+    """Record episodes of a policy until a data set has enough of every task.
+
+    Args:
+        policy: `expert`, a baseline's name, or `module:attribute`.
+        tasks: What to record.
+        data: Where; a data set that holds the same recording is continued.
+        episodes: How many successful episodes of each task.
+        split: Layouts that the episodes begin with. Those of "eval" are what policies are evaluated
+            on: what learns from them cannot be evaluated any more.
+        keep_failures: Keep every episode, and count it, whether it succeeds or not.
+        limits: How long the policy may take.
+        workers: Processes that play side by side; with 0 this process plays.
+        observers: Who is told about the progress, in this process.
+
+    Returns:
+        Every episode that was played, by task and index.
+
+    Raises:
+        EvaluationError: If the data set holds another recording, is in use or cannot be written, or
+            the policy hardly ever succeeds; what is finished is kept.
+        PolicyError: If the policy cannot be made, or does not fit the environment.
+    """
+    limits = limits or TimeLimits()
+    suite = Suite(tasks=tuple(tasks), episodes=episodes)
+    plan = RecordingPlan(folder=str(data.path), split=split, keep_failures=keep_failures)
+    executor = executor_for(policy, suite, limits, 0, workers, plan)
+    with locked(data.path), closing(executor):
+        setup = executor.prepare()
+        run = Run(
+            policy=policy,
+            suite=suite,
+            videos=0,
+            limits=limits,
+            metadata=setup.metadata,
+            config=setup.config,
+            versions=package_versions(),
+        )
+        log = _begin(data, run)
+        for observer in observers:
+            observer.on_start(suite.tasks, episodes, list(log.values()))
+        while missing := [
+            Episode(task=task, index=index, split=split)
+            for task in suite.tasks
+            for index in _next(task, log, episodes)
+        ]:
+            for result in executor.play(missing):
+                attempt = _attempt(result.record, keep_failures=keep_failures)
+                log[attempt.task, attempt.episode] = attempt
+                _write(data, log)
+                for observer in observers:
+                    observer.on_attempt(attempt)
+    return _ordered(log)
+
+
+Log = dict[tuple[str, int], Attempt]
+
+
+def _begin(data: DataSet, run: Run) -> Log:
+    """Begin a recording in a data set, or continue the one that is there."""
+    path = data.path / RUN
+    remove_temporary(data.path)
+    if path.exists():
+        before = read(path, Run, RUN_SCHEMA)
+        if differences := run.differences(before):
+            raise OtherRunError(
+                f"{data.path} holds another recording; this one has {'; '.join(differences)}."
+            )
+    elif data.episodes():
+        raise OtherRunError(
+            f"{data.path} holds episodes that were recorded in another way; record into a folder "
+            "of its own, and merge the two data sets afterwards."
+        )
+    write(path, run.to_json())
+    attempts = data.path / ATTEMPTS
+    listed: tuple[Attempt, ...] = ()
+    if attempts.exists():
+        listed = read(attempts, Attempts, ATTEMPTS_SCHEMA).attempts
+    log = {(each.task, each.episode): each for each in listed if not each.kept}
+    # What is kept is what has a file: one may have been removed by hand, and of one that was just
+    # finished when everything was killed nobody has taken notice.
+    for path in data.episodes():
+        task, index = path.parent.name, int(path.stem)
+        outcome = Recording.read_info(path).outcome
+        if outcome is not None:
+            log[task, index] = Attempt(
+                task=task,
+                episode=index,
+                success=outcome.success,
+                stage=outcome.stage,
+                steps=Recording.read_length(path),
+                kept=True,
+                error=outcome.reason,
+            )
+    return log
+
+
+def _next(task: TaskInfo, log: Mapping[tuple[str, int], Attempt], wanted: int) -> list[int]:
+    """The episodes to play next: those that are enough if all of them succeed."""
+    missing, kept, index = [], 0, 0
+    while kept < wanted:
+        attempt = log.get((task.id, index))
+        if attempt is None:
+            missing.append(index)
+        kept += attempt is None or attempt.kept
+        index += 1
+        if index > MAX_ATTEMPTS * wanted:
+            raise EvaluationError(
+                f"Only {kept - len(missing)} of the first {index - len(missing)} episodes of "
+                f"{task.id} succeeded; {wanted} are wanted. What succeeded is kept."
+            )
+    return missing
+
+
+def _attempt(record: EpisodeRecord, *, keep_failures: bool) -> Attempt:
+    return Attempt(
+        task=record.task,
+        episode=record.episode,
+        success=record.success,
+        stage=record.final_stage,
+        steps=record.steps,
+        kept=record.success or keep_failures,
+        error=record.reason or None,
+    )
+
+
+def _ordered(log: Log) -> list[Attempt]:
+    return [log[key] for key in sorted(log)]
+
+
+def _write(data: DataSet, log: Log) -> None:
+    attempts = Attempts(attempts=tuple(_ordered(log)))
+    write(data.path / ATTEMPTS, encode(attempts, ATTEMPTS_SCHEMA))

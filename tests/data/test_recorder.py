@@ -1,0 +1,175 @@
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import duobench
+from duobench.data import Actor, DataSet, Recorder, Recording
+from duobench.envs.episode_state import EpisodeState
+from duobench.errors import ActionError, DataError
+from tests.data.tools import HORIZON, TASK, play, recorded, recorder
+
+
+def test_rows_hold_what_was_seen_before_each_action_and_what_the_step_gave(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    seen = play(env)
+    (path,) = DataSet.open(tmp_path).episodes(TASK)
+    rows = Recording.read(path)
+    assert len(rows) == HORIZON
+    for number, step in enumerate(seen):
+        np.testing.assert_array_equal(rows.action[number], np.float64(step["action"]))
+        np.testing.assert_array_equal(rows.sent[number], step["sent"])
+        assert rows.reward[number] == step["reward"]
+        np.testing.assert_array_equal(rows.agent_pos[number + 1], step["agent_pos"])
+        np.testing.assert_array_equal(rows.tcp_pose[number + 1], step["tcp_pose"])
+        assert rows.stage[number + 1] == step["stage"]
+    np.testing.assert_allclose(rows.time, np.arange(HORIZON + 1) / 30, atol=1e-9)
+    change = np.diff(rows.agent_pos[:, :7], axis=0) * 30
+    assert np.abs(change).max() > 0.1
+    np.testing.assert_allclose(rows.joint_velocity[1:, :7], change, atol=0.3)
+
+
+def test_the_file_says_everything_about_the_episode(tmp_path: Path) -> None:
+    info = recorded(tmp_path).info
+    env = duobench.make(TASK, cameras=False, horizon=HORIZON)
+    _, expected = env.reset(seed=0)
+    assert (info.task, info.seed, info.split) == (TASK, 0, "eval")
+    assert info.layout == expected["layout"]
+    assert info.instruction == expected["instruction"]
+    assert info.subinstructions == tuple(expected["stage_to_subinstructions"].values())
+    assert info.config == env.get_wrapper_attr("config")
+    assert info.versions["mujoco"]
+    assert info.actor == Actor(name="wave")
+    assert info.first_hash == env.get_wrapper_attr("state_hash")()
+    assert info.outcome is not None
+    assert (info.outcome.success, info.outcome.stage, info.outcome.cut) == (False, 0, False)
+    assert info.observation_names[0] == "left_joint_1"
+
+
+def test_any_row_can_be_continued_from_to_the_last_bit(tmp_path: Path) -> None:
+    rows = recorded(tmp_path)
+    env = duobench.make(TASK, cameras=False, horizon=HORIZON)
+    env.reset(options={"layout": rows.info.layout})
+    sim = env.unwrapped
+    state = EpisodeState(layout=sim.layout, physics=rows.state[17])
+    sim.restore_state(state)
+    for number in range(17, HORIZON):
+        sim.step(rows.sent[number])
+        np.testing.assert_array_equal(sim.simulation.get_state(), rows.state[number + 1])
+
+
+@pytest.mark.parametrize("how", ["reset", "close"])
+def test_an_episode_that_is_left_early_is_kept_and_says_so(tmp_path: Path, how: str) -> None:
+    env = recorder(tmp_path)
+    play(env, steps=9)
+    if how == "reset":
+        env.reset(seed=1)
+        env.discard()
+    env.close()
+    rows = Recording.read(DataSet.open(tmp_path).episodes()[0])
+    assert len(rows) == 9
+    assert rows.info.outcome is not None
+    assert rows.info.outcome.cut
+    assert how in str(rows.info.outcome.reason)
+
+
+def test_a_reset_alone_is_an_episode_without_actions(tmp_path: Path) -> None:
+    rows = recorded(tmp_path, steps=0)
+    assert len(rows) == 0
+    assert len(rows.state) == 1
+
+
+def test_an_action_that_was_refused_is_not_recorded(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    observation, _ = env.reset(seed=0)
+    env.step(observation["agent_pos"])
+    with pytest.raises(ActionError):
+        env.step(np.full(16, np.nan))
+    env.close()
+    assert len(Recording.read(DataSet.open(tmp_path).episodes()[0])) == 1
+
+
+def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    observation, _ = env.reset(seed=0)
+    wanted = observation["agent_pos"]
+    disturbed = wanted + np.float32(0.01)
+    env.intend(wanted)
+    env.step(disturbed)
+    env.step(disturbed)
+    env.close()
+    rows = Recording.read(DataSet.open(tmp_path).episodes()[0])
+    np.testing.assert_array_equal(rows.action[0], np.float64(wanted))
+    np.testing.assert_array_equal(rows.action[1], np.float64(disturbed))
+    assert np.abs(rows.sent[0] - wanted)[:7].max() > 0.005
+
+
+@pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])
+def test_every_action_mode_can_be_recorded(tmp_path: Path, mode: str) -> None:
+    env = recorder(tmp_path, action_mode=mode)
+    _, info = env.reset(seed=0)
+    zero = np.zeros(env.action_space.shape)
+    if mode == "joint":
+        zero = info["sent"]
+    if mode == "cartesian":
+        pose = env.reset(seed=0)[0]["tcp_pose"].reshape(2, 7)
+        zero = np.concatenate([[*row, 1.0] for row in pose])
+    env.step(zero)
+    env.close()
+    rows = Recording.read(DataSet.open(tmp_path).episodes()[-1])
+    assert len(rows.info.action_names) == rows.action.shape[1] == len(zero)
+
+
+def test_discarded_episodes_leave_nothing(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    play(env, steps=20)
+    env.discard()
+    env.step(env.reset(seed=1)[0]["agent_pos"])
+    env.discard()
+    env.close()
+    data = DataSet.open(tmp_path)
+    assert not data.episodes()
+    assert not data.partials()
+
+
+def test_names_count_on_and_are_never_overwritten(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    for _ in range(2):
+        play(env, steps=3)
+    env.close()
+    other = recorder(tmp_path)
+    play(other, steps=3)
+    other.close()
+    assert [path.stem for path in DataSet.open(tmp_path).episodes()] == ["00000", "00001", "00002"]
+    env = recorder(tmp_path)
+    env.next_name = "00001"
+    with pytest.raises(DataError, match=r"00001\.parquet exists already"):
+        env.reset(seed=0)
+
+
+def test_two_recorders_at_once_take_different_names(tmp_path: Path) -> None:
+    first, second = recorder(tmp_path), recorder(tmp_path)
+    first.reset(seed=0)
+    second.reset(seed=0)
+    first.close()
+    second.close()
+    assert len(DataSet.open(tmp_path).episodes()) == 2
+    third = recorder(tmp_path)
+    third.next_name = "x"
+    third.reset(seed=0)
+    fourth = recorder(tmp_path)
+    fourth.next_name = "x"
+    with pytest.raises(DataError, match="being recorded by another process"):
+        fourth.reset(seed=0)
+    third.close()
+
+
+def test_recorders_say_where_they_belong(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="single actions"):
+        recorder(tmp_path, chunk=4)
+    plain = duobench.make(TASK, cameras=False)
+    with pytest.raises(DataError, match="lacks agent_pos, tcp_pose"):
+        Recorder(gym.wrappers.FlattenObservation(plain), tmp_path)
+    with pytest.raises(TypeError):
+        Recorder(gym.make("CartPole-v1"), tmp_path)

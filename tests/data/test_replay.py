@@ -1,0 +1,94 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import duobench
+from duobench.data import DataSet, ImageSource, Recording
+from duobench.data.replay import Replayer, replay_all
+from duobench.errors import DataError
+from duobench.evaluation.demonstrations import record
+from duobench.evaluation.suite import find_tasks
+from tests.data.tools import TASK, recorded
+
+
+@pytest.fixture(scope="module")
+def expert(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    data = DataSet.open(tmp_path_factory.mktemp("data"))
+    record("expert", find_tasks([TASK]), data, episodes=1, workers=0)
+    return Recording.read(data.episodes()[0])
+
+
+def test_commands_lead_to_the_same_states_and_stages(expert: Recording) -> None:
+    (found,) = replay_all(TASK, iter([expert]))
+    assert found.is_exact
+    assert found.steps == len(expert)
+    assert found.stage == found.recorded_stage == expert.stage.max() > 0
+    assert found.largest == 0.0
+
+
+@pytest.mark.parametrize(
+    "options", [{"action_mode": "cartesian_relative"}, {"binary_gripper": True}, {"chunk": None}]
+)
+def test_commands_of_any_action_mode_are_replayed(tmp_path: Path, options) -> None:
+    if "action_mode" in options:
+        env = duobench.make(TASK, cameras=False, **options)
+        from duobench.data import Recorder
+
+        recorder = Recorder(env, tmp_path)
+        recorder.reset(seed=2)
+        for number in range(20):
+            recorder.step(np.full(14, 0.01 * np.sin(number)))
+        recorder.close()
+        rows = Recording.read(DataSet.open(tmp_path).episodes()[0])
+    else:
+        rows = recorded(tmp_path, **options)
+    (found,) = replay_all(TASK, iter([rows]))
+    assert found.is_exact
+
+
+def test_a_changed_command_is_found_where_it_is(expert: Recording) -> None:
+    sent = expert.sent.copy()
+    sent[30, 0] += 1e-6
+    changed = replace(expert, sent=sent)
+    (found,) = replay_all(TASK, iter([changed]))
+    assert found.first == 31
+    assert 0.0 < found.largest < 0.1
+    assert not found.is_exact
+
+
+def test_stages_that_do_not_come_out_the_same_are_said(expert: Recording) -> None:
+    stage = expert.stage.copy()
+    stage[5:] = np.maximum(stage[5:], 1)
+    (found,) = replay_all(TASK, iter([replace(expert, stage=stage)]))
+    assert found.first is None
+    assert not found.same_stages
+    assert not found.is_exact
+
+
+def test_what_cannot_be_replayed_is_said(expert: Recording) -> None:
+    with pytest.raises(DataError, match="of task 'bin_sort', not of 'ball_maze'"):
+        Replayer("ball_maze").replay(expert)
+    old = replace(expert, info=replace(expert.info, suite_version="1"))
+    with pytest.raises(DataError, match="suite 1"):
+        Replayer(TASK).replay(old)
+    lost = replace(expert, info=replace(expert.info, layout={"poses": {}, "variants": {}}))
+    with pytest.raises(DataError, match="cannot be begun"):
+        Replayer(TASK).replay(lost)
+
+
+def test_images_of_states_are_those_of_the_environment(expert: Recording) -> None:
+    source = ImageSource(TASK, cameras=("head", "left_wrist"), size=(48, 64))
+    env = duobench.make(TASK, cameras=("head", "left_wrist"), image_size=(48, 64))
+    observation, _ = env.reset(options={"layout": expert.info.layout})
+    for row in range(25):
+        shown = source.images(expert, row)
+        for camera, image in observation["pixels"].items():
+            np.testing.assert_array_equal(shown[camera], image)
+        observation, *_ = env.step(expert.sent[row])
+    foreign = replace(expert, state=expert.state[:, :-1])
+    with pytest.raises(DataError, match=r"Row 3 .* cannot be shown"):
+        source.images(foreign, 3)
+    source.close()
+    env.close()

@@ -1,0 +1,46 @@
+"""Small recordings for tests: a short episode of one task, in whatever way it is to end."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import duobench
+from duobench.data import Actor, DataSet, Recorder, Recording
+from tests.envs.tools import wave
+
+TASK = "bin_sort"
+HORIZON = 40
+
+
+def recorder(folder: Path, **options: Any) -> Recorder:
+    """An environment of forty steps without images, which records."""
+    options = {"cameras": False, "horizon": HORIZON} | options
+    return Recorder(duobench.make(TASK, **options), folder, Actor(name="wave"))
+
+
+def play(env: Recorder, steps: int = HORIZON, seed: int = 0) -> list[dict[str, Any]]:
+    """Wave for some steps; what every step gave."""
+    env.reset(seed=seed)
+    seen = []
+    for number in range(steps):
+        action = wave(number)
+        observation, reward, *_, info = env.step(action)
+        seen.append({"action": action, "reward": reward, **observation, **info})
+    return seen
+
+
+def recorded(folder: Path, steps: int = HORIZON, **options: Any) -> Recording:
+    """One recorded episode."""
+    env = recorder(folder, **options)
+    play(env, steps)
+    env.close()
+    (path,) = DataSet.open(folder).episodes()
+    return Recording.read(path)
+
+
+def equal(one: Recording, other: Recording) -> bool:
+    """Whether two recordings hold the same rows and say the same."""
+    names = [name for name in Recording.__slots__ if name != "info"]
+    arrays = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+    return arrays and one.info == other.info

@@ -1,0 +1,143 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from duobench.data import ActorKind, DataSet, Recording
+from duobench.errors import DataError, EvaluationError, OtherRunError, OutputError
+from duobench.evaluation.demonstrations import ATTEMPTS, record
+from duobench.evaluation.suite import find_tasks
+from duobench.files import locked
+
+TASKS = ("bin_sort",)
+SOMETIMES = "tests.evaluation.test_demonstrations:Sometimes"
+
+
+ODD = "an odd seed"
+
+
+class Sometimes:
+    """The expert on even calls of reset seeds; otherwise nothing is done."""
+
+    def __init__(self) -> None:
+        from duobench.policy import PolicyMetadata
+
+        self.metadata = PolicyMetadata(name="sometimes", version="1")
+
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
+        if seed % 2:
+            raise ValueError(ODD)
+
+    def act(self, observation):
+        return observation["agent_pos"][None]
+
+
+def played(data: DataSet, policy: str = "expert", **arguments):
+    arguments = {"episodes": 2, "workers": 0} | arguments
+    return record(policy, find_tasks(arguments.pop("tasks", TASKS)), data, **arguments)
+
+
+def contents(data: DataSet) -> dict[str, bytes]:
+    return {str(path.relative_to(data.path)): path.read_bytes() for path in data.episodes()}
+
+
+def test_the_data_set_does_not_depend_on_workers_or_interruptions(tmp_path: Path) -> None:
+    one, other = DataSet.open(tmp_path / "one"), DataSet.open(tmp_path / "other")
+    first = played(one, episodes=3)
+    assert [attempt.success for attempt in first] == [True] * 3
+    played(other, episodes=1)
+    assert played(other, episodes=3, workers=2) == first
+    assert contents(one) == contents(other)
+    assert (one.path / ATTEMPTS).read_bytes() == (other.path / ATTEMPTS).read_bytes()
+    info = Recording.read_info(one.episodes()[0])
+    assert info.split == "train"
+    assert info.actor.kind is ActorKind.EXPERT
+    assert info.actor.version
+    assert info.outcome is not None
+    assert info.outcome.success
+
+
+def test_what_is_missing_is_recorded_again_and_nothing_else(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path)
+    played(data)
+    before = contents(data)
+    first, second = data.episodes()
+    second.unlink()
+    (data.path / ATTEMPTS).unlink()
+    stamp = first.stat().st_mtime_ns
+    second.with_suffix(".part").write_bytes(b"left by a kill")
+    played(data)
+    assert contents(data) == before
+    assert first.stat().st_mtime_ns == stamp
+    assert not data.partials()
+
+
+def test_failures_are_counted_and_left_out_unless_asked_for(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path / "all")
+    attempts = played(data, SOMETIMES, keep_failures=True, episodes=6)
+    assert len(attempts) == len(data.episodes()) == 6
+    assert not any(attempt.success for attempt in attempts)
+    broken = [attempt for attempt in attempts if attempt.error]
+    assert 0 < len(broken) < 6
+    assert "an odd seed" in str(broken[0].error)
+    path = data.episode("bin_sort", f"{broken[0].episode:05d}")
+    outcome = Recording.read_info(path).outcome
+    assert outcome is not None
+    assert (outcome.kept, outcome.cut) == (False, True)
+    assert "an odd seed" in str(outcome.reason)
+
+    data = DataSet.open(tmp_path / "good")
+    with pytest.raises(EvaluationError, match="Only 0 of the first 10 episodes of bin_sort succ"):
+        played(data, "hold", episodes=1)
+    assert not data.episodes()
+
+
+def test_another_recording_is_refused_with_the_difference(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path)
+    played(data, episodes=1)
+    with pytest.raises(OtherRunError, match="policy hold instead of expert"):
+        played(data, "hold")
+    with pytest.raises(OtherRunError, match="split eval instead of train"):
+        played(data, split="eval")
+    with locked(data.path), pytest.raises(OutputError, match="Another process is writing"):
+        played(data)
+
+
+def test_episodes_of_another_origin_are_not_mixed_in(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path / "a")
+    played(data, episodes=1)
+    (data.path / "record.json").unlink()
+    with pytest.raises(OtherRunError, match="recorded in another way"):
+        played(data, episodes=1)
+
+
+def test_a_damaged_episode_stops_the_recording_with_its_name(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path)
+    played(data, episodes=1)
+    data.episodes()[0].write_bytes(b"rubbish")
+    with pytest.raises(DataError, match=r"00000\.parquet"):
+        played(data, episodes=1)
+
+
+def test_a_killed_recording_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+    whole, killed = DataSet.open(tmp_path / "whole"), DataSet(tmp_path / "killed")
+    played(whole, episodes=4)
+    command = [sys.executable, "-m", "duobench", "record", "--out", str(killed.path)]
+    command += ["--variety", "none", "--tasks", *TASKS, "--episodes", "4", "--workers", "2"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")}
+    for seen in (1, 2):
+        child = subprocess.Popen(
+            command, env=environment, stdout=subprocess.DEVNULL, start_new_session=True
+        )
+        deadline = time.monotonic() + 120
+        while len(killed.episodes()) < seen and time.monotonic() < deadline:
+            time.sleep(0.02)
+        os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
+    time.sleep(2.0)  # workers notice that their parent is gone
+    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
+    assert contents(killed) == contents(whole)
