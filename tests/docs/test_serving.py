@@ -1,12 +1,17 @@
 """What docs/serving.md shows works as it stands there."""
 
+import inspect
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from duobench.cli.evaluate import evaluate
+from duobench.cli.serve import serve
 from duobench.policy import Batching, BatchPolicy, SessionPolicy, make
+from duobench.policy.serving.layout import read_layout
 
 PAGE = (Path(__file__).parents[2] / "docs" / "serving.md").read_text(encoding="utf-8")
 
@@ -41,3 +46,21 @@ def test_shown_policy_sees_and_draws(shown: str) -> None:
     dynamic = SessionPolicy(policy._policy, Batching(mode="dynamic"))
     dynamic.reset("Do it.", 1)
     np.testing.assert_allclose(dynamic.act(observation(0)), chunks[0], atol=1e-6)
+
+
+def test_shown_layout_is_one(tmp_path: Path) -> None:
+    (source,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    path = tmp_path / "shown.toml"
+    path.write_text(source)
+    layout = read_layout(str(path))
+    assert layout.metadata("", "", seeded=False).cameras == ("head", "left_wrist")
+
+
+def test_shown_commands_have_options_that_exist() -> None:
+    verbs = {"serve": serve, "eval": evaluate}
+    lines = "".join(re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)).splitlines()
+    assert len(lines) == 3
+    for line in lines:
+        _, verb, *words = shlex.split(line)
+        options = {word[2:].replace("-", "_") for word in words if word.startswith("--")}
+        assert options <= inspect.signature(verbs[verb]).parameters.keys()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import mmap
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -87,6 +88,15 @@ class EpisodeClock:
         """The policy has answered."""
         _TIMES.pack_into(self._memory, 0, self._times()[0], 0.0)
 
+    @contextmanager
+    def answering(self) -> Iterator[None]:
+        """The policy thinks as long as the block lasts."""
+        self.start_answer()
+        try:
+            yield
+        finally:
+            self.end_answer()
+
     def episode_s(self) -> float:
         """Seconds since the episode began, 0 between episodes."""
         since = self._times()[0]
@@ -145,13 +155,10 @@ class TimedPolicy:
         return self._timed(lambda: as_chunk(self._policy.act(observation), self._action_size))
 
     def _timed(self, call: Callable[[], T]) -> T:
-        self._clock.start_answer()
-        try:
+        with self._clock.answering():
             answer = call()
             if self._clock.answer_s() > self._limits.act_s:
                 raise self._limits.late_answer()
-        finally:
-            self._clock.end_answer()
         if self._clock.episode_s() > self._limits.episode_s:
             raise self._limits.late_episode()
         return answer

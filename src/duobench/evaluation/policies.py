@@ -12,13 +12,19 @@ from typing import Any
 import gymnasium as gym
 from numpy.typing import ArrayLike
 
-from duobench import policy
 from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation.suite import TaskInfo
 from duobench.experts.registry import find_script, make_expert
-from duobench.policy import BASELINES, Policy, PolicyMetadata
-from duobench.policy.registry import source_version
+from duobench.policy import (
+    BASELINES,
+    Batching,
+    BatchPolicy,
+    Policy,
+    PolicyMetadata,
+    SessionPolicy,
+)
+from duobench.policy.registry import make_any, source_version, versioned_metadata
 
 EXPERT = "expert"
 """The name under which each task's scripted expert is a policy."""
@@ -34,6 +40,12 @@ class PolicySource:
     """The policy for an environment."""
     close: Callable[[], None]
     """Frees what the policy holds."""
+    name: str
+    """Name under which it was asked for."""
+    batching: Batching | None = None
+    """How many observations it answers together; None if that is one, or nobody knows."""
+    batch_policy: BatchPolicy | None = None
+    """The policy itself, if it answers many episodes at a time."""
 
 
 class ExpertPolicy:
@@ -81,12 +93,15 @@ def check_name(name: str) -> None:
         raise UnknownNameError("policy", name, [EXPERT, *BASELINES, "module:attribute"])
 
 
-def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
+def source(
+    name: str, tasks: Sequence[TaskInfo] = (), batching: Batching | None = None
+) -> PolicySource:
     """Look a policy up.
 
     Args:
         name: `expert`, a baseline's name, or `module:attribute`.
         tasks: What it will play; an expert's version is that of the scripts of these tasks.
+        batching: How many observations a `BatchPolicy` answers together; None takes the default.
 
     Raises:
         UnknownNameError: If there is none of that name.
@@ -97,11 +112,24 @@ def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
     if name == EXPERT:
         scripts = [find_script(task.id, task.reference).__module__ for task in tasks]
         metadata = replace(ExpertPolicy.metadata, version=source_version(*scripts))
-        return PolicySource(metadata=metadata, bind=ExpertPolicy, close=lambda: None)
-    made = policy.make(name)
-    metadata = made.metadata
-    if metadata.version is None:
-        modules = [name.partition(":")[0]] if ":" in name else []
-        metadata = replace(metadata, version=source_version(*modules, type(made).__module__))
+        return PolicySource(name=name, metadata=metadata, bind=ExpertPolicy, close=lambda: None)
+    made = make_any(name)
+    metadata = versioned_metadata(name, made)
     close = getattr(made, "close", lambda: None)
-    return PolicySource(metadata=metadata, bind=lambda _env: made, close=close)
+    if not isinstance(made, BatchPolicy):
+        if batching is not None:
+            raise PolicyError(
+                f"{name} answers one observation at a time, so there are no batches of it. With "
+                "`begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
+            )
+        return PolicySource(name=name, metadata=metadata, bind=lambda _env: made, close=close)
+    batching = batching or Batching()
+    alone = SessionPolicy(made, batching)
+    return PolicySource(
+        name=name,
+        metadata=metadata,
+        bind=lambda _env: alone,
+        close=close,
+        batching=batching,
+        batch_policy=made,
+    )

@@ -78,8 +78,8 @@ class BatchPolicy(Protocol):
         ...
 
     def act_batch(
-        self, sessions: Sequence[Any], observations: Sequence[Observation]
-    ) -> Sequence[ArrayLike]:
+        self, sessions: Sequence[Any], observations: Sequence[Any]
+    ) -> Sequence[ArrayLike] | NDArray[Any]:
         """Decide on the next actions in each episode.
 
         Args:

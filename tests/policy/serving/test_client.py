@@ -11,7 +11,8 @@ import pytest
 
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
 from duobench.policy import Policy, PolicyMetadata, SessionPolicy, as_chunk
-from duobench.policy.serving.client import RemotePolicy, RemoteServer
+from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.client import RemotePolicy
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.dialect import VLLM_PATH
 from duobench.policy.serving.layout import Layout, read_layout
@@ -56,6 +57,7 @@ def test_served_policy_answers_like_the_policy_itself(serve: Serve, remote: Conn
     policy = remote(serve(Network(), key="s3cret"), key="s3cret")
     assert isinstance(policy, Policy)
     assert policy.metadata == Network.metadata
+    assert remote(serve(Network()), execute=2).metadata == Network.metadata
     assert policy.batching == BATCHING
     for seed in (1, 2, 1):
         assert played(policy, seed) == played(local, seed)

@@ -14,9 +14,8 @@ import socket
 import struct
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from typing import Any
-from urllib.parse import SplitResult, urlsplit
 
 import msgspec
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
@@ -35,61 +34,15 @@ from duobench.errors import (
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.protocol import PolicyMetadata, as_chunk
 from duobench.policy.serving import access, limits
+from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, read, unpack
 from duobench.policy.serving.dialect import OURS, Dialect, actions_of, dialect_of
 from duobench.policy.serving.layout import Layout
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 
-ANSWER_S = 110.0
-"""Default seconds for one answer: under the limit of an evaluation, which ends the episode."""
-WAIT_S = 60.0
-"""Default seconds to wait for a server that is not there yet, or not there again."""
 _RETRY_S = 0.2
 """Pause between attempts to connect, in seconds."""
 _NOT_ALLOWED = (401, 403)
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RemoteServer:
-    """Where a policy is served, and how it is asked; nothing of it is written to a record."""
-
-    url: str
-    """Address, ws://HOST:PORT or wss://HOST:PORT, with a path if the server has one."""
-    key: str | None = field(default=None, repr=False)
-    """What the server asks for."""
-    layout: Layout | None = None
-    """How a server that is not ours is asked; None sends our own observations."""
-    execute: int | None = None
-    """Actions that are executed of each chunk; None takes all."""
-    answer_s: float = ANSWER_S
-    """Seconds for one answer."""
-    wait_s: float = WAIT_S
-    """Seconds to wait for a server that is not there."""
-
-    def __post_init__(self) -> None:
-        """Reject what is no address, or holds more than one."""
-        parts = self.parts
-        if parts.scheme not in {"ws", "wss"} or not parts.hostname:
-            raise ServingError("The address of a server is ws://HOST:PORT or wss://HOST:PORT.")
-        if parts.username is not None or parts.query or parts.fragment:
-            raise ServingError(
-                "The address of a server holds no key: put it into the environment variable "
-                f"{access.KEY_VARIABLE}, or into a file."
-            )
-        if not (self.answer_s > 0 and self.wait_s >= 0 and (self.execute or 1) >= 1):
-            raise ServingError(
-                "Times are positive, and at least one action of a chunk is executed."
-            )
-
-    @property
-    def parts(self) -> SplitResult:
-        """The parts of the address."""
-        try:
-            parts = urlsplit(self.url)
-            parts.port  # noqa: B018 - raises where it is no number
-        except ValueError as error:
-            raise ServingError("The address of a server is ws://HOST:PORT.") from error
-        return parts
 
 
 class RemotePolicy:
@@ -298,6 +251,6 @@ def _described(
         batching = msgspec.convert({"mode": told["batch"], "size": told["max_batch"]}, Batching)
     except (msgspec.ValidationError, PolicyError, KeyError, TypeError) as error:
         raise ServingError(f"The server describes its policy wrongly: {error}.") from error
-    if server.execute is not None:
+    if server.execute is not None and server.execute < (metadata.horizon or math.inf):
         metadata = replace(metadata, version=f"{metadata.version}, {asked} actions of a chunk")
     return metadata, batching
