@@ -8,6 +8,7 @@ PYTHON := $(shell for python in python3 python3.13 python3.12 python3.11; do \
 endif
 VENV := .venv
 BIN := $(VENV)/bin
+STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
 TEST_WORKERS ?= 2
 
@@ -46,7 +47,7 @@ docs: setup-test  ## Draw the gallery, and write the table of tasks in README.md
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
 	$(BIN)/python -m tests.golden.episodes
 
-setup-test: $(VENV)/.installed-test
+setup-test: $(VENV)/.installed-test $(STUBS)
 
 # The environment belongs to one interpreter and one folder: scripts in it name both. The file
 # is rewritten only when either changes, and everything else follows from it.
@@ -72,3 +73,7 @@ $(VENV)/.installed: $(VENV)/.identity pyproject.toml constraints.txt
 $(VENV)/.installed-test: $(VENV)/.installed
 	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[test]'
 	@touch $@
+
+# Their types are those of the installed version, which only the two files above can change.
+$(STUBS): $(VENV)/.installed-test tools/mujoco_stubs.py
+	$(BIN)/python -m tools.mujoco_stubs

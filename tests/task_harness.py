@@ -85,7 +85,11 @@ class TaskHarness:
 
     def reach(self, script: Callable[[Arms], Script], stage: int) -> None:
         """Run a script until a stage is reached, whenever that is; fail if it never is."""
-        assert any(reached >= stage for reached in self.steps(script)), f"stage {stage} not reached"
+        self.run_until(script, lambda: self.stage >= stage)
+
+    def run_until(self, script: Callable[[Arms], Script], met: Callable[[], bool]) -> None:
+        """Run a script until a condition is met, whenever that is; fail if it never is."""
+        assert any(met() for _ in self.steps(script)), f"never met; stage {self.stage} was reached"
 
     def run_for(self, script: Callable[[Arms], Script], steps: int) -> int:
         """Run a script for some control steps, or until the last stage."""

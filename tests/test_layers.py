@@ -16,9 +16,8 @@ import duobench
 # itself; rooms of one line are siblings, which never import each other.
 FLOORS = (
     ("errors",),
-    ("spatial", "files", "versions"),
-    ("types", "randomness"),
-    ("backend",),
+    ("types", "randomness", "files", "references", "versions"),
+    ("spatial", "backend"),
     ("objects",),
     ("scene",),
     ("sim",),
@@ -31,7 +30,7 @@ FLOORS = (
     ("__main__",),
 )
 RANK = {room: rank for rank, rooms in enumerate(FLOORS) for room in rooms}
-BASE = ("errors", "spatial", "files", "versions", "types", "randomness", "backend")
+BASE = tuple(room for rooms in FLOORS[:3] for room in rooms)
 
 # Modules that a room may not name, apart from what the floors already say.
 EVERYWHERE = ("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy")
@@ -52,6 +51,7 @@ FORBIDDEN = {
     "tasks": ("mujoco", *GYMNASIUM),
     "envs": ("http", "pathlib", "requests", "shutil", "socket", "tempfile", "urllib", "websockets"),
     "experts": ("mujoco", *GYMNASIUM),
+    "policy": ("mujoco",),
 }
 
 # What a room may take from the package itself, which stands above all rooms.

@@ -128,7 +128,7 @@ def test_neighbouring_seeds_are_unrelated() -> None:
 @pytest.mark.parametrize("box", [Uniform(-1.0, 2.0), around(0.5, 0.1), ANY_YAW])
 def test_uniform_numbers_fill_their_range(box: Uniform) -> None:
     rng = np.random.default_rng(0)
-    draws = [box.draw(rng) for _ in range(500)]
+    draws = [box.sample(rng) for _ in range(500)]
     assert all(box.low <= draw < box.high for draw in draws)
     assert stats.kstest(draws, "uniform", args=(box.low, box.high - box.low)).pvalue > 0.01
 
@@ -139,7 +139,7 @@ def test_around_and_any_yaw() -> None:
 
 
 def test_a_range_of_one_number_is_that_number() -> None:
-    assert Uniform(0.3, 0.3).draw(np.random.default_rng(0)) == 0.3
+    assert Uniform(0.3, 0.3).sample(np.random.default_rng(0)) == 0.3
 
 
 @pytest.mark.parametrize(("low", "high"), [(1.0, 0.0), (math.nan, 1.0)])
@@ -153,5 +153,5 @@ def test_choices_are_equally_likely() -> None:
     options = ("left", "right", "both")
     counts = dict.fromkeys(options, 0)
     for _ in range(600):
-        counts[Choice(options).draw(rng)] += 1
+        counts[Choice(options).sample(rng)] += 1
     assert stats.chisquare(list(counts.values())).pvalue > 0.01

@@ -3,8 +3,6 @@
 import re
 import shutil
 import subprocess
-import sys
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -124,17 +122,3 @@ def test_constraints_hold_names_and_versions_only() -> None:
     pins = [line for line in lines if not line.startswith("#")]
     assert pins
     assert [pin for pin in pins if not re.fullmatch(r"[A-Za-z0-9_.-]+==[0-9][\w.]*", pin)] == []
-
-
-def test_wheel_carries_everything_of_the_package(tmp_path: Path) -> None:
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("*.whl")
-    with zipfile.ZipFile(wheel) as archive:
-        packed = set(archive.namelist())
-    expected = {path.relative_to(ROOT / "src").as_posix() for path in tracked("src/duobench")}
-    assert "duobench/scene/robot_meshes.npz" in expected
-    assert expected <= packed
-    (information,) = {name.split("/")[0] for name in packed} - {"duobench"}
-    for notice in ("LICENSE", "THIRD_PARTY_NOTICES.md"):
-        assert f"{information}/licenses/{notice}" in packed

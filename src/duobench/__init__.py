@@ -1,12 +1,19 @@
 """DuoBench: a benchmark for two-armed manipulation on the Franka FR3 Duo.
 
-Importing the package registers the environments with Gymnasium and does nothing else.
+Importing the package registers the environments with Gymnasium and does nothing else. Where
+Gymnasium is not installed, as on a policy's server, there is `duobench.policy` all the same.
 """
 
-from duobench.envs.registration import make, register, register_catalog
+from duobench.errors import DuoBenchError
 
-__all__ = ["__version__", "make", "register"]
+__all__ = ["DuoBenchError", "__version__", "make", "register"]
 
 __version__ = "0.1.0"
 
-register_catalog()
+try:
+    from duobench.envs.registration import make, register, register_catalog
+except ModuleNotFoundError as error:
+    if error.name != "gymnasium":
+        raise
+else:
+    register_catalog()

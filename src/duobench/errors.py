@@ -43,12 +43,16 @@ class UnknownNameError(DuoBenchError, LookupError):
         super().__init__(f"Unknown {kind} {name!r}.{hint} Known: {', '.join(names) or '(none)'}.")
 
 
+class ImportPathError(DuoBenchError):
+    """A `module:attribute` has another form, or its module is missing or raises an error."""
+
+
 class OptionError(DuoBenchError, ValueError):
-    """An option of an environment has a value that cannot be."""
+    """An option of an environment has an invalid value."""
 
 
 class LayoutError(DuoBenchError):
-    """A layout is incomplete, overlapping or out of reach, or none could be drawn."""
+    """A layout is incomplete, overlapping or out of reach, or none could be sampled."""
 
 
 class ActionError(DuoBenchError, ValueError):
@@ -117,14 +121,22 @@ def printable(text: str) -> str:
     return re.sub(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", lambda found: f"\\x{ord(found[0]):02x}", text)
 
 
-def traceback_text(error: BaseException) -> str:
+def traceback_text(error: BaseException, skip: int = 0) -> str:
     """A traceback whose files are named from the folder they were imported from.
 
     The text is then the same in every checkout, and tells nothing about a machine. It is printable;
     lines that go on and on, such as those with a printed array, are cut, and so is the middle of
     a text that is too long.
+
+    Args:
+        error: The error.
+        skip: How many of the outermost calls to leave out, such as ours of somebody else's code.
     """
-    text = printable("".join(traceback.format_exception(error)))
+    trace = error.__traceback__
+    for _ in range(skip):
+        trace = trace and trace.tb_next
+    lines = traceback.format_exception(type(error), error, trace)
+    text = printable("".join(lines))
     folders = sorted({str(Path(entry).resolve()) for entry in sys.path}, key=len, reverse=True)
     for folder in folders:
         text = text.replace(f'File "{folder}/', 'File "')

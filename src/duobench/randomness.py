@@ -1,4 +1,4 @@
-"""Everything that is drawn: named distributions, and generators that depend on nothing else.
+"""Everything that is sampled: named distributions, and generators that depend on nothing else.
 
 A layout's generator is a pure function of (task, suite version, split, seed); an episode's seed is
 a pure function of (task, suite version, split, episode index). Hashing makes neighbouring numbers
@@ -90,17 +90,17 @@ def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Uniform:
-    """A number drawn uniformly from [low, high)."""
+    """A number sampled uniformly from [low, high)."""
 
     low: float
     high: float
 
     def __post_init__(self) -> None:
-        """Refuse an empty range."""
+        """Reject an empty range."""
         if not self.low <= self.high:
             raise ValueError(f"Uniform needs low <= high, got {self.low} and {self.high}.")
 
-    def draw(self, rng: np.random.Generator) -> float:
+    def sample(self, rng: np.random.Generator) -> float:
         """One number."""
         return float(rng.uniform(self.low, self.high))
 
@@ -120,6 +120,6 @@ class Choice:
 
     options: tuple[str, ...]
 
-    def draw(self, rng: np.random.Generator) -> str:
+    def sample(self, rng: np.random.Generator) -> str:
         """One of the options."""
         return self.options[int(rng.integers(len(self.options)))]

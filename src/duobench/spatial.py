@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from duobench.types import Array
 
 
 def _frozen(values: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -97,7 +97,7 @@ class SE3:
 
     @staticmethod
     def from_tquat(tquat: ArrayLike) -> SE3:
-        """Transform from seven numbers x y z qx qy qz qw; see `from_wxyz` for what is refused."""
+        """Transform from seven numbers x y z qx qy qz qw; see `from_wxyz` for what is rejected."""
         t = np.asarray(tquat, dtype=np.float64)
         return SE3.from_wxyz(t[[6, 3, 4, 5]], t[:3])
 

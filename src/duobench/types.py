@@ -1,4 +1,4 @@
-"""Words that every floor shares: sides, what the two arms report and what they are told."""
+"""Words that every floor shares: sides, states and commands of the two arms."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _flat(joints: Array, openings: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class DuoCommand:
-    """What the two arms are told for one control step."""
+    """Command to both arms for one control step."""
 
     joints: Array
     """Joint targets (2, 7) in radians, left then right."""
@@ -92,7 +92,7 @@ class DuoCommand:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class DuoState:
-    """What the two arms report after a control step."""
+    """State of both arms after a control step."""
 
     joints: Array
     """Joint positions (2, 7) in radians, left then right."""

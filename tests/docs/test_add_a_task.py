@@ -26,16 +26,30 @@ def _blocks(language: str = "python") -> list[str]:
     )
 
 
+def _block(part: str) -> str:
+    """The one piece of Python on the page that holds a part."""
+    (block,) = (block for block in _blocks() if part in block)
+    return block
+
+
+def _task() -> str:
+    return _block("TASK = Task(")
+
+
+def _expert() -> str:
+    return _block("def script(")
+
+
 @pytest.fixture
 def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """The task of the page, saved as a module that can be imported."""
-    (tmp_path / "stack_cube.py").write_text(_blocks()[0], encoding="utf-8")
+    (tmp_path / "stack_cube.py").write_text(_task(), encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     return "stack_cube:TASK"
 
 
 def test_the_task_is_short() -> None:
-    assert len(_blocks()[0].splitlines()) < MAX_LINES
+    assert len(_task().splitlines()) < MAX_LINES
 
 
 def test_it_is_found_by_its_path(module: str) -> None:
@@ -44,15 +58,14 @@ def test_it_is_found_by_its_path(module: str) -> None:
 
 def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {}
-    exec(_blocks()[1], names)
+    exec(_block("from stack_cube import TASK\n\n"), names)
     assert "red cube" in capsys.readouterr().out
     assert names["TASK"] is catalog.get(module)
     names["env"].close()
 
 
 def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
-    task, _, script, _ = _blocks()
-    (tmp_path / "stack_cube.py").write_text(task + script, encoding="utf-8")
+    (tmp_path / "stack_cube.py").write_text(_task() + _expert(), encoding="utf-8")
     lines = [line for block in _blocks("sh") for line in block.splitlines()]
     assert [shlex.split(line)[1] for line in lines] == ["render", "eval", "eval"]
     for line in lines:
@@ -71,7 +84,7 @@ def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
 
 def test_its_adversary_gets_nothing(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {}
-    exec("".join(_blocks()[i] for i in (0, 2, 3)), names)
+    exec(_task() + _expert() + _block("def push("), names)
     assert capsys.readouterr().out == "push reaches stage 0\n"
     assert catalog.get(module).max_stage == names["TASK"].max_stage
     names["env"].close()
@@ -79,7 +92,7 @@ def test_its_adversary_gets_nothing(module: str, capsys: pytest.CaptureFixture[s
 
 def test_its_expert_solves_it(module: str) -> None:
     names: dict[str, Any] = {}
-    exec(_blocks()[0] + _blocks()[2], names)
+    exec(_task() + _expert(), names)
     play = TaskHarness(catalog.get(module))
     script: Callable[..., Any] = names["script"]
     for seed in (0, 1):

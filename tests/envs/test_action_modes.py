@@ -18,7 +18,7 @@ from duobench.envs.wrappers import (
     RelativeJointActions,
 )
 from duobench.errors import ActionError
-from duobench.scene.fr3 import JOINT_RANGES
+from duobench.scene.fr3_links import JOINT_RANGES
 from duobench.sim.kinematics import Kinematics
 from duobench.spatial import SE3, rotation_about
 from duobench.tasks import catalog

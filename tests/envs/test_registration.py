@@ -13,6 +13,7 @@ import gymnasium as gym
 import pytest
 
 import duobench
+from duobench.envs import ResetNeededError
 from duobench.envs.registration import env_id
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.tasks import catalog
@@ -55,6 +56,29 @@ def test_an_environment_knows_how_to_be_made_again() -> None:
     assert str(again) == str(env)
     assert again.action_space == env.action_space
     assert gym.spec(f"duobench/{TASK}-v1").kwargs == {"task": TASK}
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_the_spec_of_an_environment_has_its_horizon(name: str) -> None:
+    env = gym.make(f"duobench/{name}-v1", cameras=False)
+    assert env.spec is not None
+    assert env.spec.max_episode_steps == catalog.get(name).horizon
+
+
+@pytest.mark.parametrize("horizon", [2, 1000])
+def test_there_is_one_time_limit(mine: Task, horizon: int) -> None:
+    env = duobench.make(replace(mine, horizon=5), cameras=False, horizon=horizon)
+    for made in (env, env.spec.make() if env.spec else env):
+        assert made.spec is not None
+        assert made.spec.max_episode_steps == horizon
+        assert str(made).count("TimeLimit") == 1
+    env.reset(seed=0)
+    action = env.action_space.sample()
+    ends = [env.step(action)[3] for _ in range(min(horizon, 7))]
+    assert ends.count(True) == (horizon == 2)
+    if horizon == 2:
+        with pytest.raises(ResetNeededError, match="episode is over"):
+            env.step(action)
 
 
 def test_the_unversioned_id_is_the_newest_version() -> None:

@@ -1,8 +1,13 @@
-"""Vector environments play the same episodes, bit for bit, in this process and in others."""
+"""Vector environments show the same episodes, images too, in this process and in others.
+
+That whole episodes are the same is proven in `tests/test_determinism.py`.
+"""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -13,12 +18,15 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 from duobench.tasks import catalog
 from tests.envs.tools import TASK, equal, make_small, waves
 
-COUNT, STEPS, SEED = 2, 8, 11
+Make = Callable[[], gym.Env]
+
+COUNT, STEPS, SEED = 2, 5, 11
+SEEING = {"cameras": ("head", "left_wrist"), "image_size": (24, 32)}
 
 
-def single_episodes() -> tuple[list[list[Any]], tuple[str, ...]]:
+def single_episodes(make: Make) -> tuple[list[list[Any]], tuple[str, ...]]:
     """What a lone environment shows for each seed, and the hashes of the final states."""
-    env = make_small()
+    env = make()
     episodes, hashes = [], []
     for number in range(COUNT):
         told = [env.reset(seed=SEED + number)]
@@ -35,14 +43,20 @@ def played(vector: VectorEnv) -> list[Any]:
     return told
 
 
-def assert_same(vector: VectorEnv) -> None:
+def one_of(batch: Any, number: int) -> Any:
+    """What a batch of observations holds for one environment."""
+    if isinstance(batch, Mapping):
+        return {key: one_of(values, number) for key, values in batch.items()}
+    return batch[number]
+
+
+def assert_same(vector: VectorEnv, make: Make) -> None:
     batches = played(vector)
-    episodes, hashes = single_episodes()
+    episodes, hashes = single_episodes(make)
     assert vector.call("state_hash") == hashes
     for number, episode in enumerate(episodes):
         for batch, alone in zip(batches, episode, strict=True):
-            observations = {key: values[number] for key, values in batch[0].items()}
-            assert equal(observations, alone[0])
+            assert equal(one_of(batch[0], number), alone[0])
             for here, there in zip(batch[1:-1], alone[1:-1], strict=True):
                 assert here[number] == there
             assert batch[-1]["stage"][number] == alone[-1]["stage"]
@@ -53,19 +67,28 @@ def assert_same(vector: VectorEnv) -> None:
         assert {name: layouts[name][number] for name in alone} == alone
 
 
-def test_sync() -> None:
-    vector = SyncVectorEnv([make_small] * COUNT)
-    assert_same(vector)
+@pytest.mark.parametrize("task", [TASK, "ball_maze"])
+@pytest.mark.parametrize(
+    "vectorize", [SyncVectorEnv, partial(AsyncVectorEnv, context="spawn")], ids=["sync", "spawn"]
+)
+def test_images_are_those_of_single_environments(
+    task: str, vectorize: Callable[[list[Make]], VectorEnv]
+) -> None:
+    make = partial(make_small, task, **SEEING)
+    vector = vectorize([make] * COUNT)
+    images = vector.observation_space["pixels"]  # type: ignore[index]
+    assert {space.shape for space in images.spaces.values()} == {(COUNT, 24, 32, 3)}
+    assert_same(vector, make)
     vector.close()
 
 
-@pytest.mark.parametrize("context", ["spawn", "fork", "forkserver"])
-def test_async(context: str) -> None:
+@pytest.mark.parametrize("context", ["fork", "forkserver"])
+def test_other_ways_to_start_processes(context: str) -> None:
     with warnings.catch_warnings():
         # Newer Pythons warn of forking a process with threads, which NumPy starts.
         warnings.filterwarnings("ignore", message=".*fork", category=DeprecationWarning)
         vector = AsyncVectorEnv([make_small] * COUNT, context=context)
-    assert_same(vector)
+    assert_same(vector, make_small)
     assert vector.call("task") == (TASK,) * COUNT
     assert vector.call("task_description") == (catalog.get(TASK).instruction,) * COUNT
     assert vector.call("_max_episode_steps") == (catalog.get(TASK).horizon,) * COUNT

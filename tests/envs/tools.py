@@ -17,6 +17,8 @@ from duobench.envs.sim_env import sim_of
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.types import DuoCommand
 
+__all__ = ["TASK", "check", "equal", "make_small", "sim_of", "wave", "waves"]
+
 TASK = "bin_sort"
 
 # Two remarks are the checker's opinion of what was asked for: it would rather look at a bare
@@ -39,34 +41,9 @@ def waves(count: int) -> NDArray[np.float32]:
     return np.array([wave(number) for number in range(count)])
 
 
-def hash_of_episode(
-    options: Mapping[str, Any], seed: int, steps: int = 12, *, before: int = 0, task: str = TASK
-) -> str:
-    """State hash after some steps; importable, so that other processes can run it.
-
-    Args:
-        options: Options of the environment.
-        seed: Seed of the reset.
-        steps: Control steps.
-        before: Episodes, of other seeds and lengths, that are played first.
-        task: Task.
-    """
-    env = duobench.make(task, **options)
-    for other in range(before):
-        env.reset(seed=1000 + other)
-        for action in waves(5 + 3 * other):
-            env.step(action + np.float32(0.01))
-    env.reset(seed=seed)
-    for action in waves(steps):
-        env.step(action)
-    result = sim_of(env).simulation.state_hash()
-    env.close()
-    return result
-
-
-def make_small() -> gym.Env:
+def make_small(task: str = TASK, **options: Any) -> gym.Env:
     """The environment that vector environments are made of, in this or another process."""
-    return duobench.make(TASK, cameras=False)
+    return duobench.make(task, **{"cameras": False, **options})
 
 
 def equal(one: Any, other: Any) -> bool:

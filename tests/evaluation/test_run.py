@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import DuoBenchError, EvaluationError
+from duobench.errors import DuoBenchError, EvaluationError, ImportPathError
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.suite import Run, find_tasks
 from tests.evaluation.samples import LIFT, SORT, sample_run
@@ -105,5 +105,5 @@ def test_module_of_a_task_that_cannot_be_imported_is_told_with_the_traceback(
 ) -> None:
     (tmp_path / "broken_task.py").write_text("1 / 0")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(EvaluationError, match=r"(?s)'broken_task:TASK' cannot.*ZeroDivisionError"):
+    with pytest.raises(ImportPathError, match=r"(?s)'broken_task' cannot.*ZeroDivisionError"):
         find_tasks(["broken_task:TASK"])

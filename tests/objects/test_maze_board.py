@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from duobench.errors import UnknownNameError
 from duobench.objects.maze_board import (
     BALL_RADIUS,
     BAR,
@@ -20,6 +21,7 @@ from duobench.objects.maze_board import (
 )
 from duobench.objects.mazes import CELLS, MAZES, SEGMENTS, Direction, Maze, Segment
 from duobench.objects.solid import PLA_DENSITY, mass_properties, printable
+from duobench.tasks import catalog
 
 mazes = pytest.mark.parametrize("maze", MAZES, ids=range(len(MAZES)))
 
@@ -31,6 +33,20 @@ def test_a_printed_board_is_one_watertight_piece(maze: Maze) -> None:
     assert body.is_watertight
     assert body.body_count == 1
     assert body.bounds[:, 2] == pytest.approx([-BASE, GRIP_Z + BAR[2] / 2])
+
+
+@mazes
+def test_the_prop_prints_the_walls_of_its_maze_only(maze: Maze) -> None:
+    props = catalog.get("ball_maze").props
+    variants = {"board": str(MAZES.index(maze))}
+    printed = [solid for prop in props for solid in prop.prints(variants)]
+    assert repr(printed) == repr([printable_board(maze), ball()])
+
+
+def test_without_its_maze_the_prop_prints_nothing() -> None:
+    prop = catalog.get("ball_maze").props[0]
+    with pytest.raises(UnknownNameError, match=r"variant of board '17'.*Known: 0, 1"):
+        prop.prints({"board": "17"})
 
 
 @mazes

@@ -52,8 +52,8 @@ def test_unknown_name_lists_the_known_ones() -> None:
 @pytest.mark.parametrize(
     ("attribute", "message"),
     [
-        ("Mein", "no class or function 'Mein'.*Leaves, Mine, Needs, make_nothing, make_policy"),
-        ("A_NUMBER", "no class or function 'A_NUMBER'"),
+        ("Mein", "'Mein'. Did you mean 'Mine'.*Leaves, Mine, Needs, make_nothing, make_policy"),
+        ("A_NUMBER", "Unknown class or function in module own_policies 'A_NUMBER'"),
         ("make_nothing", "gave a object, which is no policy"),
     ],
 )

@@ -8,8 +8,8 @@ import pytest
 
 from duobench.objects.bowl import bowl
 from duobench.objects.shapes import CIRCLE_SEGMENTS, box, cylinder
-from duobench.objects.solid import SolidMesh, manifold_of, mesh_of, printable
-from duobench.scene.mesh_normals import FLAT, add_drawn_mesh, corner_normals
+from duobench.objects.solid import Mesh, manifold_of, mesh_of, printable
+from duobench.scene.mesh_normals import FLAT, add_visual_mesh, corner_normals
 
 MESHES = {
     "box": mesh_of(manifold_of(box(0.1, 0.2, 0.3))),
@@ -25,7 +25,7 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
-def test_no_corner_turns_far_from_its_triangle(mesh: SolidMesh) -> None:
+def test_no_corner_turns_far_from_its_triangle(mesh: Mesh) -> None:
     corners = corner_normals(mesh.vertices, mesh.faces).reshape(-1, 3, 3)
     cosines = np.einsum("fcx,fx->fc", corners, face_normals(mesh.vertices, mesh.faces))
     assert np.linalg.norm(corners, axis=2) == pytest.approx(1.0)
@@ -63,9 +63,9 @@ def test_the_normals_do_not_depend_on_how_a_face_is_cut() -> None:
 
 @pytest.mark.parametrize("crease", [math.radians(8.0), FLAT])
 @pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
-def test_the_engine_draws_with_these_normals(mesh: SolidMesh, crease: float) -> None:
+def test_the_engine_draws_with_these_normals(mesh: Mesh, crease: float) -> None:
     spec = mujoco.MjSpec()
-    name = add_drawn_mesh(spec, "mesh", mesh.vertices, mesh.faces, crease)
+    name = add_visual_mesh(spec, "mesh", mesh, crease)
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
     model = spec.compile()
     vertices = model.mesh_vert.astype(np.float64)

@@ -8,9 +8,10 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from duobench.errors import AssetError, UnknownNameError
+from duobench.objects import Mesh
 from duobench.scene import meshes
 from duobench.scene.compose import compose
-from duobench.scene.meshes import RobotMesh, add_robot_mesh, decode, robot_meshes
+from duobench.scene.meshes import add_robot_mesh, decode, robot_meshes
 
 NAMES = sorted(robot_meshes())
 HULLS = [name for name in NAMES if name.endswith(":hull")]
@@ -26,17 +27,17 @@ def copies(name: str) -> int:
     return 4 if name.removesuffix(":visual").endswith(FINGER_PARTS) else 2
 
 
-def volume(mesh: RobotMesh) -> float:
+def volume(mesh: Mesh) -> float:
     """Signed volume, positive where the triangles of a closed mesh face outward."""
-    a, b, c = (mesh[0][mesh[1][:, corner]] for corner in range(3))
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
 def test_the_file_holds_25_meshes_for_images_and_13_hulls() -> None:
     found = robot_meshes()
     assert (len(found), len(HULLS)) == (38, 13)
-    assert sum(len(vertices) for vertices, _ in found.values()) == 3168
-    assert sum(len(faces) for _, faces in found.values()) == 3068
+    assert sum(len(mesh.vertices) for mesh in found.values()) == 3168
+    assert sum(len(mesh.faces) for mesh in found.values()) == 3068
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.25, 0.5, 0.75, 0.999])
@@ -62,14 +63,16 @@ def test_a_missing_file_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_meshes_are_read_once_and_cannot_be_written_to() -> None:
     assert robot_meshes() is robot_meshes()
-    for array in robot_meshes()[NAMES[0]]:
+    mesh = robot_meshes()[NAMES[0]]
+    for array in (mesh.vertices, mesh.faces):
         with pytest.raises(ValueError, match="read-only"):
             array[0, 0] = 1
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_vertex_is_used_and_every_triangle_has_an_area(name: str) -> None:
-    vertices, faces = robot_meshes()[name]
+    mesh = robot_meshes()[name]
+    vertices, faces = mesh.vertices, mesh.faces
     assert (vertices.dtype, faces.dtype) == (np.float64, np.int32)
     assert sorted(set(faces.ravel().tolist())) == list(range(len(vertices)))
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
@@ -78,16 +81,17 @@ def test_every_vertex_is_used_and_every_triangle_has_an_area(name: str) -> None:
 
 @pytest.mark.parametrize("name", HULLS)
 def test_a_hull_is_small_closed_and_convex(name: str) -> None:
-    vertices, faces = robot_meshes()[name]
+    mesh = robot_meshes()[name]
+    vertices, faces = mesh.vertices, mesh.faces
     assert len(vertices) <= 24
     edges = {(face[k], face[k - 2]) for face in faces.tolist() for k in range(3)}
     assert edges == {(end, start) for start, end in edges}
-    assert volume((vertices, faces)) == pytest.approx(ConvexHull(vertices).volume, rel=1e-6)
+    assert volume(mesh) == pytest.approx(ConvexHull(vertices).volume, rel=1e-6)
 
 
 def test_two_arms_and_grippers_stay_within_5800_triangles() -> None:
     found = robot_meshes()
-    total = sum(copies(name) * len(found[name][1]) for name in NAMES if name not in HULLS)
+    total = sum(copies(name) * len(found[name].faces) for name in NAMES if name not in HULLS)
     assert total <= 5800
 
 
@@ -97,7 +101,7 @@ def test_the_robot_uses_every_mesh_and_no_other() -> None:
         model.mesh(number).name: int(model.mesh_facenum[number]) for number in range(model.nmesh)
     }
     of_robot = {name: n for name, n in triangles.items() if name.endswith((":visual", ":hull"))}
-    assert of_robot == {name: len(faces) for name, (_, faces) in robot_meshes().items()}
+    assert of_robot == {name: len(mesh.faces) for name, mesh in robot_meshes().items()}
 
 
 def test_a_mesh_is_added_once() -> None:

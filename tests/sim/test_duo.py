@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from duobench.scene.compose import SUBSTEPS
-from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES
+from duobench.scene.fr3 import HOME_JOINTS
+from duobench.scene.fr3_links import JOINT_RANGES
 from duobench.scene.naming import pad_names, tcp_name
 from duobench.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
 from duobench.sim.duo import HOME, Duo

@@ -8,7 +8,8 @@ import mink
 import numpy as np
 import pytest
 
-from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES, SHOULDERS, VELOCITY_LIMITS
+from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
+from duobench.scene.fr3_links import JOINT_RANGES
 from duobench.scene.robot import LINK7_FROM_TCP
 from duobench.sim.kinematics import ELBOW, REACH, STRAIGHT, Kinematics, within_reach
 from duobench.spatial import SE3

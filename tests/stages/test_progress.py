@@ -68,13 +68,11 @@ def reference(steps: tuple[str, ...], letters: str) -> list[int]:
 STEPS = ["", "a", "b", "c", "ab", "ac", "bc", "abc"]
 
 
-@pytest.mark.parametrize("steps", list(itertools.product(STEPS, repeat=2)), ids=",".join)
-def test_the_rule_of_the_paper(bench: Bench, steps: tuple[str, ...]) -> None:
-    for last in STEPS:
+def test_the_rule_of_the_paper(bench: Bench) -> None:
+    for played in itertools.product(STEPS, repeat=3):
         progress = bench.begin(*map(bench.fact, "abc"))
-        played = (*steps, last)
-        assert bench.play(progress, *played) == reference(played, "abc")
-        assert progress.final_holds == ("c" in last)
+        assert bench.play(progress, *played) == reference(played, "abc"), played
+        assert progress.final_holds == ("c" in played[-1])
         assert progress.success == any("c" in step for step in played)
         assert progress.max_stage == 3
 

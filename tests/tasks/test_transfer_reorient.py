@@ -252,16 +252,3 @@ def test_only_the_hexagonal_hole_takes_the_peg_and_with_little_play() -> None:
     for hole in (SQUARE, TRIANGLE):
         for turn in np.arange(0.0, math.pi / 3, 0.05):
             assert _overlap(hole, turn, 0.0) > 1e-8
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_objects_rest_apart_at_reset(bench: TaskHarness, seed: int) -> None:
-    layout = bench.start(seed)
-    assert bench.sim.contacts.deepest(0.0005) == []
-    assert bench.sim.contacts.partners("peg") == {"table"}
-    moved, turned = bench.sim.pose("peg").distance(layout.poses["peg"])
-    assert moved < 0.001
-    assert turned < 0.01
-    assert bench.hold(10) == 0
-    assert max(bench.sim.speed("peg")) < 0.005
-    assert bench.sim.position("peg")[1] < 0 < bench.sim.position("board")[1]

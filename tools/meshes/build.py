@@ -8,9 +8,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from duobench.objects import Mesh
 from tools.meshes import recipes
 from tools.meshes.decimation import Part, decimate, outline
-from tools.meshes.geometry import Mesh, read, to_grid
+from tools.meshes.geometry import read, to_grid
 from tools.meshes.hulls import convex_hull
 
 _DATE = (1980, 1, 1, 0, 0, 0)

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.meshes.geometry import Mesh, canonical, to_grid
+from duobench.objects import Mesh
+from tools.meshes.geometry import canonical, to_grid
 from tools.meshes.hulls import convex_hull
 from tools.meshes.quadrics import (
     Floats,

@@ -7,12 +7,12 @@ that the bytes of a result do not depend on how a machine rounds.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import AssetError
+from duobench.objects import Mesh
 from duobench.scene.meshes import POINTS_PER_METRE
 
 RESOLUTION = 1 / POINTS_PER_METRE
@@ -25,21 +25,6 @@ _STL_TRIANGLE = np.dtype(
 )
 _STL_HEADER = 80
 _TRIANGLE = 3
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Mesh:
-    """A triangle mesh in metres; both arrays are read-only."""
-
-    vertices: NDArray[np.float64]
-    """Positions, shape (n, 3)."""
-    faces: NDArray[np.int32]
-    """Vertex indices of each triangle, counter-clockwise from outside, shape (m, 3)."""
-
-    def __post_init__(self) -> None:
-        """Make the arrays read-only, since meshes are shared by everybody who asks for them."""
-        self.vertices.setflags(write=False)
-        self.faces.setflags(write=False)
 
 
 def read(name: str, data: bytes) -> Mesh:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import AssetError
-from tools.meshes.geometry import Mesh, canonical, to_grid
+from duobench.objects import Mesh
+from tools.meshes.geometry import canonical, to_grid
 
 _OUTSIDE = 1.0
 """Distance in grid steps from which on a point counts as outside of a hull."""

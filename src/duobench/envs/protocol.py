@@ -69,7 +69,7 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
         OptionError: A value is invalid.
     """
     config = EnvConfig.from_options(options)
-    definition = catalog.get(task) if isinstance(task, str) else task
+    definition = catalog.get(task)
     if config.horizon is not None:
         definition = replace(definition, horizon=config.horizon)
     base = SimEnv(definition, render_mode=config.render_mode, render_size=config.render_size)

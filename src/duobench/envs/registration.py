@@ -68,7 +68,7 @@ def make(task: Task | str, **options: Any) -> gym.Env:
 
     Raises:
         UnknownNameError: There is no such task or option; near misses are listed.
-        OptionError: What is given is no task, or the value of an option cannot be.
+        OptionError: What is given is no task, or the value of an option is invalid.
     """
     if isinstance(task, str) and env_id(task) in gym.registry:
         return gym.make(env_id(task), **options)
@@ -84,7 +84,7 @@ def _spec(task: Task | str) -> EnvSpec:
 
     if not isinstance(task, Task):
         raise OptionError(
-            'A task is an id, an import path "module:ATTRIBUTE", or a duobench.tasks.task.Task; '
+            'A task is an id, an import path "module:ATTRIBUTE", or a duobench.tasks.Task; '
             f"got {task!r}."
         )
 
@@ -99,7 +99,9 @@ def _spec(task: Task | str) -> EnvSpec:
 
 def _spec_of(task_id: str, path: str | None, create: Any = ENTRY_POINT) -> EnvSpec:
     # The stack brings its own time limit and refuses steps out of order, and the tests run
-    # Gymnasium's checker on it: wrapped again, tools would not find its attributes.
+    # Gymnasium's checker on it: wrapped again, tools would not find its attributes. A registered
+    # `max_episode_steps` would add a second limit, in the way of a longer `horizon`; so the spec of
+    # an environment has it (`env.spec`), and the one that makes it has not.
     return EnvSpec(
         id=env_id(task_id),
         entry_point=create,

@@ -73,7 +73,7 @@ def config_for(metadata: PolicyMetadata) -> EnvConfig:
 
     Raises:
         UnknownNameError: It expects a camera or an action mode that does not exist.
-        OptionError: It expects images of a size that cannot be, or another control rate.
+        OptionError: It expects images of an invalid size, or another control rate.
     """
     return EnvConfig(
         cameras=metadata.cameras,

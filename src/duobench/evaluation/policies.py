@@ -63,8 +63,7 @@ class ExpertPolicy:
             PolicyError: If the task has no expert.
         """
         duo = sim_of(env)
-        reference = "" if duo.spec is None else duo.spec.kwargs.get("task", "")
-        self._expert = make_expert(duo.task, duo.simulation, reference)
+        self._expert = make_expert(duo.definition, duo.simulation)
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode."""
@@ -110,7 +109,7 @@ def source(
     """
     check_name(name)
     if name == EXPERT:
-        scripts = [find_script(task.id, task.reference).__module__ for task in tasks]
+        scripts = [find_script(task.reference).__module__ for task in tasks]
         metadata = replace(ExpertPolicy.metadata, version=source_version(*scripts))
         return PolicySource(name=name, metadata=metadata, bind=ExpertPolicy, close=lambda: None)
     made = make_any(name)

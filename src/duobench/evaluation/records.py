@@ -41,7 +41,7 @@ class EpisodeRecord:
     config: EnvConfig
     """Configuration of the environment."""
     instruction: str
-    """What the policy was told to do; empty if the episode died before its reset."""
+    """Instruction of the policy; empty if the episode died before its reset."""
     success: bool
     """Whether the last stage was reached."""
     success_at_end: bool

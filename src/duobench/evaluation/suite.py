@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from duobench.envs.config import EnvConfig
-from duobench.errors import DuoBenchError, EvaluationError, traceback_text
+from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
 from duobench.files import decode, encode
 from duobench.policy import Batching, PolicyMetadata
@@ -127,20 +127,14 @@ def find_tasks(references: Sequence[str]) -> tuple[TaskInfo, ...]:
 
     Raises:
         UnknownNameError: If a task does not exist.
-        EvaluationError: If its module cannot be imported, or the task can have no records.
+        ImportPathError: If its module cannot be imported.
+        EvaluationError: If the task can have no records.
     """
     return tuple(_described(reference) for reference in references or catalog.names())
 
 
 def _described(reference: str) -> TaskInfo:
-    try:
-        task = catalog.get(reference)
-    except (DuoBenchError, KeyboardInterrupt):
-        raise
-    except BaseException as error:
-        raise EvaluationError(
-            f"The module of task {reference!r} cannot be imported.\n{traceback_text(error)}"
-        ) from error
+    task = catalog.get(reference)
     return TaskInfo(
         reference=reference,
         id=task.id,

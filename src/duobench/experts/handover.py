@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from duobench.experts.motion import (
     CAREFUL,
@@ -26,9 +26,7 @@ from duobench.experts.motion import (
     wait,
 )
 from duobench.spatial import SE3
-from duobench.types import Side
-
-Array = NDArray[np.float64]
+from duobench.types import Array, Side
 
 _FIRM_GRIP_STEPS = 4
 """Control steps in which both arms hold the bar before one lets go."""
@@ -143,7 +141,7 @@ def clasp(arms: Arms, side: Side, pose: SE3, *, approach: float = 0.10) -> Scrip
 
 
 def let_go(arms: Arms, side: Side, *, retreat: float = 0.10) -> Script:
-    """Open the fingers and draw back along the tool's axis by `retreat` metres."""
+    """Open the fingers and retreat along the tool's axis by `retreat` metres."""
     yield from release(arms, side)
     back = arms.targets[side] @ SE3.at(z=-retreat)
     yield from move(arms, {side: back}, speed=0.35, arrive=False)

@@ -2,52 +2,46 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
-from duobench.errors import PolicyError
+from duobench.errors import DuoBenchError, PolicyError
 from duobench.experts.expert import Expert
+from duobench.experts.motion import Arms, Script
+from duobench.references import load
 from duobench.sim.simulation import Simulation
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from duobench.experts.motion import Arms, Script
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
 
 
-def find_script(task_id: str, reference: str = "") -> Callable[[Arms], Script]:
-    """The script of a task: from the module that defines it, else from the benchmark's experts.
+def find_script(task: Task | str) -> Callable[[Arms], Script]:
+    """The script of a task's expert: what `Task.expert` names.
 
     Args:
-        task_id: Id of the task.
-        reference: `module:ATTRIBUTE` under which the task was asked for, if it was.
+        task: The task, its id, or its import path `module:attribute`.
 
     Raises:
-        PolicyError: The task has none.
+        PolicyError: The task has none, or it cannot be imported.
     """
-    own, is_path, _ = reference.partition(":")
-    modules = [own] if is_path else []
-    if find_spec(ours := f"duobench.experts.{task_id}") is not None:
-        modules.append(ours)
-    for module in modules:
-        if script := getattr(import_module(module), "script", None):
-            return script
-    raise PolicyError(
-        f"Task {task_id!r} has no scripted expert; write a function `script(arms)` into the module "
-        "that defines the task, and ask for the task as module:ATTRIBUTE."
-    )
+    task = catalog.get(task)
+    if task.expert is None:
+        raise PolicyError(
+            f"Task {task.id!r} has no scripted expert. Write a function `script(arms)`, and set "
+            "the task's `expert` to its import path, such as my_module:script."
+        )
+    try:
+        return load(task.expert, "script", callable)
+    except DuoBenchError as error:
+        raise PolicyError(f"The expert of task {task.id!r}: {error}") from error
 
 
-def make_expert(task_id: str, simulation: Simulation, reference: str = "") -> Expert:
+def make_expert(task: Task | str, simulation: Simulation) -> Expert:
     """The expert of a task, bound to the simulation that it reads.
 
     Args:
-        task_id: Id of the task.
+        task: The task, its id, or its import path `module:attribute`.
         simulation: That of the environment the expert acts in: `env.unwrapped.simulation`.
-        reference: `module:ATTRIBUTE` under which the task was asked for, if it was.
 
     Raises:
         PolicyError: The task has no expert.
     """
-    return Expert(simulation, find_script(task_id, reference))
+    return Expert(simulation, find_script(task))

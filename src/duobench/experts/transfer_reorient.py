@@ -27,7 +27,7 @@ RISE = math.radians(60)
 RECEIVER_GRIP = 0.032
 _READY = tool((0.50, 0.25, 0.45), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
 OVER_BOARD = (0.9, 0.0, 0.0, -2.5, 1.6, 2.45, 0.5)
-"""Joints in radians that the left arm is drawn to over the board."""
+"""Joints in radians that the left arm is attracted to over the board."""
 _ABOVE = (0.16, 0.06)
 """Heights of the peg above the board on its way, in metres. The elbow changes sides; lower down it
 may get stuck half-way, nearly stretched, and the arm does not reach the board."""

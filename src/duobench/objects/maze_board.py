@@ -32,8 +32,6 @@ BALL_RADIUS = 0.010
 """Radius of the ball in metres [task definitions]."""
 HALF = CELLS * PITCH / 2
 """Half the edge of the maze in metres, up to the middle of a wall on its outline."""
-TOP = WALL_HEIGHT + BALL_RADIUS
-"""Height in metres above the floor at which the ball's centre is over the walls."""
 
 GRIP_OFFSET = 0.145
 """Distance in metres of a grip's bar from the board's middle: a finger fits between bar and rim."""
@@ -96,7 +94,7 @@ def wall_numbers() -> dict[Segment, int]:
 
 
 def wall_variants() -> dict[str, Variant]:
-    """What of `board()` each maze leaves out, by the maze's number: other walls and images."""
+    """What of `board()` each maze leaves out, other walls and images, by the maze's number."""
     numbers = wall_numbers()
     first = len(board().images) - len(MAZES)
     return {
@@ -105,6 +103,7 @@ def wall_variants() -> dict[str, Variant]:
             without_images=frozenset(
                 first + other for other in range(len(MAZES)) if other != index
             ),
+            printed=printable_board(maze),
         )
         for index, maze in enumerate(MAZES)
     }

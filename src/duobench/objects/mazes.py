@@ -70,8 +70,8 @@ class Maze:
     """Edges between cells that are closed; the rim of the board is always closed."""
 
     @staticmethod
-    def drawn(rows: Iterable[str]) -> Maze:
-        """Read a drawing.
+    def parsed(rows: Iterable[str]) -> Maze:
+        """Parse rows of text.
 
         Args:
             rows: The rows of cells, the northern one first. A cell is two characters: `_` where a
@@ -112,8 +112,8 @@ class Maze:
 
 
 MAZES: tuple[Maze, ...] = tuple(
-    Maze.drawn(drawing)
-    for drawing in (
+    Maze.parsed(rows)
+    for rows in (
         (
             "   |_    |",
             " |_ _  | |",

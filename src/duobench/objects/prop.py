@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from duobench.errors import UnknownNameError
 from duobench.objects.solid import Solid
 from duobench.spatial import SE3
 
@@ -44,6 +45,8 @@ class Variant:
     """Numbers of the solid's shapes that cannot be felt."""
     without_images: frozenset[int] = frozenset()
     """Numbers of the solid's images that cannot be seen."""
+    printed: Solid | None = None
+    """The root part as it is printed; None for the whole solid."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -62,6 +65,23 @@ class Prop:
     """Name of the layout's variant that decides which of its shapes are there, if any does."""
     variants: Mapping[str, Variant] = field(default_factory=dict)
     """What is left out for each value of that variant."""
+
+    def prints(self, variants: Mapping[str, str]) -> tuple[Solid, ...]:
+        """What to print for a layout: the root part, then the others.
+
+        Args:
+            variants: Those of the layout, `Layout.variants`.
+
+        Raises:
+            UnknownNameError: They lack a value of the prop's choice.
+        """
+        root = None
+        if self.choice is not None:
+            value = variants.get(self.choice)
+            if value is None or value not in self.variants:
+                raise UnknownNameError(f"variant of {self.name}", value, self.variants)
+            root = self.variants[value].printed
+        return (root or self.solid, *(part.solid for part in self.parts))
 
     def part_name(self, part: str) -> str:
         """Full name of a part's body and hinge."""

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.spatial import SE3
+from duobench.types import Array
 
-Array = NDArray[np.float64]
 CIRCLE_SEGMENTS = 64
 """Segments of a circle in images and prints."""
 

@@ -1,4 +1,4 @@
-"""A rigid solid: convex shapes that collide, and the exact mesh that is drawn, printed, weighed."""
+"""A rigid solid: convex shapes that collide, and the exact mesh to render, print and weigh."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
-
-Array = NDArray[np.float64]
+from duobench.types import Array
 
 PLA_DENSITY = 1240.0
 """Density of printed PLA, printed solid, in kg/m³ [filament data sheets]."""
@@ -22,21 +21,26 @@ PLASTIC_FRICTION = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SolidMesh:
-    """A watertight triangle mesh in metres."""
+class Mesh:
+    """A triangle mesh in metres; its arrays become read-only, since meshes are shared."""
 
     vertices: Array
     """Vertices (n, 3)."""
     faces: NDArray[np.int32]
     """Triangles (m, 3), counter-clockwise from outside."""
 
+    def __post_init__(self) -> None:
+        """Keep everybody from writing to them."""
+        self.vertices.setflags(write=False)
+        self.faces.setflags(write=False)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Image:
-    """A part of what is drawn, in one colour."""
+    """A part of what is rendered, in one colour."""
 
-    mesh: SolidMesh
-    """What is drawn."""
+    mesh: Mesh
+    """What is rendered."""
     rgba: Colour
     """Colour."""
     shadow: bool = True
@@ -51,10 +55,10 @@ class Solid:
     """What collides: convex, may overlap. None at all for a mark on the table."""
     rgba: Colour
     """Colour."""
-    mesh: SolidMesh | None = None
+    mesh: Mesh | None = None
     """What is printed; the union of the shapes where it is not given."""
     images: tuple[Image, ...] = ()
-    """What is drawn: the mesh, or the shapes, where none are given."""
+    """What is rendered: the mesh, or the shapes, where none are given."""
     density: float = PLA_DENSITY
     """Density in kg/m³."""
     mass: float | None = None
@@ -93,17 +97,17 @@ def manifold_of(shape: Shape) -> manifold3d.Manifold:
     return local.transform(pose)
 
 
-def mesh_of(manifold: manifold3d.Manifold) -> SolidMesh:
+def mesh_of(manifold: manifold3d.Manifold) -> Mesh:
     """The triangles of an exact solid, in double precision; copied, so that nothing keeps it."""
     mesh = manifold.to_mesh64()
-    return SolidMesh(
+    return Mesh(
         vertices=np.array(mesh.vert_properties, dtype=np.float64)[:, :3],
         faces=np.array(mesh.tri_verts, dtype=np.int32),
     )
 
 
 @lru_cache(maxsize=256)
-def printable(solid: Solid) -> SolidMesh:
+def printable(solid: Solid) -> Mesh:
     """The watertight mesh of a solid: its own, or the union of its shapes."""
     if solid.mesh is not None:
         return solid.mesh
@@ -114,17 +118,17 @@ def printable(solid: Solid) -> SolidMesh:
     )
 
 
-def manifold_from(mesh: SolidMesh) -> manifold3d.Manifold:
+def manifold_from(mesh: Mesh) -> manifold3d.Manifold:
     """The exact solid within a watertight mesh."""
     return manifold3d.Manifold(
         manifold3d.Mesh64(
-            vert_properties=mesh.vertices, tri_verts=mesh.faces.astype(np.uint64, copy=False)
+            vert_properties=mesh.vertices.copy(), tri_verts=mesh.faces.astype(np.uint64)
         )
     )
 
 
 def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
-    """What is drawn of overlapping shapes: the union of those of one colour, without the others.
+    """What is rendered of overlapping shapes: the union of those of one colour, without the others.
 
     No two faces lie in one place: the renderer adds the light's light once for each of them, and
     shows bright dashes there.
@@ -132,12 +136,12 @@ def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
     groups: dict[tuple[Colour, bool], list[manifold3d.Manifold]] = {}
     for shape in shapes:
         groups.setdefault((shape.rgba or rgba, shape.shadow), []).append(manifold_of(shape))
-    drawn, before = [], manifold3d.Manifold()
+    images, before = [], manifold3d.Manifold()
     for (colour, shadow), parts in groups.items():
         union = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
-        drawn.append(Image(mesh=mesh_of(union - before), rgba=colour, shadow=shadow))
+        images.append(Image(mesh=mesh_of(union - before), rgba=colour, shadow=shadow))
         before += union
-    return tuple(drawn)
+    return tuple(images)
 
 
 @lru_cache(maxsize=256)

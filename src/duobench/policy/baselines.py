@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from duobench.policy.protocol import PolicyMetadata
-from duobench.scene.fr3 import JOINT_RANGES
-from duobench.types import ARM_JOINTS, FLAT_SIZE, SIDE_SIZE, Array
+from duobench.scene.fr3_links import JOINT_RANGES
+from duobench.types import FLAT_SIZE, OPENING_SLOTS, Array
 
-_GRIPPERS = np.arange(ARM_JOINTS, FLAT_SIZE, SIDE_SIZE)
 _OPEN = 1.0
 _RANDOM_STREAM = 0x706F6C
-"""Separates a policy's draws from everything else that is drawn with the same seed."""
+"""Separates a policy's samples from all others with the same seed."""
 
 
 class ZeroPolicy:
@@ -31,7 +30,7 @@ class ZeroPolicy:
 
 
 class RandomPolicy:
-    """Draws every action uniformly from the joint action space."""
+    """Samples every action uniformly from the joint action space."""
 
     metadata = PolicyMetadata(name="random")
 
@@ -41,7 +40,7 @@ class RandomPolicy:
         self._low, self._high = np.vstack(sides).T
         self._generator = np.random.default_rng(_RANDOM_STREAM)
 
-    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - obeys nobody
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - follows no instruction
         """Start the generator of this seed."""
         self._generator = np.random.default_rng((_RANDOM_STREAM, seed))
 
@@ -67,5 +66,5 @@ class HoldPolicy:
         """One action (1, 16): the first joint positions of this episode, openings 1."""
         if self._action is None:
             self._action = np.array(observation["agent_pos"], dtype=np.float64)[None]
-            self._action[:, _GRIPPERS] = _OPEN
+            self._action[:, OPENING_SLOTS] = _OPEN
         return self._action

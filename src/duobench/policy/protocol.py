@@ -86,7 +86,7 @@ class Policy(Protocol):
 
         Args:
             instruction: What to do, in words.
-            seed: Seed of the episode; whatever the policy draws follows from it alone.
+            seed: Seed of the episode; whatever the policy samples follows from it alone.
         """
         ...
 
@@ -119,7 +119,7 @@ def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.fl
         PolicyError: If the shape is another one, or a number is NaN or infinite.
     """
     try:
-        with np.errstate(over="ignore"):  # too large is infinite, which is refused below
+        with np.errstate(over="ignore"):  # too large is infinite, which is rejected below
             chunk = real_array(actions, np.float32)
     except (TypeError, ValueError) as error:
         raise PolicyError(f"A policy returns an array of numbers, got {actions!r}.") from error

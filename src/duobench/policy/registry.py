@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-from duobench.errors import PolicyError, UnknownNameError, traceback_text
+from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.batch import Batching, BatchPolicy, SessionPolicy
 from duobench.policy.protocol import Policy, PolicyMetadata
+from duobench.references import load
 
 BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
     {"hold": HoldPolicy, "random": RandomPolicy, "zero": ZeroPolicy}
@@ -88,52 +88,16 @@ def source_version(*modules: str) -> str | None:
     return f"source {digest.hexdigest()[:16]}"
 
 
-def _made(name: str) -> object:
+def _made(path: str) -> object:
     """What `module:attribute` gives when it is called."""
-    factory = _factory(name)
+    try:
+        factory = load(path, "class or function", callable)
+    except DuoBenchError as error:
+        raise PolicyError(f"Policy {path!r}: {error}") from error
     try:
         return factory()
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise PolicyError(f"Policy {name!r} cannot be made.\n{_traceback(error)}") from error
-
-
-def _traceback(error: BaseException) -> str:
-    """The traceback of somebody else's code: without the line of ours that called it."""
-    error.__traceback__ = error.__traceback__ and error.__traceback__.tb_next
-    return traceback_text(error).strip()
-
-
-def _factory(name: str) -> Callable[[], object]:
-    """What `module:attribute` names."""
-    module_name, _, attribute = name.partition(":")
-    if not (module_name and attribute) or module_name.startswith("."):
-        raise PolicyError(
-            f"Policy {name!r} is no `module:attribute`, such as my_policies:MyPolicy."
-        )
-    try:
-        module = importlib.import_module(module_name)
-    except ModuleNotFoundError as error:
-        raise PolicyError(
-            f"Policy {name!r}: no module named {error.name!r}. Install it, or put its folder on "
-            "PYTHONPATH."
-        ) from error
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise PolicyError(
-            f"Policy {name!r}: module {module_name!r} cannot be imported.\n{_traceback(error)}"
-        ) from error
-    factory = getattr(module, attribute, None)
-    if not callable(factory):
-        own = [
-            key
-            for key, value in vars(module).items()
-            if callable(value) and getattr(value, "__module__", None) == module_name
-        ]
-        raise PolicyError(
-            f"Policy {name!r}: module {module_name!r} has no class or function {attribute!r}. "
-            f"It has: {', '.join(sorted(own)) or '(none)'}."
-        )
-    return factory
+        trace = traceback_text(error, skip=1).strip()
+        raise PolicyError(f"Policy {path!r} cannot be made.\n{trace}") from error

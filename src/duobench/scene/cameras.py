@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 
 from duobench.errors import RenderingError
-from duobench.scene.filters import Group, collide_as, distal, visual_only
+from duobench.scene.boxes import add_box
+from duobench.scene.filters import Group, collide_as, distal
 from duobench.scene.surfaces import set_metal
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
@@ -124,12 +125,12 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
     _add_camera(world, HEAD, pose, HEAD_FOCAL)
     # The left lens is half a baseline (31.5 mm) to the left of the housing's middle.
     middle = ZED_BASELINE / 2
-    housing = _add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.0622, 0.0152, 0.0130), _HOUSING)
+    housing = add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.1244, 0.0304, 0.0260), _HOUSING)
     housing.name = f"{HEAD}/housing"
     collide_as(housing, Group.FIXTURE)
     set_metal(housing)
     for x in (0.0, ZED_BASELINE):
-        _add_box(world, pose @ SE3.at(x, 0.0, 0.001), (0.011, 0.011, 0.0006), _LENS)
+        add_box(world, pose @ SE3.at(x, 0.0, 0.001), (0.022, 0.022, 0.0012), _LENS)
 
 
 def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) -> None:
@@ -145,12 +146,12 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
         np.array(WRIST_POSITION), direction, np.array([1.0, 0.0, 0.0])
     )
     _add_camera(flange, wrist_name(side), pose, WRIST_FOCAL)
-    housing = _add_box(flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.021, 0.021, 0.0115), _ALUMINIUM)
-    _add_box(flange, pose @ SE3.at(0.0, 0.0, 0.001), (0.019, 0.015, 0.0006), _GLASS)
+    housing = add_box(flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.042, 0.042, 0.0230), _ALUMINIUM)
+    add_box(flange, pose @ SE3.at(0.0, 0.0, 0.001), (0.038, 0.030, 0.0012), _GLASS)
     for x in (-D405_BASELINE / 2, D405_BASELINE / 2):
-        _add_box(flange, pose @ SE3.at(x, 0.0, 0.0008), (0.0035, 0.0035, 0.0006), _LENS)
+        add_box(flange, pose @ SE3.at(x, 0.0, 0.0008), (0.007, 0.007, 0.0012), _LENS)
     at = flange_from_body @ SE3.at(0.046, 0.0, 0.020)
-    bracket = _add_box(flange, at, (0.004, 0.016, 0.026), _HOUSING)
+    bracket = add_box(flange, at, (0.008, 0.032, 0.052), _HOUSING)
     for part in (housing, bracket):
         collide_as(part, distal(side))
         set_metal(part)
@@ -160,17 +161,3 @@ def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:
     """Add the camera for people."""
     pose = view.pose
     world.add_camera(name=OVERVIEW, pos=pose.translation, quat=pose.wxyz, fovy=view.fovy_deg)
-
-
-def _add_box(
-    body: mujoco.MjsBody, pose: SE3, half_size: tuple[float, float, float], rgba: tuple[float, ...]
-) -> mujoco.MjsGeom:
-    geom = body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=half_size,
-        pos=pose.translation,
-        quat=pose.wxyz,
-        rgba=rgba,
-    )
-    visual_only(geom)
-    return geom

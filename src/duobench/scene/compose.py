@@ -98,7 +98,7 @@ def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoc
 
 
 def _check_in_room(view: View) -> None:
-    """Refuse an eye outside: walls and ceiling would be seen from behind, or not at all."""
+    """Reject an eye outside: walls and ceiling would be seen from behind, or not at all."""
     room = {"x": ROOM_X, "y": ROOM_Y, "z": (FLOOR_Z, FLOOR_Z + ROOM_HEIGHT)}
     if not all(low < at < high for at, (low, high) in zip(view.eye, room.values(), strict=True)):
         ends = ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, (low, high) in room.items())

@@ -65,8 +65,8 @@ def visual_only(geom: mujoco.MjsGeom, *, shadow: bool = True) -> None:
 
 
 SHADOWLESS_GEOM_GROUP = 1
-"""Geom group that is drawn and casts no shadow: walls, and trim on a shell that casts one."""
+"""Geom group that is rendered and casts no shadow: walls, and trim on a shell that casts one."""
 VISUAL_GEOM_GROUP = 2
-"""Geom group that is drawn; MuJoCo draws groups 0 to 2 by default."""
+"""Geom group that is rendered; MuJoCo renders groups 0 to 2 by default."""
 COLLISION_GEOM_GROUP = 3
-"""Geom group that collides and is not drawn."""
+"""Geom group that collides and is not rendered."""

@@ -1,4 +1,4 @@
-"""Normals of drawn meshes: curves are drawn round and edges sharp."""
+"""Normals of visual meshes: curves look round and edges sharp."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from duobench.objects.solid import Mesh
+from duobench.types import Array
 
 CREASE = math.radians(8.0)
-"""Edges sharper than this are drawn sharp: circles have 64 segments, so they are drawn round."""
+"""Edges sharper than this look sharp; circles have 64 segments, so they look round."""
 FLAT = math.radians(1.0)
-"""Crease angle with which every face of a machined part is drawn flat."""
+"""Crease angle with which every face of a machined part looks flat."""
 
 _TINY = 1e-300
 _SAME = 1e-4
@@ -30,7 +31,7 @@ def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = 
     Args:
         vertices: Positions (n, 3).
         faces: Vertices of each triangle (m, 3), counter-clockwise from outside.
-        crease: Largest angle in radians that is drawn round.
+        crease: Largest angle in radians that looks round.
 
     Returns:
         Normals (3 m, 3), triangle by triangle.
@@ -60,11 +61,10 @@ def _unit(vectors: Array) -> Array:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), _TINY)
 
 
-def add_drawn_mesh(
+def add_visual_mesh(
     spec: mujoco.MjSpec,
     name: str,
-    vertices: Array,
-    faces: NDArray[np.integer],
+    mesh: Mesh,
     crease: float = CREASE,
 ) -> str:
     """Add a mesh with normals to a model under construction, and return its name.
@@ -73,11 +73,11 @@ def add_drawn_mesh(
 
     Args:
         spec: The model.
-        name: Name of the mesh.
-        vertices: Positions (n, 3) in metres.
-        faces: Vertices of each triangle (m, 3), counter-clockwise from outside.
-        crease: Largest angle in radians between triangles that is drawn round.
+        name: Its name.
+        mesh: The mesh.
+        crease: Largest angle in radians between triangles that looks round.
     """
+    vertices, faces = mesh.vertices, mesh.faces
     normals = corner_normals(vertices, faces, crease)
     keys = np.column_stack([faces.ravel(), np.rint(normals / _SAME)])
     _, first, corners = np.unique(keys, axis=0, return_index=True, return_inverse=True)

@@ -14,9 +14,9 @@ from importlib import resources
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.errors import AssetError, UnknownNameError
+from duobench.objects.solid import Mesh
 
 FILE = "robot_meshes.npz"
 """The data, uncompressed, since wheels compress what they hold: `names` (k,), `counts` (k, 2) of
@@ -26,9 +26,6 @@ SHA256 = "485c87be44e231ad27eb7e0bb349f7de128cfac48f59821f65245509ccc70b1e"
 """Digest of the file: any other bytes are rejected, so that nobody simulates another robot."""
 POINTS_PER_METRE = 100_000
 """Grid of the coordinates, which are kept as whole numbers."""
-
-RobotMesh = tuple[NDArray[np.float64], NDArray[np.int32]]
-"""Vertices (n, 3) in metres, and triangles (m, 3), counter-clockwise from outside."""
 
 _ADVICE = "Install duobench again."
 
@@ -44,11 +41,10 @@ def add_robot_mesh(spec: mujoco.MjSpec, name: str) -> str:
     if name not in meshes:
         raise UnknownNameError("mesh of the robot", name, meshes)
     if spec.mesh(name) is None:
-        vertices, faces = meshes[name]
         spec.add_mesh(
             name=name,
-            uservert=vertices.ravel(),
-            userface=faces.ravel(),
+            uservert=meshes[name].vertices.ravel(),
+            userface=meshes[name].faces.ravel(),
             # Reduced meshes need not be watertight; none of them carries mass.
             inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
         )
@@ -56,7 +52,7 @@ def add_robot_mesh(spec: mujoco.MjSpec, name: str) -> str:
 
 
 @functools.cache
-def robot_meshes() -> Mapping[str, RobotMesh]:
+def robot_meshes() -> Mapping[str, Mesh]:
     """Return all meshes by name, read once per process; their arrays are read-only.
 
     Raises:
@@ -69,7 +65,7 @@ def robot_meshes() -> Mapping[str, RobotMesh]:
     return decode(data)
 
 
-def decode(data: bytes) -> Mapping[str, RobotMesh]:
+def decode(data: bytes) -> Mapping[str, Mesh]:
     """Return the meshes that the bytes of the data file hold.
 
     Raises:
@@ -86,6 +82,4 @@ def decode(data: bytes) -> Mapping[str, RobotMesh]:
         vertices = np.split(file["points"] / POINTS_PER_METRE, ends[:, 0])
         faces = np.split(file["faces"], ends[:, 1])
         names = file["names"].tolist()
-    for array in (*vertices, *faces):
-        array.setflags(write=False)
-    return dict(zip(names, zip(vertices, faces, strict=True), strict=True))
+    return dict(zip(names, map(Mesh, vertices, faces), strict=True))

@@ -15,7 +15,7 @@ from duobench.scene.filters import (
     collide_as,
     visual_only,
 )
-from duobench.scene.mesh_normals import add_drawn_mesh
+from duobench.scene.mesh_normals import add_visual_mesh
 from duobench.scene.shadows import add_ribs
 from duobench.scene.surfaces import CONTACT_SOLIMP, CONTACT_SOLREF, stiffen
 
@@ -26,8 +26,8 @@ _GEOM_TYPES = {
     ShapeKind.HULL: mujoco.mjtGeom.mjGEOM_MESH,
 }
 
-_DRAWN_WELL = (ShapeKind.BOX, ShapeKind.SPHERE)
-"""Shapes that are drawn as they collide. MuJoCo smears the edges of a hull, and gives a cylinder
+_RENDERED_WELL = (ShapeKind.BOX, ShapeKind.SPHERE)
+"""Shapes that are rendered as they collide. MuJoCo smears the edges of a hull, and gives a cylinder
 more triangles than a rounder mesh has."""
 
 
@@ -70,24 +70,24 @@ def _fill(
     i = properties.inertia
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     group = Group.FIXTURE if prop.fixed and not moving else Group.OBJECT
-    drawn_alone = _drawn_alone(solid)
+    rendered_alone = _rendered_alone(solid)
     for number, shape in enumerate(solid.shapes):
         geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
         geom.rgba = shape.rgba or solid.rgba
         geom.friction = solid.friction
         geom.condim = solid.condim
         stiffen(geom)
-        geom.group = VISUAL_GEOM_GROUP if drawn_alone else COLLISION_GEOM_GROUP
+        geom.group = VISUAL_GEOM_GROUP if rendered_alone else COLLISION_GEOM_GROUP
         collide_as(geom, group)
-    if not drawn_alone:
+    if not rendered_alone:
         for number, image in enumerate(_images(solid)):
             _add_image(spec, body, f"{body.name}:image{number}", image)
 
 
-def _drawn_alone(solid: Solid) -> bool:
-    """Whether a solid is one box or ball, which is drawn as it collides."""
+def _rendered_alone(solid: Solid) -> bool:
+    """Whether a solid is one box or ball, which is rendered as it collides."""
     kinds = [shape.kind for shape in solid.shapes]
-    return solid.mesh is None and len(kinds) == 1 and kinds[0] in _DRAWN_WELL
+    return solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
 
 
 def _images(solid: Solid) -> tuple[Image, ...]:
@@ -103,7 +103,7 @@ def _add_image(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, image: Imag
     geom = body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_drawn_mesh(spec, name, mesh.vertices, mesh.faces),
+        meshname=add_visual_mesh(spec, name, mesh),
         rgba=image.rgba,
     )
     visual_only(geom, shadow=image.shadow)

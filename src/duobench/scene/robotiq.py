@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypedDict
 
 import mujoco
 import numpy as np
 
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
-from duobench.scene.fr3 import Inertial, Vector
+from duobench.scene.fr3_links import Inertial, Vector
 from duobench.scene.meshes import add_robot_mesh
 from duobench.scene.naming import gripper_name
 from duobench.scene.surfaces import ROLLING, TORSION, set_metal
@@ -72,6 +73,16 @@ behind a pad. It keeps 4 mm behind the pad's face: the tongue's own hull is flus
 the two would compete for every grasped object."""
 
 
+class Joint(TypedDict, total=False):
+    """Arguments of a hinge of the linkage, named as MuJoCo names them."""
+
+    range: tuple[float, float]
+    armature: float
+    damping: tuple[float, float, float]
+    stiffness: tuple[float, float, float]
+    springref: float
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Part:
     """One body of the linkage on either side of the gripper."""
@@ -81,20 +92,20 @@ class Part:
     position: Vector
     wxyz: Vector
     inertial: Inertial
-    joint: dict[str, object] | None
+    joint: Joint | None
     mesh_position: Vector
     mesh_wxyz: Vector
     visuals: tuple[tuple[str, Vector], ...]
 
 
-_DRIVER_JOINT: dict[str, object] = {"range": (0.0, 0.9), "armature": 0.005, "damping": [0.1, 0, 0]}
-_FOLLOWER_JOINT: dict[str, object] = {"range": (-0.872664, 0.9), "armature": 0.001}
-_SPRING_JOINT: dict[str, object] = {
+_DRIVER_JOINT: Joint = {"range": (0.0, 0.9), "armature": 0.005, "damping": (0.1, 0.0, 0.0)}
+_FOLLOWER_JOINT: Joint = {"range": (-0.872664, 0.9), "armature": 0.001}
+_SPRING_JOINT: Joint = {
     "range": (-0.29670597283, 0.9),
     "armature": 0.001,
-    "stiffness": [0.05, 0, 0],
+    "stiffness": (0.05, 0.0, 0.0),
     "springref": 2.62,
-    "damping": [0.00125, 0, 0],
+    "damping": (0.00125, 0.0, 0.0),
 }
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
-from duobench.objects.solid import SolidMesh, manifold_from
+from duobench.objects.solid import Mesh, manifold_from
 
 RIB_HEIGHT = 0.0015
 """Height in metres above a floor of the level face in the walls around it. Measured on bowls and
@@ -23,7 +23,7 @@ _SAME = 6
 """Digits after the point, in metres, to which the height of a floor counts."""
 
 
-def add_ribs(mesh: SolidMesh) -> SolidMesh:
+def add_ribs(mesh: Mesh) -> Mesh:
     """The mesh of a solid with a level face inside its walls just above each of its floors."""
     corners = mesh.vertices[mesh.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -40,4 +40,4 @@ def add_ribs(mesh: SolidMesh) -> SolidMesh:
         vertices.append(np.column_stack([points, np.full(len(points), height)]))
         faces.append(np.asarray(manifold3d.triangulate(section), dtype=np.int32) + count)
         count += len(points)
-    return SolidMesh(vertices=np.vstack(vertices), faces=np.vstack(faces))
+    return Mesh(vertices=np.vstack(vertices), faces=np.vstack(faces))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from duobench.objects.shapes import Colour, Shape, hull
 from duobench.objects.solid import manifold_of, mesh_of
+from duobench.scene.boxes import add_box
 from duobench.scene.cameras import HEAD_POSITION
 from duobench.scene.filters import (
     SHADOWLESS_GEOM_GROUP,
@@ -20,7 +21,7 @@ from duobench.scene.filters import (
     visual_only,
 )
 from duobench.scene.fr3 import BASE_POSES
-from duobench.scene.mesh_normals import FLAT, add_drawn_mesh
+from duobench.scene.mesh_normals import FLAT, add_visual_mesh
 from duobench.scene.naming import TABLE
 from duobench.scene.surfaces import set_metal
 from duobench.spatial import SE3
@@ -105,7 +106,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
         wall.material = wall_paint
         # In front of the wall, not through it: nothing may hide behind what is not quite opaque.
         foot = SE3.at(*centre, FLOOR_Z + 0.05, yaw=yaw) @ SE3.at(0.0101)
-        _add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, shadow=False)
+        add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, shadow=False)
 
 
 def _floor_light() -> NDArray[np.float64]:
@@ -173,23 +174,23 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     for leg_x in (x0 + 0.06, x1 - 0.06):
         for leg_y in (y0 + 0.06, y1 - 0.06):
             leg = SE3.at(leg_x, leg_y, FLOOR_Z + height / 2)
-            _add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
+            add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
     rail = -TABLE_THICKNESS - 0.03
     for leg_y in (y0 + 0.06, y1 - 0.06):
         at = SE3.at(x, leg_y, rail)
-        _add_box(world, at, (length - 0.12, 0.04, 0.06), _STEEL, shadow=False)
+        add_box(world, at, (length - 0.12, 0.04, 0.06), _STEEL, shadow=False)
     for leg_x in (x0 + 0.06, x1 - 0.06):
         at = SE3.at(leg_x, y, rail)
-        _add_box(world, at, (0.04, width - 0.12, 0.06), _STEEL, shadow=False)
+        add_box(world, at, (0.04, width - 0.12, 0.06), _STEEL, shadow=False)
 
 
 def _add_mount(spec: mujoco.MjSpec) -> None:
     """The column, the block whose two faces carry the arms, and the post of the head camera."""
     world = spec.worldbody
     length, width, height = PEDESTAL_SIZE
-    column = _add_box(world, SE3.at(PEDESTAL_X, 0.0, height / 2), PEDESTAL_SIZE, _STEEL)
+    column = add_box(world, SE3.at(PEDESTAL_X, 0.0, height / 2), PEDESTAL_SIZE, _STEEL)
     plate = SE3.at(PEDESTAL_X, 0.0, 0.0075)
-    _add_box(world, plate, (length + 0.1, width + 0.1, 0.015), _ALUMINIUM)
+    add_box(world, plate, (length + 0.1, width + 0.1, 0.015), _ALUMINIUM)
     outline = np.array([(x, s * y, -0.0005) for x, y in _BASE_OUTLINE for s in (1, -1)])
     faces = [pose.apply(outline) for pose in BASE_POSES.values()]
     foot = [
@@ -200,9 +201,9 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
     block = _add_solid(spec, "mount/block", hull(np.vstack([*faces, foot]).tolist()), _ALUMINIUM)
     top = HEAD_POSITION[2] + 0.012
     low = 0.35
-    post = _add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)
+    post = add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)
     at = SE3.at(-0.034, -0.0305, HEAD_POSITION[2] + 0.004)
-    holder = _add_box(world, at, (0.022, 0.05, 0.012), _STEEL)
+    holder = add_box(world, at, (0.022, 0.05, 0.012), _STEEL)
     parts = {"column": column, "block": block, "post": post, "holder": holder}
     for name, part in parts.items():
         part.name = f"mount/{name}"
@@ -251,30 +252,11 @@ def _add_plane(
     return geom
 
 
-def _add_box(
-    body: mujoco.MjsBody,
-    pose: SE3,
-    size: tuple[float, float, float],
-    rgba: Colour,
-    *,
-    shadow: bool = True,
-) -> mujoco.MjsGeom:
-    geom = body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=np.array(size) / 2,
-        pos=pose.translation,
-        quat=pose.wxyz,
-        rgba=rgba,
-    )
-    visual_only(geom, shadow=shadow)
-    return geom
-
-
 def _add_solid(spec: mujoco.MjSpec, name: str, shape: Shape, rgba: Colour) -> mujoco.MjsGeom:
     mesh = mesh_of(manifold_of(shape))
     geom = spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_drawn_mesh(spec, name, mesh.vertices, mesh.faces, crease=FLAT),
+        meshname=add_visual_mesh(spec, name, mesh, crease=FLAT),
         rgba=rgba,
     )
     visual_only(geom)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.backend import DuoLimits
 from duobench.scene.compose import SUBSTEPS
@@ -20,11 +19,10 @@ from duobench.types import (
     OPENING_SLOTS,
     SIDE_SIZE,
     SIDES,
+    Array,
     DuoCommand,
     DuoState,
 )
-
-Array = NDArray[np.float64]
 
 HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""

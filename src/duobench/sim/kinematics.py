@@ -6,15 +6,12 @@ from collections.abc import Mapping
 
 import mink
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
 from duobench.scene.naming import arm_joint_names, tcp_name
 from duobench.scene.robot import LINK7_FROM_TCP, kinematic_model
 from duobench.spatial import SE3
-from duobench.types import CONTROL_HZ, SIDES, Side
-
-Array = NDArray[np.float64]
+from duobench.types import CONTROL_HZ, SIDES, Array, Side
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
 """Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""
@@ -138,7 +135,7 @@ class Kinematics:
                 keep to, an arm starts at the nearest position within.
             targets: Tool pose wanted for each side; a side that is missing stays.
             dt: Duration of the step in seconds.
-            posture: What the redundant joint is drawn to (2, 7).
+            posture: Joint positions (2, 7) that the redundant joint is attracted to.
 
         Returns:
             Joint targets (2, 7).

@@ -1,4 +1,4 @@
-"""Layouts: how an episode begins, as a value."""
+"""Layouts: the initial state of an episode, as a value."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from duobench.spatial import SE3
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Layout:
-    """How an episode starts; a value that is stored with it and can be given instead of a seed."""
+    """Initial state of an episode; it is stored with it and can be given instead of a seed."""
 
     poses: Mapping[str, SE3]
     """Pose of every prop in the table frame."""
@@ -22,7 +22,7 @@ class Layout:
     """Named choices, such as which cup holds the marbles."""
 
     def __post_init__(self) -> None:
-        """Refuse a pose that is none."""
+        """Reject poses that are not finite."""
         for name, pose in self.poses.items():
             if not (np.isfinite(pose.rotation).all() and np.isfinite(pose.translation).all()):
                 raise LayoutError(f"The pose of {name!r} is not finite: {pose.tquat.tolist()}.")

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.errors import LayoutError, SimulationError, UnknownNameError
 from duobench.objects.prop import Prop
@@ -21,9 +20,7 @@ from duobench.sim.handles import resolve
 from duobench.sim.layout import Layout
 from duobench.sim.variants import Variants
 from duobench.spatial import SE3
-from duobench.types import DuoCommand, DuoState
-
-Array = NDArray[np.float64]
+from duobench.types import Array, DuoCommand, DuoState
 
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 """Everything that the next physics step depends on, warm start and controls included."""

@@ -10,6 +10,7 @@ import numpy as np
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.predicates import Predicate, StateView
+from duobench.types import Array
 
 MAX_ANGLE = math.radians(10.0)
 """Largest angle between the axes of an inserted peg and its socket [task definitions]."""
@@ -54,6 +55,14 @@ def is_far(simulation: Simulation, peg: Port, socket: Port, distance: float) -> 
     return math.dist(centre, socket.pose.translation.tolist()) > distance + peg.reach
 
 
+def tip_offset(simulation: Simulation, peg: Port, socket: Port) -> tuple[float, Array]:
+    """Where a peg's tip is from a socket's mouth, in metres: how far outside, and aside (3,)."""
+    outwards = socket.axis(simulation)
+    offset = peg.position(simulation) - socket.position(simulation)
+    height = float(offset @ outwards)
+    return height, offset - height * outwards
+
+
 def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
     """The peg is in the socket: aligned, and its tip on the axis, deep enough and not beyond.
 
@@ -70,12 +79,9 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
         sim = m.simulation
         if is_far(sim, peg, socket, furthest):
             return False
-        outwards = socket.axis(sim)
-        if float(peg.axis(sim) @ outwards) > -math.cos(MAX_ANGLE):
+        if float(peg.axis(sim) @ socket.axis(sim)) > -math.cos(MAX_ANGLE):
             return False
-        offset = peg.position(sim) - socket.position(sim)
-        height = float(offset @ outwards)
-        lateral = float(np.linalg.norm(offset - height * outwards))
-        return -MAX_DEPTH <= height <= -depth and lateral <= MAX_OFFSET
+        height, aside = tip_offset(sim, peg, socket)
+        return -MAX_DEPTH <= height <= -depth and float(np.linalg.norm(aside)) <= MAX_OFFSET
 
     return Predicate(f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}", test)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from duobench.stages.insertion import MAX_DEPTH, Port, inserted, is_far
+from duobench.stages.insertion import MAX_DEPTH, Port, inserted, is_far, tip_offset
 from duobench.stages.predicates import (
     Predicate,
     StateView,
@@ -45,13 +45,8 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
         sim = m.simulation
         if is_far(sim, peg, socket, furthest):
             return False
-        outwards = socket.axis(sim)
-        offset = peg.position(sim) - socket.position(sim)
-        height = float(offset @ outwards)
-        if not -MAX_DEPTH <= height <= -depth:
-            return False
-        lateral = offset - height * outwards
-        return float(lateral @ lateral) <= SOCKET_REACH**2
+        height, aside = tip_offset(sim, peg, socket)
+        return -MAX_DEPTH <= height <= -depth and float(aside @ aside) <= SOCKET_REACH**2
 
     return Predicate(f"peg of {peg.body} is in a socket of {socket.body}", test)
 

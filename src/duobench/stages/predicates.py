@@ -202,10 +202,8 @@ def grasped_apart(one: str, other: str) -> Predicate:
 def off_table(body: str, *supports: str) -> Predicate:
     """In contact with neither the table nor any of the given fixed supports."""
     names = (TABLE, *supports)
-    return Predicate(
-        f"{body} is off {', '.join(names)}",
-        lambda m: not any(m.simulation.contacts.between(body, s) for s in names),
-    )
+    whole = ~any_of(*(touching(body, name) for name in names))
+    return Predicate(f"{body} is off {', '.join(names)}", whole.test, whole.parts)
 
 
 def raised(prop: str, height: float) -> Predicate:

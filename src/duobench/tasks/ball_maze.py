@@ -108,6 +108,7 @@ TASK = Task(
             holds=_ROLLING.arrived,
         ),
     ),
+    expert="duobench.experts.ball_maze:script",
     printable=True,
     real=True,
 )

@@ -111,6 +111,7 @@ TASK = Task(
             holds=_WHITE_IN & _BLACK_IN,
         ),
     ),
+    expert="duobench.experts.bin_sort:script",
     printable=True,
     real=True,
 )

@@ -113,5 +113,6 @@ TASK = Task(
             holds=_BALANCED & since(_LOADED, reset=_LEFT),
         ),
     ),
+    expert="duobench.experts.block_balance:script",
     printable=True,
 )

@@ -101,4 +101,5 @@ TASK = Task(
             ),
         ),
     ),
+    expert="duobench.experts.carry_pot:script",
 )

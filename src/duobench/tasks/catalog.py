@@ -6,11 +6,10 @@ Importing this module loads no task and no physics, so that ids can be registere
 from __future__ import annotations
 
 from functools import lru_cache
-from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.errors import UnknownNameError
+from duobench.references import load
 
 if TYPE_CHECKING:
     from duobench.tasks.task import Task
@@ -36,36 +35,25 @@ def names() -> tuple[str, ...]:
     return NAMES
 
 
-@lru_cache(maxsize=64)
-def get(name: str) -> Task:
-    """A task by id, or by import path "module:ATTRIBUTE" for one that lives elsewhere.
+def get(task: Task | str) -> Task:
+    """A task.
+
+    Args:
+        task: Its id, its import path `module:attribute` where it lives elsewhere, or itself.
 
     Raises:
-        UnknownNameError: No such task, module or attribute.
-        DuoBenchError: What the path names is no task.
+        UnknownNameError: There is no such task.
+        ImportPathError: The module of an import path is missing or raises an error.
     """
-    if ":" in name:
-        return _imported(name)
-    if name not in NAMES:
+    return _named(task) if isinstance(task, str) else task
+
+
+@lru_cache(maxsize=64)
+def _named(name: str) -> Task:
+    if ":" not in name and name not in NAMES:
         raise UnknownNameError("task", name, NAMES)
-    return import_module(f"duobench.tasks.{name}").TASK
 
-
-def _imported(path: str) -> Task:
     from duobench.tasks.task import Task
 
-    module_name, attribute = path.split(":", 1)
-    try:
-        found = find_spec(module_name)
-    except (ImportError, ValueError):
-        found = None
-    if found is None:
-        raise DuoBenchError(
-            f"No module {module_name!r} for task {path!r}; is its folder on PYTHONPATH?"
-        )
-    module = import_module(module_name)
-    task = getattr(module, attribute, None)
-    if not isinstance(task, Task):
-        tasks = [key for key, value in vars(module).items() if isinstance(value, Task)]
-        raise UnknownNameError(f"task in module {module_name}", attribute, tasks)
-    return task
+    path = name if ":" in name else f"duobench.tasks.{name}:TASK"
+    return load(path, "task", lambda value: isinstance(value, Task))

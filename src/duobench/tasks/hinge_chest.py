@@ -82,6 +82,7 @@ TASK = Task(
             holds=all_of(_INSIDE, rests_on("cube", "chest"), released("cube"), _LID.delivered),
         ),
     ),
+    expert="duobench.experts.hinge_chest:script",
     printable=True,
     real=True,
 )

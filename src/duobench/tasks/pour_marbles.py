@@ -115,4 +115,5 @@ TASK = Task(
             holds=all_of(*map(_back, SIDES), _into_target(lambda p: p.kept)),
         ),
     ),
+    expert="duobench.experts.pour_marbles:script",
 )

@@ -17,7 +17,7 @@ from duobench.spatial import SE3
 from duobench.stages.progress import Stage
 
 MAX_REJECTED = 10_000
-"""Draws in a row that a task may reject before they end in an error."""
+"""Samples in a row that a task may reject before they end in an error."""
 
 
 class Category(StrEnum):
@@ -42,9 +42,9 @@ class Placement:
     yaw: Uniform = Uniform(0.0, 0.0)
     """Radians about the vertical."""
 
-    def draw(self, rng: np.random.Generator) -> SE3:
+    def sample(self, rng: np.random.Generator) -> SE3:
         """One pose in the table frame."""
-        x, y, yaw = self.x.draw(rng), self.y.draw(rng), self.yaw.draw(rng)
+        x, y, yaw = self.x.sample(rng), self.y.sample(rng), self.yaw.sample(rng)
         return SE3.at(x, y, self.z, yaw=yaw)
 
 
@@ -52,7 +52,7 @@ def _always(_layout: Layout) -> bool:
     return True
 
 
-def _as_drawn(layout: Layout) -> Layout:
+def _as_sampled(layout: Layout) -> Layout:
     return layout
 
 
@@ -67,7 +67,7 @@ class Task:
     category: Category
     """Kind of coordination."""
     instruction: str
-    """What a policy is told; `{name}` stands for a variant of the layout."""
+    """What a policy is to do; `{name}` stands for a variant of the layout."""
     horizon: int
     """Control steps after which an episode is cut off."""
     props: tuple[Prop, ...]
@@ -79,18 +79,20 @@ class Task:
     stages: tuple[Stage, ...]
     """Stages 1 to n."""
     accept: Callable[[Layout], bool] = _always
-    """Whether a drawn layout is wanted, beyond not overlapping."""
-    arrange: Callable[[Layout], Layout] = _as_drawn
-    """Adds the poses that follow from the drawn ones, such as marbles in a cup."""
+    """Whether a sampled layout is valid, beyond not overlapping."""
+    arrange: Callable[[Layout], Layout] = _as_sampled
+    """Adds the poses that follow from the sampled ones, such as marbles in a cup."""
     overview: View = OVERVIEW_VIEW
-    """What `render` and films show; a task whose work faces the robot needs one of its own."""
+    """What `render` and videos show; a task whose work faces the robot needs one of its own."""
+    expert: str | None = None
+    """Import path `module:attribute` of its expert's script, such as "my_task:script"."""
     printable: bool = False
     """Whether its objects can be printed."""
     real: bool = False
     """Whether the paper rebuilt it on the real robot."""
 
     def __post_init__(self) -> None:
-        """Refuse placements of props that do not exist, and a task without stages."""
+        """Reject placements of props that do not exist, and a task without stages."""
         names = [prop.name for prop in self.props]
         for name in self.placements:
             if name not in names:
@@ -108,22 +110,22 @@ class Task:
 
         Raises:
             UnknownNameError: There is no such split.
-            LayoutError: The task accepts none of its own draws.
+            LayoutError: The task accepts none of its own samples.
         """
         rng = generator(self.id, seed, split)
         rejected = 0
         while rejected < MAX_REJECTED:
-            drawn = Layout(
-                poses={name: p.draw(rng) for name, p in self.placements.items()},
-                variants={name: choice.draw(rng) for name, choice in self.variants.items()},
+            sampled = Layout(
+                poses={name: p.sample(rng) for name, p in self.placements.items()},
+                variants={name: choice.sample(rng) for name, choice in self.variants.items()},
             )
-            layout = self.arrange(drawn)
+            layout = self.arrange(sampled)
             rejected += 1
             if self.accept(layout):
                 rejected = 0
                 yield layout
         raise LayoutError(
-            f"Task {self.id!r} accepts none of {MAX_REJECTED} draws in a row; loosen `accept` or "
+            f"Task {self.id!r} accepts none of {MAX_REJECTED} samples in a row; loosen `accept` or "
             "widen the placements."
         )
 

@@ -98,6 +98,7 @@ TASK = Task(
             ),
         ),
     ),
+    expert="duobench.experts.transfer_cube:script",
     printable=True,
     real=True,
 )

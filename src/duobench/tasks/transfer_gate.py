@@ -105,5 +105,6 @@ TASK = Task(
             ),
         ),
     ),
+    expert="duobench.experts.transfer_gate:script",
     printable=True,
 )

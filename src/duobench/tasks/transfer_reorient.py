@@ -97,5 +97,6 @@ TASK = Task(
             holds=all_of(_IN_HOLE, still(PEG), released(PEG), _PEG.put(_IN_HOLE, until=~_IN_HOLE)),
         ),
     ),
+    expert="duobench.experts.transfer_reorient:script",
     printable=True,
 )

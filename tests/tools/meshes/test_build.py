@@ -1,27 +1,25 @@
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from duobench.scene import meshes as shipped
 from tools.meshes.__main__ import TARGET
 from tools.meshes.build import encode
-from tools.meshes.geometry import RESOLUTION, Mesh
+from tools.meshes.geometry import RESOLUTION
 
 ROOT = Path(__file__).parents[3]
 
 
 def test_the_shipped_meshes_encode_to_the_shipped_bytes() -> None:
-    found = {
-        name: Mesh(vertices=vertices, faces=faces)
-        for name, (vertices, faces) in reversed(shipped.robot_meshes().items())
-    }
+    found = dict(reversed(shipped.robot_meshes().items()))
     assert encode(found) == TARGET.read_bytes()
 
 
 def test_a_changed_mesh_changes_the_bytes() -> None:
     found = {
-        name: Mesh(vertices=vertices.copy(), faces=faces)
-        for name, (vertices, faces) in shipped.robot_meshes().items()
+        name: replace(mesh, vertices=mesh.vertices.copy())
+        for name, mesh in shipped.robot_meshes().items()
     }
     moved = next(iter(found.values())).vertices
     moved.setflags(write=True)

@@ -26,7 +26,7 @@ class ActionChunks(DuoWrapper):
         """Wrap an environment.
 
         Args:
-            env: A `DuoEnv`, wrapped or not; cameras belong outside, then they draw once a chunk.
+            env: A `DuoEnv`, wrapped or not; cameras belong outside, then they render once a chunk.
             length: Actions in one chunk.
 
         Raises:
@@ -51,7 +51,7 @@ class ActionChunks(DuoWrapper):
         """The chunk as float64 numbers (n, actions), without executing it.
 
         Raises:
-            ActionError: It has another shape, or the environment would refuse one of the actions.
+            ActionError: It has another shape, or the environment would reject one of the actions.
         """
         return np.array([self._check_one(row) for row in spaces.numbers(action, self._shape)])
 

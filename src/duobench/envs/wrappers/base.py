@@ -29,7 +29,7 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         """
         gym.utils.RecordConstructorArgs.__init__(self, **arguments)
         gym.Wrapper.__init__(self, env)
-        base_of(env)  # refuses any other environment
+        base_of(env)  # rejects any other environment
 
     @property
     def base(self) -> DuoEnv:

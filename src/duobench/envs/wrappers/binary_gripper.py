@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import gymnasium as gym
-
 from duobench.envs.duo_env import Transition
 from duobench.envs.spaces import opening_slots
 from duobench.envs.wrappers.base import DuoWrapper
@@ -18,19 +16,11 @@ THRESHOLD = 0.5
 class BinaryGripper(DuoWrapper):
     """Rounds both openings of an action, in any action mode: 1 from one half on, otherwise 0."""
 
-    def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not.
-        """
-        super().__init__(env)
-
     def check_action(self, action: Any) -> Array:
         """The action with rounded openings, without executing it.
 
         Raises:
-            ActionError: The wrapped environment would refuse it.
+            ActionError: The wrapped environment would reject it.
         """
         numbers = self.env.get_wrapper_attr("check_action")(action).copy()
         slots = opening_slots(len(numbers))

@@ -22,7 +22,7 @@ PIXELS = "pixels"
 class Cameras(DuoWrapper):
     """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
 
-    It belongs outside action chunks: one image of each camera is drawn for each step and each
+    It belongs outside action chunks: one image of each camera is rendered for each step and each
     reset, nothing before the first reset. `set_rendering` leaves images out that nobody looks
     at; `env.get_wrapper_attr` finds it through any wrappers.
     """

@@ -1,4 +1,4 @@
-"""Random resets: every episode begins with a layout that the task draws."""
+"""Random resets: every episode begins with a layout sampled by the task."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duobench.envs.wrappers.base import DuoWrapper
 from duobench.randomness import EVAL, check_split
 
 SEEDS = 2**32
-"""A reset without a seed draws one below this number."""
+"""A reset without a seed samples one below this number."""
 
 
 class RandomizedReset(DuoWrapper):

@@ -1,0 +1,109 @@
+"""From an import path `module:attribute` to what it names, and public names loaded on first use."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+from duobench.errors import ImportPathError, UnknownNameError, traceback_text
+
+
+def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
+    """Import what a path names.
+
+    Args:
+        path: `module:attribute`, such as "my_tasks:STACK".
+        kind: What it should be, for messages: "task".
+        fits: Whether a value is one.
+
+    Returns:
+        The attribute, for which `fits` is true.
+
+    Raises:
+        ImportPathError: The path has another form, or the module is missing or raises an error.
+        UnknownNameError: The module has no such attribute of that kind; near misses are listed.
+    """
+    module_name, _, attribute = path.partition(":")
+    if not (module_name and attribute) or module_name.startswith("."):
+        raise ImportPathError(f"{path!r} is no `module:attribute`, such as my_module:NAME.")
+    module = _imported(module_name)
+    value = getattr(module, attribute, None)
+    if not fits(value):
+        known = [
+            name
+            for name, value in vars(module).items()
+            if fits(value) and not name.startswith("_") and not _is_foreign(value, module_name)
+        ]
+        raise UnknownNameError(f"{kind} in module {module_name}", attribute, known)
+    return value
+
+
+def _imported(name: str) -> Any:
+    try:
+        return import_module(name)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # anybody's code runs here
+        if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
+            raise ImportPathError(
+                f"There is no module named {error.name!r}. Install it, or put its folder on "
+                "PYTHONPATH."
+            ) from error
+        raise ImportPathError(
+            f"Module {name!r} cannot be imported.\n{traceback_text(error, skip=1).strip()}"
+        ) from error
+
+
+def _is_foreign(value: object, module_name: str) -> bool:
+    """Whether a class or function was only imported into a module."""
+    return isinstance(value, (type, FunctionType)) and value.__module__ != module_name
+
+
+class _LazyPackage(ModuleType):
+    """A package that imports its public names when they are asked for first."""
+
+    origins: Mapping[str, str]
+
+    def __getattr__(self, name: str) -> Any:
+        """A public name, from the module that defines it."""
+        if name not in self.origins:
+            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(self.origins[name]), name)
+        setattr(self, name, value)
+        return value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Import binds each submodule to its package, also where a public name is the same."""
+        if not (isinstance(value, ModuleType) and name in self.origins):
+            super().__setattr__(name, value)
+
+    def __dir__(self) -> list[str]:
+        """What is there, and what can be had."""
+        return sorted({*super().__dir__(), *self.origins})
+
+
+def lazy(package: str) -> None:
+    """Let a package import its public names when they are asked for first.
+
+    The names are those that its `__init__` imports from modules under `if TYPE_CHECKING`: what
+    type checkers see is what there is.
+
+    Args:
+        package: `__name__` of the package, whose `__init__` calls this at its end.
+    """
+    module = sys.modules[package]
+    source = Path(str(module.__file__)).read_text(encoding="utf-8")
+    vars(module)["origins"] = {
+        alias.name: node.module
+        for block in ast.parse(source).body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    module.__class__ = _LazyPackage

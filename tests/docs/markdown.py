@@ -1,0 +1,58 @@
+"""Reading the pages of documentation: their tables and their blocks of code."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+
+Row = dict[str, str]
+
+
+def text_of(page: Path) -> str:
+    return page.read_text(encoding="utf-8")
+
+
+def tables(page: Path) -> list[list[Row]]:
+    """Every table of a page, as rows by heading, without backticks."""
+    found = re.findall(r"(?:^\|.*\n)+", text_of(page), flags=re.MULTILINE)
+    return [rows for block in found if (rows := _rows(block))]
+
+
+def table(page: Path, first_heading: str) -> list[Row]:
+    """The one table whose first column has this heading.
+
+    Raises:
+        AssertionError: There is no such table, or more than one.
+    """
+    found = [rows for rows in tables(page) if next(iter(rows[0])) == first_heading]
+    assert len(found) == 1, f"{page.name}: {len(found)} tables begin with {first_heading!r}"
+    return found[0]
+
+
+def _rows(block: str) -> list[Row]:
+    heading, _, *lines = (
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in block.splitlines()
+    )
+    rows = [[cell.replace("`", "") for cell in line] for line in lines]
+    return [
+        dict(zip((name.replace("`", "") for name in heading), row, strict=True)) for row in rows
+    ]
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", text_of(page), flags=re.DOTALL | re.MULTILINE)
+
+
+def modules(page: Path) -> dict[str, str]:
+    """The blocks that the text before them names as a file, such as `my_policy.py`."""
+    named = r"`(\w+\.py)`[^`]*```python\n(.*?)^```"
+    return dict(re.findall(named, text_of(page), flags=re.DOTALL | re.MULTILINE))
+
+
+def links(page: Path) -> list[str]:
+    """Links into the repository, without what follows a `#`."""
+    targets = re.findall(r"\]\(([^)]+)\)", text_of(page))
+    return [target.partition("#")[0] for target in targets if "://" not in target]

@@ -1,0 +1,34 @@
+"""CITATION.cff, README.md and CONTRIBUTING.md agree with each other and with the package."""
+
+import re
+
+import duobench
+from tests.docs.markdown import ROOT, table, text_of
+
+CITATION, README, CONTRIBUTING = (
+    ROOT / name for name in ("CITATION.cff", "README.md", "CONTRIBUTING.md")
+)
+UMLAUT = '{\\"u}'
+
+
+def test_the_citation_is_of_this_version() -> None:
+    assert f"\nversion: {duobench.__version__}\n" in text_of(CITATION)
+
+
+def test_both_citations_name_the_same_authors_title_and_year() -> None:
+    citation, readme = text_of(CITATION), text_of(README)
+    names = re.findall(r"family-names: (.*)\n +given-names: (.*)\n", citation)
+    (authors,) = re.findall(r"author = \{(.*?)\},\n", readme, flags=re.DOTALL)
+    written = re.sub(r"\s+", " ", authors.replace(UMLAUT, "ü")).split(" and ")
+    assert written == [", ".join(name) for name in names]
+    (title,) = re.findall(r"title  = \{(.*?)\},\n", readme, flags=re.DOTALL)
+    assert re.sub(r"\s+", " ", title.replace("{", "").replace("}", "")) in citation
+    (year,) = re.findall(r"year   = \{(\d+)\}", readme)
+    assert f"  year: {year}\n" in citation
+
+
+def test_contributing_names_every_verb_of_make() -> None:
+    verbs = re.findall(r"^([a-z]+):.* ## ", text_of(ROOT / "Makefile"), flags=re.MULTILINE)
+    assert verbs
+    listed = [row["verb"].removeprefix("make ") for row in table(CONTRIBUTING, "verb")]
+    assert sorted(listed) == sorted(verb for verb in verbs if verb != "help")

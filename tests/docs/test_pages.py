@@ -1,0 +1,276 @@
+"""The pages of docs/ say what the code says: tables, names, numbers and links."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import duobench
+from duobench.cli.evaluate import evaluate
+from duobench.cli.record import record
+from duobench.data.schema import SCHEMA
+from duobench.envs import spaces
+from duobench.envs.config import ACTION_MODES, IMAGE_SIZE
+from duobench.envs.registration import VERSION
+from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.evaluation.report import SUMMARY_SCHEMA
+from duobench.evaluation.suite import RUN_SCHEMA, Suite, find_tasks
+from duobench.policy import PolicyMetadata
+from duobench.randomness import SUITE_VERSION
+from duobench.scene.compose import SUBSTEPS
+from duobench.scene.fr3 import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.scene.workcell import FLOOR_Z
+from duobench.sim.placement import REACH_X, REACH_Y
+from duobench.types import CONTROL_HZ
+from tests.docs.markdown import DOCS, ROOT, blocks, links, table, text_of
+
+STAGES, FRAMES, EVALUATION, POLICIES = (
+    DOCS / f"{name}.md" for name in ("stages", "frames", "evaluation", "policies")
+)
+PAGES = sorted([*DOCS.glob("*.md"), *ROOT.glob("*.md")])
+MAX_BYTES = 8_000_000
+CHUNK = 2
+TASK = "pour_marbles"  # has variants
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    assert [link for link in links(page) if not (page.parent / link).exists()] == []
+
+
+def test_every_page_is_linked_from_the_first_one() -> None:
+    linked = {(ROOT / link).resolve() for link in links(ROOT / "README.md")}
+    assert [page.name for page in DOCS.glob("*.md") if page.resolve() not in linked] == []
+
+
+def test_the_folder_stays_small() -> None:
+    assert 0 < sum(file.stat().st_size for file in DOCS.rglob("*") if file.is_file()) < MAX_BYTES
+
+
+# --- stages and info -----------------------------------------------------------------------------
+
+
+def described(value: Any) -> str:
+    """The type of a value of info, in the words of the page."""
+    if isinstance(value, np.ndarray):
+        (length,) = value.shape
+        return f"{value.dtype} array ({'chunk' if length == CHUNK else length},)"
+    if isinstance(value, dict) and all(isinstance(key, int) for key in value):
+        (kind,) = {type(part).__name__ for part in value.values()}
+        return f"dict[int, {kind}]"
+    return type(value).__name__
+
+
+@pytest.fixture(scope="module")
+def seen() -> dict[str, dict[str, Any]]:
+    """What info holds after a reset and after a step, with every wrapper that adds to it."""
+    env = duobench.make(TASK, cameras=False, chunk=CHUNK)
+    _, at_reset = env.reset(seed=0)
+    at_step = env.step(np.tile(HOME_JOINTS_OPEN, (CHUNK, 1)))[4]
+    env.close()
+    return {"reset": at_reset, "step": at_step}
+
+
+HOME_JOINTS_OPEN = np.concatenate([[*joints, 1.0] for joints in HOME_JOINTS])
+
+
+@pytest.mark.parametrize("at", ["reset", "step"])
+def test_every_key_of_info_is_in_the_table_and_no_other(
+    at: str, seen: dict[str, dict[str, Any]]
+) -> None:
+    rows = [row for row in table(STAGES, "key") if row["at"] in (at, "both")]
+    assert {row["key"]: row["type"] for row in rows} == {
+        key: described(value) for key, value in seen[at].items()
+    }
+
+
+def test_keys_come_from_the_wrapper_that_the_table_names() -> None:
+    env: gym.Env = duobench.make(TASK, cameras=False, chunk=CHUNK)
+    added: dict[str, str] = {}
+    layers = [env]
+    while layers[-1] is not env.unwrapped:
+        layers.append(layers[-1].env)  # type: ignore[attr-defined]
+    for layer in reversed(layers):
+        size = layer.action_space.shape
+        _, info = layer.reset(seed=0)
+        _, _, _, _, later = layer.step(np.broadcast_to(HOME_JOINTS_OPEN, size))
+        for key in {**info, **later}:
+            added.setdefault(key, type(layer).__name__)
+    env.close()
+    named = {row["key"]: row["added by"] for row in table(STAGES, "key")}
+    # The two base classes are one layer.
+    assert {key: name.replace("DuoEnv", "SimEnv") for key, name in named.items()} == added
+
+
+def test_clipping_is_what_the_page_says() -> None:
+    env = duobench.make(TASK, cameras=False)
+    _, info = env.reset(seed=0)
+    assert not info["clipped"].any()
+    assert info["sent"] == pytest.approx(HOME_JOINTS_OPEN)
+    action = HOME_JOINTS_OPEN.copy()
+    action[0] += 1.0
+    action[7] = 2.0
+    _, _, _, _, info = env.step(action)
+    env.close()
+    assert np.flatnonzero(info["clipped"]).tolist() == [0, 7]
+    change = VELOCITY_LIMITS[0] / CONTROL_HZ
+    assert info["sent"][[0, 7]] == pytest.approx([HOME_JOINTS_OPEN[0] + change, 1.0])
+
+
+# --- frames --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["JOINT_NAMES", "POSE_NAMES", "SHIFT_NAMES"])
+def test_names_of_numbers_are_those_of_the_code(name: str) -> None:
+    found = re.search(
+        rf"<!-- {name}: [^\n]* -->\n```text\n(.*?)```", text_of(FRAMES), flags=re.DOTALL
+    )
+    assert found is not None
+    assert tuple(found[1].split()) == getattr(spaces, name)
+
+
+def test_action_modes_have_their_size() -> None:
+    sizes = {row["mode"]: int(row["size"]) for row in table(FRAMES, "mode")}
+    assert tuple(sizes) == ACTION_MODES
+    for mode, size in sizes.items():
+        env = duobench.make("bin_sort", cameras=False, action_mode=mode)
+        assert env.action_space.shape == (size,), mode
+        env.close()
+
+
+def test_joints_have_their_ranges_speeds_and_home() -> None:
+    rows = table(FRAMES, "joint")
+    written = [[float(cell) for cell in row.values()] for row in rows]
+    expected = np.column_stack(
+        [range(1, 8), JOINT_RANGES, VELOCITY_LIMITS, HOME_JOINTS[0], HOME_JOINTS[1]]
+    )
+    assert np.array(written) == pytest.approx(expected, abs=5.1e-5)
+
+
+def test_observations_have_their_shape_and_type() -> None:
+    space = duobench.make("bin_sort").observation_space
+    assert isinstance(space, gym.spaces.Dict)
+    rows = {row["key"]: row for row in table(FRAMES, "key")}
+    assert set(rows) == set(space.spaces)
+    for key in ("agent_pos", "tcp_pose"):
+        assert (rows[key]["shape"], rows[key]["type"]) == (
+            str(space[key].shape),
+            str(space[key].dtype),
+        )
+    assert {part.dtype for part in space["pixels"].values()} == {np.dtype(rows["pixels"]["type"])}
+
+
+ANGLES = ("vertical field of view, degrees", "horizontal, degrees")
+
+
+def test_cameras_are_where_the_page_says() -> None:
+    env = duobench.make("bin_sort", cameras=False)
+    model = env.unwrapped.simulation.model  # type: ignore[attr-defined]
+    env.reset(seed=0)
+    bodies = {"head": "world", "left_wrist": "left/link7", "right_wrist": "right/link7"}
+    rows = {row["name"]: row for row in table(FRAMES, "name")}
+    assert set(rows) == set(bodies)
+    for name, row in rows.items():
+        camera = model.cam(name)
+        body = int(camera.bodyid[0])
+        assert model.body(body).name == bodies[name]
+        position = np.array(camera.pos)
+        if body:
+            position -= model.site(f"{name.split('_')[0]}/flange").pos
+        assert [float(n) for n in row["position, m"].split()] == pytest.approx(position.tolist())
+        vertical = float(model.cam_fovy[camera.id])
+        width, height = model.cam_resolution[camera.id].tolist()
+        assert (width, height) == (1280, 720)
+        half = math.tan(math.radians(vertical / 2)) * width / height
+        horizontal = math.degrees(2 * math.atan(half))
+        written = [float(row[angle]) for angle in ANGLES]
+        assert written == pytest.approx([vertical, horizontal], abs=0.051)
+    env.close()
+
+
+def test_numbers_of_frames_and_time_are_those_of_the_code() -> None:
+    env = duobench.make("bin_sort", cameras=False)
+    simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
+    env.reset(seed=0)
+    tools = simulation.site_pose("left/flange").rotation.T @ (
+        simulation.site_pose("left/tcp").translation
+        - simulation.site_pose("left/flange").translation
+    )
+    step = simulation.model.opt.timestep
+    env.close()
+    assert tools == pytest.approx([0.0, 0.0, 0.1493])
+    page = text_of(FRAMES)
+    for words in (
+        f"{tools[2]:.4f} m beyond the flange",
+        f"the floor z = {FLOOR_Z:.4f}",
+        f"at x {REACH_X[0]} to {REACH_X[1]} and y {REACH_Y[0]} to {REACH_Y[1]}",
+        f"1/{CONTROL_HZ:g} s: {SUBSTEPS} physics steps of 1/{1 / step:.0f} s",
+        f"the default {IMAGE_SIZE[0]} × {IMAGE_SIZE[1]}",
+    ):
+        assert words in page.replace("\n", " "), words
+
+
+# --- evaluation and policies ---------------------------------------------------------------------
+
+
+def test_the_table_of_the_record_names_its_fields() -> None:
+    named = [row["field"] for row in table(EVALUATION, "field")]
+    assert named == [field.name for field in fields(EpisodeRecord)]
+
+
+def test_versions_are_those_of_the_code() -> None:
+    now = {row["version"].rpartition(", ")[2]: row["now"] for row in table(EVALUATION, "version")}
+    assert now == {
+        "duobench.__version__": duobench.__version__,
+        "SUITE_VERSION": SUITE_VERSION,
+        "duobench/<task>-v1": str(VERSION),
+        "RECORD_SCHEMA": str(RECORD_SCHEMA),
+        "RUN_SCHEMA": str(RUN_SCHEMA),
+        "SUMMARY_SCHEMA": str(SUMMARY_SCHEMA),
+        "data.schema.SCHEMA": str(SCHEMA),
+        "PolicyMetadata.version": "the policy's",
+    }
+
+
+def test_defaults_of_the_protocol_are_those_of_the_code() -> None:
+    limits, suite = TimeLimits(), Suite(tasks=find_tasks(()))
+    written = [row["default"] for row in table(EVALUATION, "limit")]
+    assert written == [f"{limits.act_s:g} s", f"{limits.episode_s:g} s", "none"]
+    assert f"episodes 0 to {suite.indices[-1]}." in text_of(EVALUATION).replace("\n", " ")
+    values = {row["what"]: row["value"] for row in table(EVALUATION, "what")}
+    assert values["control rate"] == f"{CONTROL_HZ:g} Hz"
+    per_second = round(CONTROL_HZ * SUBSTEPS)
+    assert values["physics steps per control step"] == f"{SUBSTEPS}, of 1/{per_second} s each"
+
+
+def test_the_table_of_metadata_names_its_fields() -> None:
+    rows = {
+        row["field of PolicyMetadata"]: row for row in table(POLICIES, "field of PolicyMetadata")
+    }
+    assert list(rows) == [field.name for field in fields(PolicyMetadata)]
+    required = {field.name for field in fields(PolicyMetadata) if field.default is MISSING}
+    assert {name for name, row in rows.items() if row["default"] == "required"} == required
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", EVALUATION, POLICIES], ids=lambda p: p.name)
+def test_options_of_the_command_line_exist(page: Path) -> None:
+    parameters = [*inspect.signature(evaluate).parameters, *inspect.signature(record).parameters]
+    known = {name.replace("_", "-") for name in parameters}
+    pattern = r"`--([a-z-]+)|duobench eval[^\n]* --([a-z-]+)"
+    named = {first or second for first, second in re.findall(pattern, text_of(page))}
+    assert named
+    assert named <= known
+
+
+def test_pages_without_code_have_none() -> None:
+    for page in (STAGES, FRAMES, EVALUATION):
+        assert blocks(page, "python") == blocks(page, "sh") == []

@@ -1,0 +1,65 @@
+"""A task names its expert's script, however the task was asked for."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import duobench
+from duobench.envs import sim_of
+from duobench.errors import PolicyError
+from duobench.evaluation import ExpertPolicy
+from duobench.experts import bin_sort
+from duobench.experts.registry import find_script
+from duobench.tasks import catalog
+
+MODULE = """
+from dataclasses import replace
+from duobench.experts.bin_sort import script as ours
+from duobench.tasks import get
+
+def script(arms):
+    yield from ours(arms)
+
+TASK = replace(get("bin_sort"), id="my_sort", expert="sorting_by_script:script")
+"""
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_every_task_has_an_expert(name: str) -> None:
+    assert find_script(name).__module__ == f"duobench.experts.{name}"
+
+
+@pytest.mark.parametrize("give", ["object", "path"])
+def test_a_task_of_ones_own_names_its_expert(
+    give: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sorting_by_script.py").write_text(MODULE)
+    monkeypatch.syspath_prepend(tmp_path)
+    path = "sorting_by_script:TASK"
+    task = catalog.get(path)
+    assert find_script(task).__module__ == "sorting_by_script"
+    env = duobench.make(task if give == "object" else path, cameras=False)
+    observation, info = env.reset(seed=0)
+    expert = ExpertPolicy(env)
+    expert.reset(info["instruction"], seed=0)
+    assert env.action_space.contains(expert.act(observation)[0].astype("float32"))
+    assert sim_of(env).definition is task
+
+
+def test_a_changed_task_keeps_its_expert() -> None:
+    assert find_script(replace(catalog.get("bin_sort"), horizon=5)) is bin_sort.script
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        (None, "'my_sort' has no scripted expert.*my_module:script"),
+        ("nowhere:script", "expert of task 'my_sort': There is no module named 'nowhere'"),
+        ("duobench.experts.bin_sort:scrpt", "Unknown script .*'scrpt'. Did you mean 'script'"),
+    ],
+)
+def test_no_expert_is_an_error(path: str | None, words: str) -> None:
+    task = replace(catalog.get("bin_sort"), id="my_sort", expert=path)
+    with pytest.raises(PolicyError, match=words):
+        find_script(task)

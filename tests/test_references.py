@@ -1,0 +1,74 @@
+"""From an import path to what it names."""
+
+from pathlib import Path
+
+import pytest
+
+from duobench.errors import DuoBenchError, ImportPathError, UnknownNameError
+from duobench.references import load
+
+MODULE = """
+from fractions import Fraction
+from pathlib import Path
+
+RED, BLUE, SIZE = "red", "blue", 3
+
+class Mine:
+    pass
+"""
+
+
+@pytest.fixture(autouse=True)
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "loaded.py").write_text(MODULE)
+    (tmp_path / "raises.py").write_text("1 / 0")
+    (tmp_path / "needs.py").write_text("import no_such_library")
+    (tmp_path / "leaves.py").write_text("raise SystemExit(3)")
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def test_what_a_path_names_is_imported() -> None:
+    assert load("loaded:RED", "colour", is_text) == "red"
+    assert load("loaded:Path", "class", callable) is Path
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("loaded:RDE", r"Unknown colour in module loaded 'RDE'. Did you mean 'RED'\?.*BLUE, RED"),
+        ("loaded:SIZE", "Unknown colour in module loaded 'SIZE'. Known: BLUE, RED"),
+    ],
+)
+def test_another_attribute_lists_near_misses(path: str, words: str) -> None:
+    with pytest.raises(UnknownNameError, match=words):
+        load(path, "colour", is_text)
+
+
+def test_what_a_module_only_imported_is_not_listed() -> None:
+    with pytest.raises(UnknownNameError, match=r"Known: Mine\.$"):
+        load("loaded:Yours", "class", callable)
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("loaded", "'loaded' is no `module:attribute`"),
+        ("loaded:", "is no `module:attribute`"),
+        (":RED", "is no `module:attribute`"),
+        (".loaded:RED", "is no `module:attribute`"),
+        ("nowhere:RED", "no module named 'nowhere'.*PYTHONPATH"),
+        ("nowhere.at.all:RED", "no module named 'nowhere'.*PYTHONPATH"),
+        ("raises:RED", r"(?s)'raises' cannot be imported.*raises\.py.*ZeroDivisionError"),
+        ("needs:RED", r"(?s)'needs' cannot be imported.*needs\.py.*No module named 'no_such_lib"),
+        ("leaves:RED", "(?s)'leaves' cannot be imported.*SystemExit: 3"),
+    ],
+)
+def test_what_cannot_be_imported_is_an_error(path: str, words: str) -> None:
+    with pytest.raises(ImportPathError, match=words) as told:
+        load(path, "colour", is_text)
+    assert isinstance(told.value, DuoBenchError)
+    assert "references.py" not in str(told.value)

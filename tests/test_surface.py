@@ -1,0 +1,109 @@
+"""The public surface: what may be imported from where, and what a policy's server needs."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import subprocess
+import sys
+
+import pytest
+
+SURFACE = {
+    "duobench": "DuoBenchError __version__ make register",
+    "duobench.data": """
+        Actor ActorKind DataSet Divergence EpisodeInfo ImageSource Outcome Recorder Recording
+        Replayer replay_all
+    """,
+    "duobench.envs": """
+        ACTION_MODES ActionChunks BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper EnvConfig
+        EpisodeState RandomizedReset RelativeCartesianActions RelativeJointActions ResetNeededError
+        SimEnv StateError TaskStages TimeLimit base_of env_id make make_env register sim_of
+    """,
+    "duobench.evaluation": """
+        Attempt Episode EpisodeRecord Executor ExpertPolicy LocalExecutor Observer PolicyChoice
+        PolicySource ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo TaskResult TimeLimits
+        VideoRecorder Watcher evaluate find_tasks read_results record rollout source summarize
+        wilson_interval write_report
+    """,
+    "duobench.objects": """
+        BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Prop RED
+        Shape Solid Mesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder
+        hull images_of long_block mass_properties mesh_of printable prism ring_wall sphere
+    """,
+    "duobench.policy": """
+        BASELINES BatchPolicy Batching HoldPolicy Policy PolicyMetadata RandomPolicy Session
+        SessionPolicy ZeroPolicy as_chunk check_fits make noise
+    """,
+    "duobench.tasks": """
+        ANY_YAW BoxRegion Carriage Category Choice CylinderRegion Handover Hole Joining Layout
+        Passage Placement Port Pouring Predicate Region Rolling SE3 SIDES Side Stage StateView
+        Support TABLE Task Uniform View all_of any_of arm_touches around at_least carriage get
+        grasped grasped_apart handover held_for hinge_open inserted inside joining lifted
+        lifted_by_any names off_table passage pouring raised released rests_on rolling since still
+        support touches touching upright variant
+    """,
+}
+"""Public names by package; a change here is a change for users, and goes into CHANGELOG.md."""
+
+SERVER = """
+import sys
+for name in ("gymnasium", "mujoco", "msgspec", "trimesh", "manifold3d", "mink"):
+    sys.modules[name] = None  # as where it is not installed
+import numpy as np
+from duobench.policy import Batching, PolicyMetadata, as_chunk, make
+observation = {"agent_pos": np.zeros(16, dtype=np.float32)}
+for name in ("hold", "random", "zero"):
+    policy = make(name)
+    policy.reset("Do it.", seed=0)
+    print(as_chunk(policy.act(observation)).shape)
+from duobench.policy.serving.host import make_served  # with websockets and msgpack
+make_served("hold", Batching())
+"""
+
+
+@pytest.mark.parametrize("package", SURFACE)
+def test_the_public_names_are_the_written_ones(package: str) -> None:
+    module = importlib.import_module(package)
+    assert sorted(module.__all__) == sorted(SURFACE[package].split())
+    assert set(module.__all__) <= set(dir(module))
+
+
+@pytest.mark.parametrize("package", SURFACE)
+def test_every_public_name_is_there_and_described(package: str) -> None:
+    module = importlib.import_module(package)
+    for name in module.__all__:
+        value = getattr(module, name)
+        assert not inspect.ismodule(value), name
+        if inspect.isclass(value) or inspect.isfunction(value):
+            assert inspect.getdoc(value), name
+            assert value.__module__.startswith("duobench."), name
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match=r"'duobench\.tasks' has no attribute 'Tsak'"):
+        importlib.import_module("duobench.tasks").Tsak  # noqa: B018 - looking is the point
+
+
+def test_a_module_does_not_hide_the_function_of_its_name() -> None:
+    code = (
+        "import duobench.evaluation.rollout, duobench.evaluation.evaluate\n"
+        "from duobench.evaluation import evaluate, rollout\n"
+        "print(callable(evaluate), callable(rollout))"
+    )
+    assert _output(code) == "True True\n"
+
+
+def test_a_policy_needs_numpy_only() -> None:
+    assert _output(SERVER) == "(1, 16)\n" * 3
+
+
+def test_policies_load_no_simulator() -> None:
+    code = "import sys, duobench.policy\nprint('mujoco' in sys.modules)"
+    assert _output(code) == "False\n"
+
+
+def _output(code: str) -> str:
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True
+    ).stdout

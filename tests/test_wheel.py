@@ -1,0 +1,140 @@
+"""The wheel as users get it: complete, and of use by itself, on a machine without a network."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from duobench.scene.cameras import POLICY_CAMERAS
+from tests.test_repository import ROOT, tracked
+
+# Every process of the environment loads it, workers too. Sockets between processes stay allowed.
+NO_NETWORK = """
+import sys
+
+def refuse(event, arguments):
+    outside = event == "socket.connect" and isinstance(arguments[1], tuple)
+    if outside or event in {"socket.getaddrinfo", "socket.gethostbyname"}:
+        raise ConnectionError(f"there is no network: {event} {arguments}")
+
+sys.addaudithook(refuse)
+"""
+USE = """
+import json
+import duobench
+
+env = duobench.make("bin_sort", render_mode="rgb_array", image_size=32, render_size=(24, 32))
+env.reset(seed=0)
+observation, reward, *_ = env.step(env.action_space.sample())
+image = env.render()
+print(json.dumps({
+    "package": duobench.__file__,
+    "pixels": {name: list(pixels.shape) for name, pixels in observation["pixels"].items()},
+    "dark": [name for name, pixels in observation["pixels"].items() if pixels.max() == 0],
+    "image": list(image.shape),
+    "stage": reward,
+}))
+env.close()
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dist")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+class Installed:
+    """An environment that holds the wheel and sees its dependencies, and a folder to work in."""
+
+    def __init__(self, folder: Path, wheel: Path) -> None:
+        self.work = folder / "work"
+        self.home = folder / "home"
+        self.work.mkdir()
+        self.home.mkdir()
+        self.site = folder / "venv"
+        venv.create(self.site, with_pip=False, symlinks=True)
+        pip = [sys.executable, "-m", "pip", "--python", str(self.bin / "python"), "--isolated"]
+        install = ["install", "--no-deps", "--no-index", "--disable-pip-version-check"]
+        subprocess.run([*pip, *install, str(wheel)], check=True, capture_output=True)
+        (packages,) = self.site.glob("lib/python*/site-packages")
+        # Files of this kind are not read in the folder that is named here, so that what is
+        # installed there as editable, DuoBench itself, stays out of sight.
+        (packages / "dependencies.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
+        (packages / "sitecustomize.py").write_text(NO_NETWORK)
+        self.packages = packages
+
+    @property
+    def bin(self) -> Path:
+        return self.site / "bin"
+
+    def run(self, name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run a program of the environment, as a user with an empty home."""
+        environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "XDG_"))}
+        return subprocess.run(
+            [self.bin / name, *arguments],
+            cwd=self.work,
+            env={**environment, "HOME": str(self.home)},
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+
+    def output(self, name: str, *arguments: str) -> str:
+        result = self.run(name, *arguments)
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result.stdout
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Installed:
+    return Installed(tmp_path_factory.mktemp("installed"), wheel)
+
+
+def test_it_carries_everything_of_the_package(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        packed = set(archive.namelist())
+    expected = {path.relative_to(ROOT / "src").as_posix() for path in tracked("src/duobench")}
+    assert "duobench/scene/robot_meshes.npz" in expected
+    assert expected <= packed
+    (information,) = {name.split("/")[0] for name in packed} - {"duobench"}
+    for notice in ("LICENSE", "THIRD_PARTY_NOTICES.md"):
+        assert f"{information}/licenses/{notice}" in packed
+
+
+def test_there_is_no_network(installed: Installed) -> None:
+    """Otherwise the tests below would prove nothing."""
+    connect = "import socket; socket.create_connection(('192.0.2.1', 9), timeout=1)"
+    assert "there is no network" in installed.run("python", "-c", connect).stderr
+
+
+def test_an_environment_can_be_made_and_played(installed: Installed) -> None:
+    told = json.loads(installed.output("python", "-c", USE))
+    assert Path(told["package"]).is_relative_to(installed.packages)
+    assert told["pixels"] == {name: [32, 32, 3] for name in POLICY_CAMERAS}
+    assert told["dark"] == []
+    assert told["image"] == [24, 32, 3]
+    assert told["stage"] == 0.0
+
+
+def test_the_command_lists_tasks(installed: Installed) -> None:
+    assert "bin_sort" in installed.output("duobench", "list")
+
+
+def test_the_command_evaluates_a_policy(installed: Installed) -> None:
+    evaluate = ["eval", "--policy", "expert", "--tasks", "bin_sort", "--episodes", "1"]
+    installed.output("duobench", *evaluate, "--videos", "0", "--out", "run")
+    (record,) = (installed.work / "run" / "records").rglob("*.json")
+    assert json.loads(record.read_text(encoding="utf-8"))["task"] == "bin_sort"
+    assert (installed.work / "run" / "index.html").is_file()
