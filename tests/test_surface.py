@@ -22,9 +22,9 @@ SURFACE = {
     """,
     "duobench.evaluation": """
         Attempt Episode EpisodeRecord Executor ExpertPolicy LocalExecutor Observer PolicyChoice
-        PolicySource ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo TaskResult TimeLimits
-        VideoRecorder Watcher evaluate find_tasks read_results record rollout source summarize
-        wilson_interval write_report
+        PolicySource ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo TaskResult
+        TimeLimits VideoRecorder Watcher evaluate find_tasks read_results record rollout source
+        summarize wilson_interval write_report
     """,
     "duobench.objects": """
         BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Prop RED

@@ -10,7 +10,7 @@ import numpy as np
 
 from duobench.policy import HoldPolicy, PolicyMetadata, Session, noise
 from duobench.randomness import episode_seed
-from duobench.scene.fr3 import JOINT_RANGES
+from duobench.scene.fr3_links import JOINT_RANGES
 from tests.evaluation.toy_tasks import mark
 
 WIDTH = 64
