@@ -8,16 +8,18 @@ PYTHON := $(shell for python in python3 python3.13 python3.12 python3.11; do \
 endif
 VENV := .venv
 BIN := $(VENV)/bin
+LEROBOT_PYTHON ?= python3.12
+LEROBOT_VENV := .venv-lerobot
 STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
 TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo test check format bench docs golden FORCE
+.PHONY: help setup setup-test demo test test-lerobot check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
-	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
 
 setup: $(VENV)/.installed  ## Make the virtual environment and install the package.
 
@@ -27,6 +29,10 @@ demo: setup  ## Evaluate the scripted experts, three episodes a task; leaves dem
 
 test: check  ## Check format, lint and types, then run the tests.
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope
+
+# An environment of its own, of several gigabytes, with the versions that LeRobot asks for.
+test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot that its programs read what is exported.
+	HF_HUB_OFFLINE=1 OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m pytest -W default tests/lerobot
 
 check: setup-test  ## Check format, lint and types.
 	$(BIN)/ruff format --check .
@@ -40,8 +46,9 @@ format: setup-test  ## Format the code and fix what the linter can fix.
 bench: setup-test  ## Measure speed, as ratios and against the bars.
 	$(BIN)/python -m benchmarks
 
-docs: setup-test  ## Draw the gallery, and write the table of tasks in README.md.
+docs: setup-test  ## Draw the gallery and the looks, and write the table of tasks in README.md.
 	$(BIN)/python docs/gallery.py
+	$(BIN)/python docs/looks.py
 	$(BIN)/python docs/table.py
 
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
@@ -72,6 +79,12 @@ $(VENV)/.installed: $(VENV)/.identity pyproject.toml constraints.txt
 
 $(VENV)/.installed-test: $(VENV)/.installed
 	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[test]'
+	@touch $@
+
+$(LEROBOT_VENV)/.installed: pyproject.toml
+	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
+	$(LEROBOT_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[lerobot]' \
+		'duckdb>=1' 'polars>=1' 'pytest>=9'
 	@touch $@
 
 # Their types are those of the installed version, which only the two files above can change.

@@ -1,7 +1,8 @@
 """Play every task with a policy on seeds 0 to n-1, and count the stages that were reached.
 
 `python -m benchmarks.sweep --policy expert --seeds 100` counts the experts' successes; with
-`hold`, `zero`, `open_close` or `random` it shows what can be had for nothing.
+`hold`, `zero`, `open_close` or `random` it shows what can be had for nothing. `--policy
+expert:human --split train` counts them as demonstrations are made.
 """
 
 from __future__ import annotations
@@ -23,12 +24,15 @@ import duobench
 from benchmarks.steps import Steps
 from duobench.evaluation import policies
 from duobench.evaluation.rollout import rollout
+from duobench.experts.variety import VARIETIES
 from duobench.policy import BASELINES, HoldPolicy
+from duobench.randomness import EVAL, SPLITS
 from duobench.tasks import catalog
 from duobench.types import OPENING_SLOTS
 
 OPEN_CLOSE = "open_close"
-POLICIES = (policies.EXPERT, *BASELINES, OPEN_CLOSE)
+EXPERTS = (policies.EXPERT, *(f"{policies.EXPERT}:{name}" for name in VARIETIES))
+POLICIES = (*EXPERTS, *BASELINES, OPEN_CLOSE)
 HALF_PERIOD = 30
 """Control steps for which grippers stay closed, or open."""
 SEEDS_A_JOB = 10
@@ -57,6 +61,7 @@ class Job:
 
     task: str
     policy: str
+    split: str
     seeds: tuple[int, ...]
 
 
@@ -73,7 +78,7 @@ class Outcome:
 
 def play(job: Job) -> list[Outcome]:
     """Play one job in this process."""
-    env = duobench.make(job.task, cameras=False)
+    env = duobench.make(job.task, cameras=False, split=job.split)
     policy = (
         OpenClosePolicy() if job.policy == OPEN_CLOSE else policies.source(job.policy).bind(env)
     )
@@ -99,6 +104,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.sweep", description=__doc__)
     parser.add_argument("--policy", choices=POLICIES, default=policies.EXPERT)
     parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    parser.add_argument("--split", choices=SPLITS, default=EVAL)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
@@ -107,6 +113,7 @@ def main() -> None:
         Job(
             task=task,
             policy=arguments.policy,
+            split=arguments.split,
             seeds=tuple(range(start, min(start + SEEDS_A_JOB, arguments.seeds))),
         )
         for task, start in product(arguments.tasks, starts)
@@ -114,11 +121,12 @@ def main() -> None:
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
         done = track(pool.imap(play, jobs), description=arguments.policy, total=len(jobs))
         outcomes = [outcome for batch in done for outcome in batch]
-    Console(width=WIDTH).print(_table(outcomes, arguments.tasks, arguments.policy))
+    title = f"{arguments.policy}, split {arguments.split}, seeds 0 to n-1"
+    Console(width=WIDTH).print(_table(outcomes, arguments.tasks, title))
 
 
-def _table(outcomes: list[Outcome], tasks: list[str], policy: str) -> Table:
-    table = Table(title=f"{policy}, seeds 0 to n-1")
+def _table(outcomes: list[Outcome], tasks: list[str], title: str) -> Table:
+    table = Table(title=title)
     for column in ("task", "episodes", "successes", "last stages", "steps mean / max", "failures"):
         table.add_column(column, no_wrap=True)
     for task in tasks:

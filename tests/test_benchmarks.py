@@ -2,9 +2,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.measure import Measurement, Work, seconds
+from benchmarks.variety import Paths, compare, figure_of, resampled, table_of
 
 ROOT = Path(__file__).parents[1]
 
@@ -57,3 +59,39 @@ def test_an_unknown_kind_is_refused() -> None:
     result = subprocess.run(command, cwd=ROOT, check=False, capture_output=True, text=True)
     assert result.returncode == 2
     assert "known: imports" in result.stderr
+
+
+# --- spread of paths -----------------------------------------------------------------------------
+
+
+def path(times: np.ndarray, *, aside: float = 0.0) -> np.ndarray:
+    """Both tools go one metre along x, the left one at some distance (m) to one side of it."""
+    points = np.zeros((len(times), 2, 3))
+    points[:, :, 0] = times[:, None]
+    points[:, 0, 1] = aside
+    return points
+
+
+def test_paths_are_compared_by_length_and_not_by_time() -> None:
+    steady, hurried = np.linspace(0.0, 1.0, 50), np.linspace(0.0, 1.0, 80) ** 3
+    paths = Paths(positions=(path(steady), path(hurried)))
+    assert paths.spread == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert paths.seconds == pytest.approx([50 / 30, 80 / 30])
+    along = resampled(path(hurried))[:, 0, 0]
+    assert np.diff(along) == pytest.approx(1.0 / (len(along) - 1))
+
+
+def test_the_spread_is_the_distance_from_the_mean_path() -> None:
+    line = np.linspace(0.0, 1.0, 50)
+    paths = Paths(positions=(path(line, aside=0.02), path(line, aside=-0.02)))
+    assert paths.spread == pytest.approx([0.02, 0.0])
+
+
+def test_variety_spreads_paths_where_the_layout_explains_nothing() -> None:
+    comparison = compare("bin_sort", "human", episodes=2)
+    assert (comparison.varied.spread > 0.001).all()
+    again = compare("bin_sort", "none", episodes=2)
+    assert again.varied.spread.max() == 0.0
+    assert (again.plain.spread == comparison.plain.spread).all()
+    assert len(figure_of([comparison], "human").axes) == 4
+    assert table_of([comparison], "human").row_count == 1

@@ -12,8 +12,9 @@ import pytest
 SURFACE = {
     "duobench": "DuoBenchError __version__ make register",
     "duobench.data": """
-        Actor ActorKind DataSet Divergence EpisodeInfo ImageSource Outcome Recorder Recording
-        Replayer replay_all
+        ActionSource Actor ActorKind DataSet Divergence EpisodeInfo ExportOptions Exported
+        ImageSource Outcome Pairing Problem Recorder Recording Replayer Summary
+        export_lerobot find_problems merge replay_all split summarize write_page
     """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper EnvConfig

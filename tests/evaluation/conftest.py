@@ -80,4 +80,4 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Play:
     return run
 
 
-SUITE = ("tasks", "episodes", "first_episode")
+SUITE = ("tasks", "episodes", "first_episode", "look")

@@ -46,6 +46,7 @@ CONFIG = EnvConfig(cameras=())
 def sample_run(**changes: Any) -> Run:
     """Run of three tasks; changes are fields of the run or of its suite."""
     suite: dict[str, Any] = {"tasks": TASKS, "episodes": 4, "first_episode": 0, "version": "1"}
+    suite["look"] = "default"
     fields: dict[str, Any] = {
         "policy": "mine",
         "videos": 1,

@@ -59,6 +59,8 @@ def test_other_run_is_refused_in_the_same_folder(play: Play) -> None:
         play("hold", episodes=1)
     with pytest.raises(OtherRunError, match=r"time limit act_s 5\.0 instead of 120\.0"):
         play("random", episodes=1, limits=TimeLimits(act_s=5.0))
+    with pytest.raises(OtherRunError, match="environment's look dark instead of default"):
+        play("random", episodes=1, look="dark")
     assert compared(folder) == before
 
 
@@ -204,6 +206,22 @@ def test_policy_sees_what_it_asked_for(play: Play) -> None:
         (record,) = one.records
         assert record.versions["renderer"]
         assert (record.config.cameras, record.config.image_size) == (("head",), (24, 32))
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_look_is_that_of_environment_video_and_record(play: Play, workers: int) -> None:
+    plain, _ = play("Sees", "plain", episodes=1, videos=1)
+    folder, results = play("Sees", episodes=1, videos=1, look="dark", workers=workers)
+    assert results.overall.errors == 0
+    for one in results.tasks:
+        (record,) = one.records
+        assert record.config.look == "dark"
+        brightness = []
+        for run in (folder, plain):
+            with av.open(run.video(one.task.id, 0)) as container:
+                frame = next(container.decode(video=0))
+            brightness.append(frame.to_ndarray(format="rgb24").mean())
+        assert 1.3 * brightness[0] < brightness[1]
 
 
 def test_first_episodes_have_videos_the_same_in_any_process(play: Play) -> None:

@@ -23,7 +23,7 @@ def test_record_survives_its_file(record: EpisodeRecord, tmp_path: Path) -> None
 def test_text_has_a_field_a_line() -> None:
     text = sample_record().to_json()
     assert '\n  "stage_changes": [[10, 1], [20, 2], [30, 3]],\n' in text
-    assert json.loads(text)["schema"] == 2
+    assert json.loads(text)["schema"] == 3
 
 
 @pytest.mark.parametrize(

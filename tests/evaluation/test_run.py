@@ -6,7 +6,12 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import DuoBenchError, EvaluationError, ImportPathError
+from duobench.errors import (
+    DuoBenchError,
+    EvaluationError,
+    ImportPathError,
+    UnknownNameError,
+)
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.suite import Run, find_tasks
 from tests.evaluation.samples import LIFT, SORT, sample_run
@@ -18,7 +23,7 @@ def test_description_survives_its_text() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{}", '{"schema": 1}', '{"schema": 2}', "null", "[" * 99_999]
+    "text", ["", "[]", "{}", '{"schema": 2}', '{"schema": 3}', "null", "[" * 99_999]
 )
 def test_other_text_is_refused(text: str) -> None:
     with pytest.raises(EvaluationError):
@@ -38,6 +43,11 @@ def test_other_text_is_refused(text: str) -> None:
 def test_impossible_run_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(EvaluationError):
         sample_run(**changes)
+
+
+def test_unknown_look_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="'dark'"):
+        sample_run(look="drak")
 
 
 @pytest.mark.parametrize(
@@ -75,6 +85,8 @@ def test_command_names_everything_that_decides_the_results() -> None:
     assert words[:4] == ["duobench", "eval", "--policy", "my pkg:make"]
     rest = "--tasks lift pkg.tasks:SORT turn --episodes 3 --first-episode 7 --videos 1 --out DIR"
     assert words[4:] == rest.split()
+    words = shlex.split(sample_run(look="random:7").command)
+    assert words[-4:] == ["--look", "random:7", "--out", "DIR"]
     words = shlex.split(sample_run(limits=TimeLimits(act_s=5)).command)
     assert words[-6:] == ["--act-timeout", "5", "--episode-timeout", "1800", "--out", "DIR"]
 

@@ -27,10 +27,12 @@ def make(name: str) -> gym.Env:
     return duobench.make(name, cameras=False)
 
 
-def play(env: gym.Env, expert: ExpertPolicy, seed: int) -> Episode:
-    """Play one episode to its end."""
+def play(
+    env: gym.Env, expert: ExpertPolicy, seed: int, *, expert_seed: int | None = None
+) -> Episode:
+    """Play one episode to its end; the expert has the layout's seed if it is given none."""
     observation, info = env.reset(seed=seed)
-    expert.reset(info["instruction"], seed)
+    expert.reset(info["instruction"], seed if expert_seed is None else expert_seed)
     actions: list[NDArray[np.float32]] = []
     over = False
     while not over:

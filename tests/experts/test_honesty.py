@@ -17,6 +17,7 @@ import pytest
 from duobench.experts.expert import Expert
 from duobench.experts.motion import Arms, Script
 from duobench.experts.registry import find_script, make_expert
+from duobench.experts.variety import HUMAN
 from duobench.sim.simulation import STATE, Simulation
 from duobench.tasks import catalog
 from tests.envs.tools import sim_of
@@ -92,6 +93,14 @@ def test_an_expert_only_reads_the_simulation(name: str) -> None:
         model = model_bytes(simulation.model)
         env.reset(seed=OTHER_SEED)
         assert model_bytes(simulation.model) == model
+    env.close()
+
+
+@pytest.mark.parametrize("name", ["block_balance", "bin_sort"])
+def test_an_expert_with_variety_only_reads_it_too(name: str) -> None:
+    env = make(name)
+    expert = make_expert(name, sim_of(env).simulation, variety=HUMAN)
+    assert changed_in_episode(env, expert) == []
     env.close()
 
 

@@ -20,6 +20,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     first_episode: int = 0,
     workers: int = 1,
     videos: int = 1,
+    look: str = "default",
     act_timeout: float = 120.0,
     episode_timeout: float = 1800.0,
     retry_broken: bool = False,
@@ -37,8 +38,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     exit code is 1 if an episode broke off with an error.
 
     Args:
-        policy: expert, hold, random, zero, module:attribute for a policy of your own, or openpi for
-            one that is served.
+        policy: expert (also expert:human or expert:wide, which vary what it does), hold, random,
+            zero, module:attribute for a policy of your own, or openpi for one that is served.
         out: Folder of the run.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.
@@ -47,6 +48,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             process plays, for a debugger; it cannot stop a policy that hangs or outlive one that
             crashes.
         videos: How many episodes of each task have a video.
+        look: Look of the images that the policy sees: wood_table, dark, random:7, ... (see
+            docs/looks.md).
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
         episode_timeout: Seconds that an episode may take.
         retry_broken: Play the episodes again that broke off in an earlier call.
@@ -79,7 +82,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         wait=wait,
         key_file=key_file,
     )
-    suite = Suite(tasks=find_tasks(tasks), episodes=episodes, first_episode=first_episode)
+    suite = Suite(
+        tasks=find_tasks(tasks), episodes=episodes, first_episode=first_episode, look=look
+    )
     limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
     folder = RunFolder(out)
     screen = console()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -105,6 +105,35 @@ def progress_display(console: Console) -> Iterator[Observer]:
     )
     with Progress(*columns, console=console) as progress:
         yield LiveProgress(progress)
+
+
+@contextmanager
+def counting(console: Console, noun: str) -> Iterator[Callable[[int, int], None]]:
+    """What shows how many of how many things are done, as long as the block lasts.
+
+    Args:
+        console: Where to show it.
+        noun: What is counted, in the plural.
+
+    Yields:
+        A function of the number that is done and the number of all.
+    """
+    shown = -1
+
+    def tell(done: int, total: int) -> None:
+        nonlocal shown
+        tenth = PLAIN_LINES * done // max(1, total)
+        if tenth != shown:
+            console.print(f"{done} of {total} {noun}")
+        shown = tenth
+
+    if not console.is_terminal:
+        yield tell
+        return
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(TextColumn("{task.description}"), *columns, console=console) as progress:
+        bar = progress.add_task(noun, total=None)
+        yield lambda done, total: progress.update(bar, completed=done, total=total)
 
 
 class AttemptBars:

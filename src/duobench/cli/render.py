@@ -17,6 +17,7 @@ def render(
     task: tyro.conf.Positional[str],
     seed: int = 0,
     size: tuple[int, int] = (720, 1280),
+    look: str = "default",
     out: Path = Path("renders"),
 ) -> None:
     """Draw a reset of a task from every camera, as PNG files.
@@ -25,6 +26,7 @@ def render(
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
         seed: Seed of the reset.
         size: Height and width of the images in pixels.
+        look: Look of the images: wood_table, dark, random:7, ... (see docs/looks.md).
         out: Folder of the images.
     """
     load_engine()
@@ -42,13 +44,15 @@ def render(
     checked_seed(seed)
     (info,) = find_tasks([task])
     height, width = size
-    base = SimEnv(catalog.get(info.reference))
+    base = SimEnv(catalog.get(info.reference), look=look)
     make_folder(out)
     RandomizedReset(base).reset(seed=seed)
     simulation = base.simulation
     images = {}
     for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
-        with Renderer(simulation.model, height=height, width=width, samples=samples) as renderer:
+        with Renderer(
+            simulation.model, height=height, width=width, samples=samples, look=base.look
+        ) as renderer:
             images |= renderer.render_all(simulation.data, cameras)
     screen = console()
     for camera, image in images.items():

@@ -25,11 +25,12 @@ def replay(
     out: Path = Path("replay"),
     cameras: tuple[str, ...] = ("overview",),
     size: tuple[int, int] = (480, 640),
+    look: str = "default",
 ) -> None:
     """Replay recorded episodes.
 
     With states, every recorded state is shown as it was, in a video for each episode, from any
-    camera, at any size. With actions, the commands run through the physics again, and
+    camera, at any size, in any look. With actions, the commands run through the physics again, and
     a table says whether states and stages come out the same; the exit code is 1 if they do not.
 
     Args:
@@ -39,6 +40,7 @@ def replay(
         out: Folder of the videos.
         cameras: What the videos show, side by side: overview, head, left_wrist, right_wrist.
         size: Height and width of one image in pixels, both even.
+        look: Look of the images: wood_table, dark, random:7, ... (see docs/looks.md).
     """
     load_engine()
     from duobench.data import DataSet
@@ -47,7 +49,7 @@ def replay(
     if mode == "actions":
         _by_actions(found, tasks)
     else:
-        _by_states(found, tasks, out, cameras, size)
+        _by_states(found, tasks, out, cameras, size, look)
 
 
 def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
@@ -92,6 +94,7 @@ def _by_states(
     out: Path,
     cameras: tuple[str, ...],
     size: tuple[int, int],
+    look: str,
 ) -> None:
     from duobench.data import ImageSource, Recording
     from duobench.evaluation.folder import VIDEO_SUFFIX
@@ -100,7 +103,7 @@ def _by_states(
 
     screen = console()
     for task in tasks or data.tasks:
-        source = ImageSource(task, cameras=cameras, size=size)
+        source = ImageSource(task, cameras=cameras, size=size, look=look)
         for path in data.episodes(task):
             recording = Recording.read(path)
             target = out / task / f"{path.stem}{VIDEO_SUFFIX}"

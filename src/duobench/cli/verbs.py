@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 
 import tyro
 
 from duobench import __version__
+from duobench.cli import data, export
 from duobench.cli.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
@@ -24,25 +26,49 @@ DESCRIPTION = (
 )
 
 
+VERBS: Mapping[str, Callable[..., None]] = MappingProxyType(
+    {
+        "eval": evaluate,
+        "report": report,
+        "record": record,
+        "replay": replay,
+        "list": list_tasks,
+        "render": render,
+        "serve": serve,
+        "data": data.verbs,
+        "export": export.verbs,
+        "doctor": doctor,
+    }
+)
+GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = MappingProxyType(
+    {
+        "data": {
+            "info": data.info,
+            "check": data.check,
+            "merge": data.merge,
+            "split": data.split,
+        },
+        "export": {"lerobot": export.lerobot},
+    }
+)
+"""Verbs that have verbs of their own."""
+
+
 def run(arguments: Sequence[str] | None) -> None:
     """Read the arguments and run the verb they name."""
     words = sys.argv[1:] if arguments is None else list(arguments)
     if words == ["--version"]:
         console().print(f"duobench {__version__}")
         return
+    verbs, program, description = VERBS, "duobench", DESCRIPTION
+    if words and words[0] in GROUPS:
+        group, *words = words
+        verbs, program = GROUPS[group], f"duobench {group}"
+        description = VERBS[group].__doc__ or ""
     tyro.extras.subcommand_cli_from_dict(
-        {
-            "eval": evaluate,
-            "report": report,
-            "serve": serve,
-            "record": record,
-            "replay": replay,
-            "list": list_tasks,
-            "render": render,
-            "doctor": doctor,
-        },
-        prog="duobench",
-        description=DESCRIPTION,
+        dict(verbs),
+        prog=program,
+        description=description,
         args=words,
         sort_subcommands=False,
     )

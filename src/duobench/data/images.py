@@ -10,6 +10,8 @@ from duobench.data.recording import Recording
 from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import DataError, DuoBenchError
 from duobench.scene.cameras import POLICY_CAMERAS
+from duobench.scene.look import Look
+from duobench.scene.looks import DEFAULT, as_look
 from duobench.sim.backend import SimBackend
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
@@ -26,6 +28,7 @@ class ImageSource:
         *,
         cameras: Sequence[str] = POLICY_CAMERAS,
         size: tuple[int, int] = IMAGE_SIZE,
+        look: str | Look = DEFAULT,
     ) -> None:
         """Compile the task's model.
 
@@ -33,14 +36,16 @@ class ImageSource:
             task: The task, its id, or its import path.
             cameras: Which cameras to render.
             size: Height and width of the images in pixels.
+            look: How the images look, whatever they looked like while recording.
 
         Raises:
-            UnknownNameError: There is no such task.
+            UnknownNameError: There is no such task or look.
         """
         definition = catalog.get(task) if isinstance(task, str) else task
         self.simulation = Simulation(definition.props, definition.overview)
         """The physics, in the state that was rendered last."""
         self._backend = SimBackend(self.simulation)
+        self._backend.set_look(as_look(look))
         self._cameras, self._size = tuple(cameras), size
         self._layout: dict[str, Any] | None = None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
 from duobench.randomness import SUITE_VERSION
+from duobench.scene.looks import as_look
 from duobench.versions import package_versions
 
 OBSERVED = ("agent_pos", "tcp_pose")
@@ -98,6 +100,9 @@ class Recorder(DuoWrapper):
         self.finish(reason="The environment was reset.")
         observation, info = self.env.reset(seed=seed, options=options)
         state = self.save_state()
+        config = self.base.config
+        if config is not None and (look := self._sim.look) != as_look(config.look):
+            config = replace(config, look=look)  # that of this episode
         described = EpisodeInfo(
             task=self.task,
             instruction=info["instruction"],
@@ -105,7 +110,7 @@ class Recorder(DuoWrapper):
             layout=info["layout"],
             seed=info.get("seed"),
             split=info.get("split"),
-            config=self.base.config,
+            config=config,
             suite_version=SUITE_VERSION,
             versions=package_versions(),
             actor=self.actor,

@@ -10,6 +10,8 @@ from typing import Any
 from duobench.errors import OptionError, UnknownNameError
 from duobench.randomness import EVAL, SPLITS
 from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
+from duobench.scene.look import Look
+from duobench.scene.looks import DEFAULT, as_look
 from duobench.types import CONTROL_HZ
 
 ACTION_MODES = ("joint", "joint_relative", "cartesian", "cartesian_relative")
@@ -48,6 +50,8 @@ class EnvConfig:
     """ "rgb_array", for `render`."""
     render_size: tuple[int, int] = RENDER_SIZE
     """Height and width of the image that `render` gives, in pixels; at most 720 x 1280."""
+    look: str | Look = DEFAULT
+    """How images look: a name of `duobench.scene.looks.look`, or a look of one's own."""
 
     def __post_init__(self) -> None:
         """Reject invalid values."""
@@ -61,6 +65,7 @@ class EnvConfig:
             raise OptionError(f"binary_gripper is True or False, got {self.binary_gripper!r}.")
         if self.control_rate_hz != CONTROL_HZ:
             raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")
+        as_look(self.look)
         for name in ("image_size", "render_size"):
             height, width = getattr(self, name)
             if not (0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH):
@@ -76,11 +81,11 @@ class EnvConfig:
 
         Args:
             options: Values of the fields by name. `cameras` may also be True (all), False (none),
-                one name or any iterable of names; `image_size` one number for a square. Whole
-                numbers may be NumPy's.
+                one name or any iterable of names; `image_size` one number for a square; `look`
+                the JSON form of one. Whole numbers may be NumPy's.
 
         Raises:
-            UnknownNameError: There is no such option, camera, mode or split.
+            UnknownNameError: There is no such option, camera, mode, split or look.
             OptionError: A value is invalid.
         """
         known = [field.name for field in fields(EnvConfig)]
@@ -96,6 +101,8 @@ class EnvConfig:
         for name in ("chunk", "horizon"):
             if chosen.get(name) is not None:
                 chosen[name] = _count(name, chosen[name])
+        if not isinstance(chosen.get("look", DEFAULT), str):
+            chosen["look"] = as_look(chosen["look"])
         if "binary_gripper" in chosen and chosen["binary_gripper"] in (0, 1):
             chosen["binary_gripper"] = bool(chosen["binary_gripper"])
         return EnvConfig(**chosen)

@@ -65,14 +65,19 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
         The environment; `env.get_wrapper_attr("config")` is its `EnvConfig`.
 
     Raises:
-        UnknownNameError: There is no such task, option, camera, mode or split.
+        UnknownNameError: There is no such task, option, camera, mode, split or look.
         OptionError: A value is invalid.
     """
     config = EnvConfig.from_options(options)
     definition = catalog.get(task)
     if config.horizon is not None:
         definition = replace(definition, horizon=config.horizon)
-    base = SimEnv(definition, render_mode=config.render_mode, render_size=config.render_size)
+    base = SimEnv(
+        definition,
+        render_mode=config.render_mode,
+        render_size=config.render_size,
+        look=config.look,
+    )
     base.config = config
     env: gym.Env = TimeLimit(TaskStages(RandomizedReset(base, config.split)), definition.horizon)
     env = _WRAP[config.action_mode](env)

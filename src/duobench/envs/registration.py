@@ -60,7 +60,8 @@ def make(task: Task | str, **options: Any) -> gym.Env:
         options: `cameras` (True, False or names), `image_size` (224, or height and width),
             `action_mode` ("joint", "joint_relative", "cartesian", "cartesian_relative"),
             `binary_gripper`, `chunk` (actions in one step), `horizon`, `split` ("eval", or "train"
-            for demonstrations), `render_mode` ("rgb_array"), `render_size`; see
+            for demonstrations), `look` ("wood_table", "random:7", ...), `render_mode`
+            ("rgb_array"), `render_size`; see
             `duobench.envs.config.EnvConfig`.
 
     Returns:

@@ -15,6 +15,8 @@ from duobench.envs.episode_state import EpisodeState
 from duobench.errors import DuoBenchError, LayoutError
 from duobench.randomness import EVAL
 from duobench.scene.cameras import OVERVIEW
+from duobench.scene.look import Look
+from duobench.scene.looks import DEFAULT, as_look
 from duobench.sim import placement
 from duobench.sim.backend import SimBackend
 from duobench.sim.layout import Layout
@@ -23,7 +25,7 @@ from duobench.tasks.task import Task
 
 DEFAULT_SEED = 0
 """A reset without a layout uses the one that this seed samples."""
-LAYOUT, LAYOUT_SEED, SPLIT = "layout", "layout_seed", "split"
+LAYOUT, LAYOUT_SEED, SPLIT, LOOK = "layout", "layout_seed", "split", "look"
 """Options of a reset."""
 
 
@@ -39,6 +41,7 @@ class SimEnv(DuoEnv):
         *,
         render_mode: str | None = None,
         render_size: tuple[int, int] = RENDER_SIZE,
+        look: str | Look = DEFAULT,
     ) -> None:
         """Compile the task's model; no OpenGL before the first image.
 
@@ -46,10 +49,17 @@ class SimEnv(DuoEnv):
             task: What is on the table.
             render_mode: "rgb_array", or None if nobody calls `render`.
             render_size: Height and width of the image that `render` gives, in pixels.
+            look: How images look; a name or a look.
+
+        Raises:
+            UnknownNameError: There is no such look, or it names an object that the task has not.
         """
         self.simulation = Simulation(task.props, task.overview)
         """The physics."""
-        super().__init__(SimBackend(self.simulation), task)
+        self._arms = SimBackend(self.simulation)
+        super().__init__(self._arms, task)
+        self._usual_look = as_look(look)
+        self._arms.set_look(self._usual_look)
         self.render_mode = render_mode
         self._render_size = render_size
         self._layout: Layout | None = None
@@ -66,6 +76,11 @@ class SimEnv(DuoEnv):
         return self._layout
 
     @property
+    def look(self) -> Look:
+        """How images of the current episode look."""
+        return self._arms.look
+
+    @property
     def subinstructions(self) -> dict[int, str]:
         """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
         return self.definition.subinstructions(self.layout)
@@ -78,8 +93,9 @@ class SimEnv(DuoEnv):
         Args:
             seed: Seeds `np_random`; what is on the table depends on the layout alone.
             options: `layout` is the layout, as a `Layout` or as its JSON form; without it,
-                `layout_seed` samples one from the task's `split`, "eval" or "train". Other keys are
-                left to others.
+                `layout_seed` samples one from the task's `split`, "eval" or "train". `look` is the
+                look of this episode, a name, a `Look` or its JSON form; without it, the
+                environment's. Other keys are left to others.
 
         Returns:
             Observation and info, both taken after everything has come to rest. Info holds
@@ -87,11 +103,14 @@ class SimEnv(DuoEnv):
 
         Raises:
             LayoutError: The layout is incomplete, overlapping or out of reach.
-            UnknownNameError: There is no such split.
+            UnknownNameError: There is no such split or look.
+            OptionError: The look is none.
         """
         return super().reset(seed=seed, options=options)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
+        look = options.get(LOOK)
+        self._arms.set_look(self._usual_look if look is None else as_look(look))
         given = options.get(LAYOUT)
         if given is None:
             seed = options.get(LAYOUT_SEED)

@@ -31,6 +31,7 @@ from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.video import VideoRecorder
 from duobench.policy import Policy, PolicyMetadata
 from duobench.scene.cameras import OVERVIEW
+from duobench.scene.looks import DEFAULT
 from duobench.sim.rendering import Renderer, describe
 from duobench.versions import record_versions
 
@@ -68,8 +69,8 @@ class EpisodeResult:
     """How long it took, video included; None if nobody knows."""
 
 
-def config_for(metadata: PolicyMetadata) -> EnvConfig:
-    """The configuration of the environments that a policy expects.
+def config_for(metadata: PolicyMetadata, look: str = DEFAULT) -> EnvConfig:
+    """The configuration of the environments that a policy expects, in a look.
 
     Raises:
         UnknownNameError: It expects a camera or an action mode that does not exist.
@@ -80,6 +81,7 @@ def config_for(metadata: PolicyMetadata) -> EnvConfig:
         action_mode=metadata.action_mode,
         control_rate_hz=metadata.control_rate_hz,
         image_size=metadata.image_size or IMAGE_SIZE,
+        look=look,
     )
 
 
@@ -101,6 +103,7 @@ class EpisodeRunner:
         limits: TimeLimits,
         clock: EpisodeClock | None = None,
         *,
+        look: str = DEFAULT,
         recording: RecordingPlan | None = None,
         is_interruptible: bool = True,
     ) -> None:
@@ -110,6 +113,7 @@ class EpisodeRunner:
             source: The policy, which belongs to the runner from now on.
             limits: How long it may take.
             clock: Where its times are noted, for another process.
+            look: Name of the look of every image, videos included.
             recording: Whether and where its episodes are recorded.
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
 
@@ -125,7 +129,7 @@ class EpisodeRunner:
         self._policy: Policy | None = None
         self._renderer: Renderer | None = None
         metadata = self._source.metadata
-        config = config_for(metadata)
+        config = config_for(metadata, look)
         if recording is not None:
             config = replace(config, split=recording.split)
         self._recording = recording
@@ -229,11 +233,13 @@ class EpisodeRunner:
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:
         """A video of the simulation that is being played, from the camera for people."""
-        simulation = sim_of(env).simulation
+        base = sim_of(env)
+        simulation = base.simulation
         if self._renderer is None:
             height, width = VIDEO_SIZE
             self._renderer = Renderer(simulation.model, height=height, width=width)
         renderer = self._renderer
+        renderer.set_look(base.look)
         return VideoRecorder(lambda: renderer.render(simulation.data, OVERVIEW))
 
     def _close_environment(self) -> None:

@@ -129,7 +129,7 @@ def executor_for(
     choice = PolicyChoice.of(policy)
     choice.check()
     if workers == 0:
-        return LocalExecutor(choice, suite.tasks, limits, recording)
+        return LocalExecutor(choice, suite.tasks, limits, suite.look, recording)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if videos:
@@ -137,4 +137,4 @@ def executor_for(
     elif (":" in choice.name or choice.server) and workers > 1:
         with suppress(RenderingError):
             rendering.prepare(processes=workers)
-    return ProcessExecutor(choice, suite.tasks, limits, workers, recording)
+    return ProcessExecutor(choice, suite.tasks, limits, workers, suite.look, recording)

@@ -32,6 +32,7 @@ from duobench.evaluation.worker import (
     UnreadableError,
     Worker,
 )
+from duobench.scene.looks import DEFAULT
 
 MAX_ATTEMPTS = 3
 """How often an episode is begun before a fault of the machinery ends the run."""
@@ -113,6 +114,7 @@ class LocalExecutor:
         policy: PolicyChoice,
         tasks: Sequence[TaskInfo],
         limits: TimeLimits,
+        look: str = DEFAULT,
         recording: RecordingPlan | None = None,
     ) -> None:
         """Remember what to play.
@@ -121,17 +123,19 @@ class LocalExecutor:
             policy: The policy.
             tasks: The tasks of the suite.
             limits: How long the policy may take.
+            look: Name of the look of the suite.
             recording: Whether and where episodes are recorded.
         """
         self._arguments = policy, tasks, limits
-        self._recording = recording
+        self._options = look, recording
         self._runner: EpisodeRunner | None = None
 
     def prepare(self) -> Setup:
         """Make the policy, and say what plays."""
         policy, tasks, limits = self._arguments
+        look, recording = self._options
         source = find_source(policy, tasks, limits)
-        self._runner = EpisodeRunner(source, limits, recording=self._recording)
+        self._runner = EpisodeRunner(source, limits, look=look, recording=recording)
         return self._runner.setup
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
@@ -168,6 +172,7 @@ class ProcessExecutor:
         tasks: Sequence[TaskInfo],
         limits: TimeLimits,
         workers: int,
+        look: str = DEFAULT,
         recording: RecordingPlan | None = None,
     ) -> None:
         """Remember what to play; processes are started when they are needed.
@@ -177,9 +182,12 @@ class ProcessExecutor:
             tasks: The tasks of the suite.
             limits: How long the policy may take.
             workers: Most processes at a time.
+            look: Name of the look of the suite.
             recording: Whether and where episodes are recorded.
         """
-        self._begin = Begin(policy=policy, tasks=tuple(tasks), limits=limits, recording=recording)
+        self._begin = Begin(
+            policy=policy, tasks=tuple(tasks), limits=limits, look=look, recording=recording
+        )
         self._limits = limits
         self._most = workers
         self._choice = policy

@@ -7,15 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation.suite import TaskInfo
 from duobench.experts.registry import find_script, make_expert
+from duobench.experts.variety import NONE, VARIETIES, Variety, find_variety
 from duobench.policy import (
     BASELINES,
     Batching,
@@ -27,7 +30,7 @@ from duobench.policy import (
 from duobench.policy.registry import make_any, source_version, versioned_metadata
 
 EXPERT = "expert"
-"""The name under which each task's scripted expert is a policy."""
+"""The name under which each task's scripted expert is a policy; `expert:NAME` has a variety."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,19 +54,27 @@ class PolicySource:
 class ExpertPolicy:
     """The scripted expert of an environment's task, as a policy."""
 
-    metadata = PolicyMetadata(name=EXPERT)
-
-    def __init__(self, env: gym.Env) -> None:
+    def __init__(self, env: gym.Env, variety: Variety = NONE) -> None:
         """Find the expert.
 
         Args:
             env: The environment that it will act in; it reads the privileged state.
+            variety: How its episodes differ from the plain script.
 
         Raises:
             PolicyError: If the task has no expert.
         """
         duo = sim_of(env)
-        self._expert = make_expert(duo.definition, duo.simulation)
+        self._expert = make_expert(duo.definition, duo.simulation, variety)
+        self.metadata = _expert_metadata(variety)
+
+    @property
+    def intended_action(self) -> NDArray[np.float32] | None:
+        """The last action (16,) without the noise in what was executed: the label to learn from.
+
+        None before the first action of an episode.
+        """
+        return self._expert.intended_action
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode."""
@@ -79,6 +90,20 @@ def is_expert(name: str) -> bool:
     return name.partition(":")[0] == EXPERT
 
 
+def _expert_metadata(variety: Variety) -> PolicyMetadata:
+    return PolicyMetadata(name=EXPERT if variety is NONE else f"{EXPERT}:{variety.name}")
+
+
+def _variety(name: str) -> Variety:
+    """The variety that the name of an expert asks for.
+
+    Raises:
+        UnknownNameError: There is no such variety.
+    """
+    _, is_varied, variety = name.partition(":")
+    return find_variety(variety) if is_varied else NONE
+
+
 def check_name(name: str) -> None:
     """Reject a name that cannot be a policy's, without making one.
 
@@ -88,8 +113,11 @@ def check_name(name: str) -> None:
     """
     if not name.isprintable():
         raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
-    if ":" not in name and name != EXPERT and name not in BASELINES:
-        raise UnknownNameError("policy", name, [EXPERT, *BASELINES, "module:attribute"])
+    if is_expert(name):
+        _variety(name)
+    elif ":" not in name and name not in BASELINES:
+        experts = [EXPERT, *(f"{EXPERT}:{variety}" for variety in VARIETIES)]
+        raise UnknownNameError("policy", name, [*experts, *BASELINES, "module:attribute"])
 
 
 def source(
@@ -98,29 +126,30 @@ def source(
     """Look a policy up.
 
     Args:
-        name: `expert`, a baseline's name, or `module:attribute`.
+        name: `expert`, `expert:VARIETY`, a baseline's name, or `module:attribute`.
         tasks: What it will play; an expert's version is that of the scripts of these tasks.
         batching: How many observations a `BatchPolicy` answers together; None takes the default.
 
     Raises:
-        UnknownNameError: If there is none of that name.
+        UnknownNameError: If there is none of that name, or no such variety.
         PolicyError: If the module or its attribute is missing, or gives something else; if a task
             has no expert.
     """
     check_name(name)
-    if name == EXPERT:
-        scripts = [find_script(task.reference).__module__ for task in tasks]
-        metadata = replace(ExpertPolicy.metadata, version=source_version(*scripts))
-        return PolicySource(name=name, metadata=metadata, bind=ExpertPolicy, close=lambda: None)
+    if is_expert(name):
+        _check_no_batches(name, batching)
+        variety = _variety(name)
+        modules = {find_script(task.reference).__module__ for task in tasks}
+        if variety is not NONE:
+            modules.add(Variety.__module__)
+        metadata = replace(_expert_metadata(variety), version=source_version(*modules))
+        bind = partial(ExpertPolicy, variety=variety)
+        return PolicySource(name=name, metadata=metadata, bind=bind, close=lambda: None)
     made = make_any(name)
     metadata = versioned_metadata(name, made)
     close = getattr(made, "close", lambda: None)
     if not isinstance(made, BatchPolicy):
-        if batching is not None:
-            raise PolicyError(
-                f"{name} answers one observation at a time, so there are no batches of it. With "
-                "`begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
-            )
+        _check_no_batches(name, batching)
         return PolicySource(name=name, metadata=metadata, bind=lambda _env: made, close=close)
     batching = batching or Batching()
     alone = SessionPolicy(made, batching)
@@ -132,3 +161,11 @@ def source(
         batching=batching,
         batch_policy=made,
     )
+
+
+def _check_no_batches(name: str, batching: Batching | None) -> None:
+    if batching is not None:
+        raise PolicyError(
+            f"{name} answers one observation at a time, so there are no batches of it. With "
+            "`begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
+        )

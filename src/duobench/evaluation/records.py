@@ -18,7 +18,7 @@ from duobench.evaluation.suite import Episode, Setup
 from duobench.files import decode, encode
 from duobench.randomness import SUITE_VERSION
 
-RECORD_SCHEMA = 2
+RECORD_SCHEMA = 3
 """Version of the record's fields; raised when one is added, removed or changes its meaning."""
 
 

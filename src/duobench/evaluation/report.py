@@ -9,7 +9,6 @@ import json
 from typing import Any
 from urllib.parse import quote
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from duobench.evaluation import figures
@@ -27,6 +26,7 @@ from duobench.evaluation.metrics import (
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Run, TaskInfo
 from duobench.files import write
+from duobench.pages import render
 from duobench.types import CONTROL_HZ
 
 SUMMARY_SCHEMA = 1
@@ -103,14 +103,6 @@ def _score(score: Score) -> dict[str, Any]:
 
 def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -> str:
     """The page as HTML text."""
-    environment = Environment(
-        loader=PackageLoader("duobench.evaluation"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-    )
 
     def video(record: EpisodeRecord) -> str:
         return quote(folder.video(record.task, record.episode).relative_to(folder.path).as_posix())
@@ -118,7 +110,9 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
     def with_video(one: TaskResult) -> list[EpisodeRecord]:
         return [r for r in one.records if folder.video(r.task, r.episode).exists()]
 
-    return environment.get_template("report.html.j2").render(
+    return render(
+        "duobench.evaluation",
+        "report.html.j2",
         run=run,
         suite=run.suite,
         results=results,

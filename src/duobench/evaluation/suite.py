@@ -16,6 +16,7 @@ from duobench.evaluation.limits import TimeLimits
 from duobench.files import decode, encode
 from duobench.policy import Batching, PolicyMetadata
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed
+from duobench.scene import looks
 from duobench.tasks import catalog
 
 RUN_SCHEMA = 3
@@ -89,6 +90,8 @@ class Suite:
     """Episodes of each task."""
     first_episode: int = 0
     """Index of the first one."""
+    look: str = looks.DEFAULT
+    """Name of the look of all episodes; see `duobench.scene.looks.look`."""
     version: str = SUITE_VERSION
     """Version of the benchmark's episodes."""
 
@@ -101,6 +104,7 @@ class Suite:
             )
         if not self.tasks:
             raise EvaluationError("A suite has at least one task, got none.")
+        looks.look(self.look)
         ids = [task.id for task in self.tasks]
         if twice := sorted({task_id for task_id in ids if ids.count(task_id) > 1}):
             raise EvaluationError(f"Named more than once: {', '.join(twice)}. Name each task once.")
@@ -207,6 +211,8 @@ class Run:
             words += ["--server", "URL"]
         elif self.batching is not None:
             words += ["--batch", self.batching.mode, "--max-batch", str(self.batching.size)]
+        if suite.look != looks.DEFAULT:
+            words += ["--look", suite.look]
         if limits != TimeLimits():
             words += ["--act-timeout", f"{limits.act_s:g}"]
             words += ["--episode-timeout", f"{limits.episode_s:g}"]

@@ -67,6 +67,7 @@ class Begin(msgspec.Struct, tag=True, frozen=True):
     policy: PolicyChoice
     tasks: tuple[TaskInfo, ...]
     limits: TimeLimits
+    look: str
     recording: RecordingPlan | None = None
 
 
@@ -322,6 +323,7 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
         source,
         begin.limits,
         clock,
+        look=begin.look,
         recording=begin.recording,
         is_interruptible=False,
     )

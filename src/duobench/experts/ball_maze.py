@@ -72,7 +72,7 @@ def grasp(arms: Arms, *sides: Side) -> Script:
     poses = grip_poses(arms, *sides)
     yield from come_down(arms, poses, opening=_OPENING, above=_APPROACH)
     # One after the other: the first grip brings the board into line with its gripper.
-    for side in sides:
+    for side in arms.variety.ordered(sides):
         yield from grip(arms, side)
 
 

@@ -69,7 +69,7 @@ def lower(arms: Arms, *sides: Side, reach: float = _REACH) -> Script:
 
 def lay_beam(arms: Arms) -> Script:
     """Put the beam across the cube."""
-    side = _BEAM_SIDE
+    side = arms.variety.ordered((_BEAM_SIDE, _BEAM_SIDE.other))[0]
     beam = arms.sim.pose("beam")
     x, y, z = beam.translation
     yield from pick(arms, side, down(x, y, z + _BEAM_GRASP, yaw=beam.yaw + _OUTWARD[side]))

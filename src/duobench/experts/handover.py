@@ -77,6 +77,8 @@ class Bar:
     """Where the giver clasps it: distance from the bar's centre, towards the giver's camera."""
     height: float
     """Height of the tool centre point when the giver clasps the lying bar, in metres."""
+    freedom: float = 1.0
+    """Share of a variety's differences with which the giver still holds the bar firmly."""
 
     def free_end(self, arms: Arms) -> Array:
         """Direction (3,) of the bar's axis, out of the giver's hand."""
@@ -93,7 +95,8 @@ def pick_bar(arms: Arms, bar: Bar) -> Script:
         # there is the turn from which every yaw is reached without the last joint's stop.
         yaw = nearest_turn(pose.yaw, math.pi, giver.sign * math.radians(15))
         x, y, _ = pose.translation + bar.grip * np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        yield from pick(arms, giver, down(x, y, bar.height, yaw=yaw))
+        grasp = down(x, y, bar.height, yaw=yaw)
+        yield from pick(arms, giver, grasp, freedom=bar.freedom)
 
 
 def present(bar: Bar, centre: ArrayLike, rise: float) -> SE3:

@@ -33,6 +33,8 @@ _GRASP_X = {Side.LEFT: -0.012, Side.RIGHT: 0.0}
 """Where along its bar a hand grasps, in metres from the middle."""
 _GRASP_HEIGHT = 0.026
 """Height of the tool above the table when it grasps, in metres."""
+_FREEDOM = 0.3
+"""Share of a variety's grasp offset at which the hands still fit beside each other."""
 _MEETING_X = 0.565
 """Where the middle of the dark bar waits for the light one, in metres."""
 _APART = 0.03
@@ -71,7 +73,7 @@ def _take(arms: Arms, side: Side) -> Script:
     pose = arms.sim.pose(_BARS[side])
     x, y, _ = pose.apply([_GRASP_X[side], 0.0, 0.0])
     grasp = down(x, y, _GRASP_HEIGHT, yaw=pose.yaw, lean=_LEANS[side])
-    yield from pick(arms, side, grasp, above=0.10, lift=0.06)
+    yield from pick(arms, side, grasp, above=0.10, lift=0.06, freedom=_FREEDOM)
 
 
 def _lead(arms: Arms, bars: Mapping[Side, SE3], *, speed: float) -> Script:

@@ -2,7 +2,8 @@
 
 A script is a generator: every `yield` is one control step. Scripts set tool poses and gripper
 openings; once a step, inverse kinematics turns the poses into the 16 joint-space numbers that
-every policy sends. Scripts may read the simulator's state, and act in no other way.
+every policy sends. Scripts may read the simulator's state, and act in no other way. Where a motion
+may differ from episode to episode, the vocabulary asks the sample of a variety by how much.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Callable, Generator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.experts.variety import VarietySample
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.scene.naming import tcp_name
 from duobench.sim.kinematics import Kinematics
@@ -48,12 +50,18 @@ CAREFUL = 0.25
 class Arms:
     """Both arms as a script moves them: tool targets, openings, and what the simulator shows."""
 
-    def __init__(self, simulation: Simulation, kinematics: Kinematics | None = None) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        kinematics: Kinematics | None = None,
+        variety: VarietySample | None = None,
+    ) -> None:
         """Start at what the arms were last commanded.
 
         Args:
             simulation: Read only; a script never writes to it.
             kinematics: Solver to share between episodes; a new one if not given.
+            variety: What this episode does differently; nothing if not given.
         """
         self.sim = simulation
         self.kinematics = kinematics or Kinematics()
@@ -66,6 +74,10 @@ class Arms:
         """Tool pose that each arm is being led to, in the table frame."""
         self.posture: Array = np.array(HOME_JOINTS)
         """What the redundant joints are drawn to (2, 7)."""
+        self.variety = variety or VarietySample()
+        """What this episode does differently."""
+        self.freedom: Array = np.zeros(len(SIDES))
+        """How far each arm's motion may differ at this moment (2,), 0 to 1."""
 
     def action(self) -> Array:
         """The next 16 numbers: one step of inverse kinematics towards the targets."""
@@ -89,6 +101,16 @@ def smooth(fraction: float) -> float:
     """Minimum-jerk time scaling of [0, 1]."""
     s = min(max(fraction, 0.0), 1.0)
     return s * s * s * (10.0 + s * (6.0 * s - 15.0))
+
+
+def bump(fraction: float) -> float:
+    """Smooth rise from 0 to 1 at the middle of [0, 1], and back to 0, at rest at both ends."""
+    return 16.0 * (fraction * (1.0 - fraction)) ** 2
+
+
+def freedom_at(speed: float) -> float:
+    """Freedom, 0 to 1, of a motion that a script leads at a speed in m/s."""
+    return min(1.0, (speed / SPEED) ** 2)
 
 
 def down(x: float, y: float, z: float, *, yaw: float = 0.0, lean: float = 0.0) -> SE3:
@@ -141,14 +163,23 @@ def together(*scripts: Script) -> Script:
             yield
 
 
-def follow(arms: Arms, path: Callable[[float], Mapping[Side, SE3]], seconds: float) -> Script:
+def follow(
+    arms: Arms,
+    path: Callable[[float], Mapping[Side, SE3]],
+    seconds: float,
+    *,
+    freedom: float | None = None,
+) -> Script:
     """Lead the tools along a path, with smooth timing.
 
     Args:
         arms: The arms to move.
         path: Tool poses at a fraction in [0, 1].
-        seconds: How long it takes.
+        seconds: How long it takes in the plain script.
+        freedom: How far a variety may change the timing, 0 to 1; if not given, that of careful
+            motions.
     """
+    seconds /= arms.variety.pace(freedom_at(CAREFUL) if freedom is None else freedom)
     steps = max(1, math.ceil(seconds / CONTROL_STEP))
     for number in range(1, steps + 1):
         arms.targets.update(path(smooth(number / steps)))
@@ -163,8 +194,9 @@ def move(
     turn_speed: float = TURN_SPEED,
     tolerance: float = ARRIVED,
     arrive: bool = True,
+    freedom: float | None = None,
 ) -> Script:
-    """Move tools along straight lines, arriving together.
+    """Move tools along straight lines, arriving together; a variety bends long and fast ones.
 
     Args:
         arms: The arms to move.
@@ -173,17 +205,28 @@ def move(
         turn_speed: Mean angular speed in rad/s of the tool with the largest turn.
         tolerance: Distance in metres at which a tool has arrived.
         arrive: Whether to wait for the tools themselves; otherwise only for their targets.
+        freedom: How far a variety may change the motion, 0 to 1; if not given, its speed decides.
     """
+    freedom = freedom_at(speed) if freedom is None else freedom
+    yield from wait(arms.variety.pause_steps(goals, freedom))
     starts = {side: arms.targets[side] for side in goals}
     spans = [starts[side].distance(goal) for side, goal in goals.items()]
     seconds = max(max(length / speed, angle / turn_speed) for length, angle in spans)
-    yield from follow(
-        arms,
-        lambda f: {side: starts[side].interpolate(goal, f) for side, goal in goals.items()},
-        seconds,
-    )
+    lines = {side: _line(arms, starts[side], goal, freedom) for side, goal in goals.items()}
+
+    def path(fraction: float) -> dict[Side, SE3]:
+        arms.freedom[[side.index for side in goals]] = freedom * bump(fraction)
+        return {side: line(fraction) for side, line in lines.items()}
+
+    yield from follow(arms, path, seconds, freedom=freedom)
     if arrive:
         yield from wait_until(lambda: arrived(arms, goals, tolerance), MAX_ARRIVAL_STEPS)
+
+
+def _line(arms: Arms, start: SE3, goal: SE3, freedom: float) -> Callable[[float], SE3]:
+    """Poses at a fraction of the way, which is straight but for a variety's detour."""
+    detour = arms.variety.detour(goal.translation - start.translation, freedom)
+    return lambda fraction: start.interpolate(goal, fraction).moved(*(bump(fraction) * detour))
 
 
 def arrived(arms: Arms, goals: Mapping[Side, SE3], tolerance: float = ARRIVED) -> bool:
@@ -220,6 +263,7 @@ def pick(
     lift: float = 0.10,
     opening: float = OPEN,
     speed: float = SPEED,
+    freedom: float = 1.0,
 ) -> Script:
     """Come from above, close on an object, lift it.
 
@@ -231,7 +275,9 @@ def pick(
         lift: Height in metres by which it lifts.
         opening: Opening on the way down.
         speed: Mean speed in m/s of the approach.
+        freedom: Share of a variety's grasp offset that still holds the object.
     """
+    grasp = grasp @ arms.variety.grasp_offset(freedom)
     arms.openings[side.index] = opening
     yield from move(arms, {side: grasp.moved(z=above)}, speed=speed, tolerance=NEAR)
     yield from move(arms, {side: grasp}, speed=CAREFUL)
@@ -265,6 +311,7 @@ def come_down(arms: Arms, grasps: Mapping[Side, SE3], *, opening: float, above: 
         opening: Opening on the way down.
         above: Height in metres from which the tools come straight down.
     """
+    grasps = {side: grasp @ arms.variety.grasp_offset(1.0) for side, grasp in grasps.items()}
     for side in grasps:
         arms.openings[side.index] = opening
     start = {side: grasp.moved(z=above) for side, grasp in grasps.items()}
@@ -306,7 +353,9 @@ def carry(
     speed: float = SPEED,
     turn_speed: float = TURN_SPEED,
 ) -> Script:
-    """Move a grasped body in a straight line, with the tools rigid to it; does not wait to arrive.
+    """Move a grasped body along a line as `move` does, with the tools rigid to it.
+
+    It does not wait to arrive.
 
     Args:
         arms: The arms.
@@ -319,9 +368,11 @@ def carry(
     start = arms.sim.pose(body)
     grasps = {side: start.inverse() @ arms.targets[side] for side in sides or SIDES}
     length, angle = start.distance(goal)
+    freedom = freedom_at(speed)
+    line = _line(arms, start, goal, freedom)
 
     def path(fraction: float) -> dict[Side, SE3]:
-        world_from_body = start.interpolate(goal, fraction)
+        world_from_body = line(fraction)
         return {side: world_from_body @ grasp for side, grasp in grasps.items()}
 
-    yield from follow(arms, path, max(length / speed, angle / turn_speed))
+    yield from follow(arms, path, max(length / speed, angle / turn_speed), freedom=freedom)

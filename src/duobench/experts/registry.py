@@ -7,6 +7,7 @@ from collections.abc import Callable
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.experts.expert import Expert
 from duobench.experts.motion import Arms, Script
+from duobench.experts.variety import NONE, Variety
 from duobench.references import load
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
@@ -34,14 +35,16 @@ def find_script(task: Task | str) -> Callable[[Arms], Script]:
         raise PolicyError(f"The expert of task {task.id!r}: {error}") from error
 
 
-def make_expert(task: Task | str, simulation: Simulation) -> Expert:
+def make_expert(task: Task | str, simulation: Simulation, variety: Variety = NONE) -> Expert:
     """The expert of a task, bound to the simulation that it reads.
 
     Args:
         task: The task, its id, or its import path `module:attribute`.
         simulation: That of the environment the expert acts in: `env.unwrapped.simulation`.
+        variety: How its episodes differ from the plain script.
 
     Raises:
         PolicyError: The task has no expert.
     """
-    return Expert(simulation, find_script(task))
+    task = catalog.get(task)
+    return Expert(simulation, find_script(task), variety=variety, task_id=task.id)

@@ -21,7 +21,8 @@ from duobench.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 from duobench.spatial import SE3
 from duobench.types import Side
 
-BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027)
+BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027, freedom=0.2)
+"""Turned faster or held less deep, the peg swivels in the hand."""
 MEETING_POINT = np.array([0.50, 0.0, 0.38])
 RISE = math.radians(60)
 RECEIVER_GRIP = 0.032
@@ -40,7 +41,8 @@ def script(arms: Arms) -> Script:
     """Hand the peg to the left arm, which inserts it."""
     giver, receiver = BAR.giver, BAR.giver.other
     yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
-    yield from move(arms, {giver: present(BAR, MEETING_POINT, RISE)}, tolerance=NEAR)
+    meeting = {giver: present(BAR, MEETING_POINT, RISE)}
+    yield from move(arms, meeting, tolerance=NEAR, freedom=BAR.freedom)
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
     yield from let_go(arms, giver)
     hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)

@@ -86,9 +86,9 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     x, y, half_x, half_y = (x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0) / 2, (y1 - y0) / 2
     floor = _add_plane(world, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR)
     floor.name = "floor"
-    floor.material = _add_matte(spec, "floor", 0.10, _floor_light())
+    floor.material = _add_matte(spec, "floor", 0.10, floor_light())
     collide_as(floor, Group.FIXTURE)
-    wall_paint = _add_matte(spec, "wall", 0.35, _wall_light())
+    wall_paint = _add_matte(spec, "wall", 0.35, wall_light())
     above = SE3.at(x, y, FLOOR_Z + ROOM_HEIGHT) @ SE3.about((1, 0, 0), np.pi)
     ceiling = _add_plane(world, above, (half_x, half_y), _CEILING)
     ceiling.material = _add_matte(spec, "ceiling", 0.4)
@@ -109,7 +109,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
         add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, shadow=False)
 
 
-def _floor_light() -> NDArray[np.float64]:
+def floor_light() -> NDArray[np.float64]:
     """How bright the floor is (n, n): the table keeps light away, and so do the walls."""
     n = 128
     (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
@@ -119,7 +119,7 @@ def _floor_light() -> NDArray[np.float64]:
     return (1 - 0.55 * under) * (1 - 0.22 * np.exp(-corner / 0.30))
 
 
-def _wall_light() -> NDArray[np.float64]:
+def wall_light() -> NDArray[np.float64]:
     """How bright a wall is (1, n), from the ceiling down: less towards the floor."""
     height = np.linspace(ROOM_HEIGHT, 0.0, 64)[None, :]
     return 1 - 0.22 * np.exp(-height / 0.6)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from duobench.backend import DuoLimits, Image
+from duobench.scene.look import Look
+from duobench.sim.appearance import Appearance
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.types import Array, DuoCommand, DuoState
@@ -20,6 +22,7 @@ class SimBackend:
             simulation: The physics.
         """
         self.simulation = simulation
+        self._look = Look()
         self._renderers: dict[tuple[int, int], Renderer] = {}
 
     @property
@@ -54,6 +57,23 @@ class SimBackend:
         self.simulation.advance(command)
         return command
 
+    @property
+    def look(self) -> Look:
+        """How the images look."""
+        return self._look
+
+    def set_look(self, look: Look) -> None:
+        """Give images in another look from now on; physics and model stay as they are.
+
+        Raises:
+            UnknownNameError: The look names an object that the model has not.
+            AssetError: An image file of the look cannot be read.
+        """
+        if look == self._look:
+            return
+        Appearance(self.simulation.model, look)  # rejects it before anything has changed
+        self._look = look
+
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
         """Render the current state; see `DuoBackend.images`."""
         return self._renderer(shape).render_all(self.simulation.data, cameras)
@@ -67,4 +87,7 @@ class SimBackend:
         if shape not in self._renderers:
             height, width = shape
             self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
-        return self._renderers[shape]
+        renderer = self._renderers[shape]
+        if renderer.look != self._look:
+            renderer.set_look(self._look)
+        return renderer

@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 
 from duobench.errors import RenderingError
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP
+from duobench.scene.look import MAX_CLUTTER
+from duobench.sim import effects
+from duobench.sim.appearance import Appearance
 from duobench.sim.opengl import info_of, open_context
+from duobench.sim.uploads import upload
 
 Image = NDArray[np.uint8]
 
@@ -67,7 +71,7 @@ class OffscreenRenderer:
         # A stand-in for the shadow map, for images that use the shadows of the one before.
         mujoco.mjr_addAux(0, _DUMMY_SHADOW_MAP, _DUMMY_SHADOW_MAP, 0, self._drawing)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
-        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom)
+        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + MAX_CLUTTER)
         self._scene.flags[_EFFECTS] = 0
         self._geoms = self._scene.geoms
         self._option = mujoco.MjvOption()
@@ -81,9 +85,29 @@ class OffscreenRenderer:
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._pixels = np.empty((height, width, 3), dtype=np.uint8)
         self._offsets = _offsets(samples)
+        self._appearance: Appearance | None = None
+
+    def set_appearance(self, appearance: Appearance | None) -> None:
+        """Draw in a look from now on; None is the model's own."""
+        if appearance is not self._appearance:
+            if appearance is not None:
+                upload(self._model, self._drawing, appearance.pictures)
+            self._appearance = appearance
 
     def render(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
         """One image of each camera."""
+        cameras = tuple(cameras)
+        images = self._images(data, cameras)
+        if self._appearance is None:
+            return images
+        look = self._appearance.look
+        return [
+            effects.apply(look, image, data, camera)
+            for image, camera in zip(images, cameras, strict=True)
+        ]
+
+    def _images(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
+        """One image of each camera, as the engine renders it."""
         if len(self._offsets) > 1:
             return [self._average(data, camera) for camera in cameras]
         images = []
@@ -143,6 +167,8 @@ class OffscreenRenderer:
         for geom in self._geoms[: self._scene.ngeom]:
             if geom.objid in self._shadowless:
                 geom.category = _DECOR  # which casts no shadow
+        if self._appearance is not None:
+            self._appearance.dress(self._scene, self._geoms, camera)
 
     def _draw(self, *, new_shadows: bool = True) -> None:
         """Draw the scene into the pixels, with shadows of its own or those of the last one."""

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.scene.cameras import check_image_size
+from duobench.scene.look import Look
+from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import Image, OffscreenRenderer
 from duobench.sim.opengl import RenderingInfo, Thread, choose, info_of, open_context
 
@@ -72,7 +74,15 @@ class Renderer:
     taken into another process.
     """
 
-    def __init__(self, model: mujoco.MjModel, *, height: int, width: int, samples: int = 1) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        height: int,
+        width: int,
+        samples: int = 1,
+        look: Look | None = None,
+    ) -> None:
         """Remember what to draw; OpenGL is first touched by the first image.
 
         Args:
@@ -82,9 +92,12 @@ class Renderer:
             samples: Images that are averaged into one, each with the camera moved by a part of
                 a pixel and the light by a part of its size. One is what policies see; with 4 or
                 more, edges are smooth and shadows soft, for people.
+            look: How it looks; see `set_look`.
 
         Raises:
             RenderingError: The size is larger than the native one, or not positive.
+            UnknownNameError: The look names an object that the model has not.
+            AssetError: An image file of the look cannot be read.
         """
         check_image_size(height, width)
         if not 1 <= samples <= MAX_SAMPLES:
@@ -96,6 +109,25 @@ class Renderer:
         self._closed = False
         self._open: tuple[Thread, OffscreenRenderer] | None = None
         self._free: weakref.finalize[Any, Any] | None = None
+        self.set_look(look or Look())
+
+    @property
+    def look(self) -> Look:
+        """How the images look."""
+        return self._look
+
+    def set_look(self, look: Look) -> None:
+        """Draw in another look from the next image on; the model stays as it is.
+
+        Args:
+            look: The look; `Look()` is the scene as it was composed.
+
+        Raises:
+            UnknownNameError: The look names an object that the model has not.
+            AssetError: An image file of the look cannot be read.
+        """
+        self._appearance = None if look == Look() else Appearance(self._model, look)
+        self._look = look
 
     def render(self, data: mujoco.MjData, camera: str) -> Image:
         """Draw one image.
@@ -137,7 +169,7 @@ class Renderer:
         return self._run(draw)
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
-        """Draw which geom is seen where.
+        """Draw which geom is seen where; a look's furniture is no geom, and is not in the way.
 
         Args:
             data: State of the model, with up-to-date kinematics.
@@ -194,7 +226,13 @@ class Renderer:
                 "process, and start processes with the method 'spawn'."
             )
         thread, offscreen = self._open = self._open or self._start()
-        return thread.call(lambda: job(offscreen))
+        appearance = self._appearance
+
+        def dressed() -> T:
+            offscreen.set_appearance(appearance)
+            return job(offscreen)
+
+        return thread.call(dressed)
 
     def _start(self) -> tuple[Thread, OffscreenRenderer]:
         model, shape, backend = self._model, self._shape, choose()

@@ -1,0 +1,100 @@
+"""Draw every task in every named look, and some at random: the images of looks.md.
+
+`make docs` draws all of them. `python docs/looks.py bin_sort --out images` draws some tasks into
+another folder. The seeds are fixed, so the same version of everything draws the same images.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from pathlib import Path
+
+import PIL.Image
+from gallery import aim
+from gallery_shots import shot
+from gallery_sources import DIGITS, model_digest
+from PIL import ImageDraw, ImageFont
+
+from duobench.cli.console import console
+from duobench.scene.cameras import HEAD, OVERVIEW
+from duobench.scene.looks import LOOKS, look
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+from duobench.tasks import catalog
+
+DOCS = Path(__file__).parent
+FOLDER = "looks"
+"""Where the images are, beside the page."""
+DRAWN = "drawn.json"
+"""Beside the images: what they were drawn from."""
+NAMES = (*LOOKS, "random:1", "random:4", "random:5", "random:7")
+COLUMNS = 4
+CELL = (204, 272)
+"""Height and width of one look in pixels."""
+HEAD_TASK, HEAD_FILE = "bin_sort", "head.jpg"
+"""The task that is also shown as a policy sees it, and the file."""
+SAMPLES = 8
+QUALITY = 77
+
+
+def sheet(name: str, camera: str, samples: int) -> PIL.Image.Image:
+    """Draw the start of a task from one camera in all looks."""
+    task = catalog.get(name)
+    simulation = Simulation(task.props, task.overview)
+    simulation.apply(next(iter(task.layouts(0))))
+    simulation.settle()
+    aim(simulation, shot(name).view)
+    simulation.forward()
+    height, width = CELL
+    rows = -(-len(NAMES) // COLUMNS)
+    whole = PIL.Image.new("RGB", (COLUMNS * width, rows * height))
+    font = ImageFont.load_default(size=15)
+    with Renderer(simulation.model, height=height, width=width, samples=samples) as renderer:
+        for number, one in enumerate(NAMES):
+            renderer.set_look(look(one))
+            row, column = divmod(number, COLUMNS)
+            at = column * width, row * height
+            whole.paste(PIL.Image.fromarray(renderer.render(simulation.data, camera)), at)
+            ImageDraw.Draw(whole).text(
+                (at[0] + 7, at[1] + 4), one, font=font, fill="white", stroke_width=2,
+                stroke_fill="black",
+            )  # fmt: skip
+    return whole
+
+
+def sources() -> dict[str, str]:
+    """Return digests of what the images are drawn from: the looks, and each task's model."""
+    looks = json.dumps([look(name).to_json() for name in NAMES])
+    # Sines on two processors agree in so many decimals.
+    rounded = json.loads(looks, parse_float=lambda text: round(float(text), DIGITS))
+    found = {"looks": hashlib.sha256(json.dumps(rounded).encode()).hexdigest()}
+    for name in catalog.names():
+        found[name] = model_digest(catalog.get(name))
+    return found
+
+
+def main() -> None:
+    """Draw what is asked for; if that is everything, note what it was drawn from."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("tasks", nargs="*", metavar="task", help="ids; default: all")
+    parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page")
+    given = parser.parse_args()
+    folder = given.out / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {f"{name}.jpg": (name, OVERVIEW, SAMPLES) for name in given.tasks or catalog.names()}
+    if not given.tasks:
+        files[HEAD_FILE] = HEAD_TASK, HEAD, 1
+        for old in folder.glob("*.jpg"):
+            old.unlink()
+    for file, what in files.items():
+        image = sheet(*what)
+        image.save(folder / file, quality=QUALITY, optimize=True)
+        console().print(str(folder / file), soft_wrap=True)
+    if not given.tasks:
+        (folder / DRAWN).write_text(json.dumps(sources(), indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""`duobench data`: look at data sets, check them, put them together and take them apart."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import tyro
+
+from duobench.cli.console import console, counted
+from duobench.cli.engine import load_engine
+
+
+def verbs() -> None:
+    """Look at data sets, check them, put them together and take them apart."""
+
+
+def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
+    """Show what a data set adds up to, and write a page about it into its folder.
+
+    Args:
+        data: Folder of the data set.
+        images: Show images of each task on the page, which takes a moment.
+    """
+    load_engine()
+    from rich import box
+    from rich.table import Table
+
+    from duobench.data.dataset import DataSet
+    from duobench.data.page import write_page
+    from duobench.data.summary import summarize
+
+    source = DataSet.open(data, create=False)
+    summary = summarize(source)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("Task", no_wrap=True)
+    for heading in ("Episodes", "Successes", "Frames", "Median", "99 %", "Horizon"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for task in summary.tasks:
+        middle, long = task.lengths[task.episodes // 2], f"{task.long_length:.0f}"
+        numbers = (task.episodes, task.successes, task.frames, middle, long, task.horizon)
+        table.add_row(task.task, *map(str, numbers))
+    table.add_section()
+    whole = (summary.episodes, summary.successes, summary.frames)
+    table.add_row("All tasks", *map(str, whole), style="bold")
+    screen = console()
+    screen.print(table)
+    screen.print(f"Page: {write_page(source, summary, images=images)}", soft_wrap=True)
+
+
+def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
+    """Check every file of a data set; exit code 1 if something is wrong.
+
+    Args:
+        data: Folder of the data set.
+        workers: Processes that check side by side.
+    """
+    load_engine()
+    from duobench.cli.progress import counting
+    from duobench.data.check import find_problems
+    from duobench.data.dataset import DataSet
+
+    screen = console()
+    source = DataSet.open(data, create=False)
+    with counting(screen, "episodes") as progress:
+        problems = find_problems(source, workers=workers, progress=progress)
+    for problem in problems:
+        screen.print(f"{problem.path}: {problem.what}", soft_wrap=True)
+    episodes = counted(len(source.episodes()), "episode")
+    screen.print(f"{episodes}, {counted(len(problems), 'problem')}")
+    if problems:
+        sys.exit(1)
+
+
+def merge(data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool = False) -> None:
+    """Copy the episodes of several data sets into one.
+
+    Args:
+        data: Folders of the data sets.
+        out: Folder of the one, which may be a data set that is added to.
+        rename: Give an episode whose name is taken the next free number.
+    """
+    load_engine()
+    from duobench.data.arrange import merge as merge_into
+    from duobench.data.dataset import DataSet
+
+    sources = [DataSet.open(each, create=False) for each in data]
+    count = merge_into(sources, out, rename=rename)
+    console().print(f"{counted(count, 'episode')} in {out}", soft_wrap=True)
+
+
+def split(
+    data: tyro.conf.Positional[Path],
+    out: tuple[Path, Path],
+    fraction: float | None = None,
+    tasks: tuple[str, ...] = (),
+    seed: int = 0,
+) -> None:
+    """Copy the episodes of a data set into two, each into one of them.
+
+    Args:
+        data: Folder of the data set.
+        out: Folders of the two.
+        fraction: Share of each task's episodes that go into the first.
+        tasks: Tasks that go into the first, instead of a fraction.
+        seed: Seed of the choice.
+    """
+    load_engine()
+    from duobench.data.arrange import split as split_into
+    from duobench.data.dataset import DataSet
+
+    source = DataSet.open(data, create=False)
+    counts = split_into(source, *out, fraction=fraction, tasks=tasks, seed=seed)
+    for folder, count in zip(out, counts, strict=True):
+        console().print(f"{counted(count, 'episode')} in {folder}", soft_wrap=True)

@@ -1,0 +1,79 @@
+"""`duobench export`: data sets in the formats that policies are trained on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from duobench.cli.console import console, counted
+from duobench.cli.engine import load_engine
+from duobench.cli.interrupt import raising
+
+
+def verbs() -> None:
+    """Write data sets in the formats that policies are trained on."""
+
+
+def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
+    data: tyro.conf.Positional[Path],
+    out: Path,
+    tasks: tuple[str, ...] = (),
+    cameras: tuple[str, ...] = ("head", "left_wrist", "right_wrist"),
+    size: tuple[int, int] = (224, 224),
+    pairing: Literal["causal", "delayed"] = "causal",
+    action: Literal["intended", "sent", "given"] = "intended",
+    only_successes: bool = False,
+    workers: int = 1,
+) -> None:
+    """Export a data set to LeRobot's format v3.0; images are rendered from the recorded states.
+
+    The same command in the same folder goes on where it was stopped.
+
+    Args:
+        data: Folder of the data set.
+        out: Folder of the export.
+        tasks: Ids of the tasks to export; all of the data set if none is named.
+        cameras: Cameras whose images are exported; --cameras alone exports none.
+        size: Height and width of the images in pixels, even numbers.
+        pairing: Which observation stands with an action: the one before it (causal) or the one
+            after it (delayed).
+        action: Which numbers the actions are: joint targets as the actor wanted them (intended;
+            what was sent, where it acted in something else), the commands as they were sent, or as
+            they were given, tool poses solved by inverse kinematics.
+        only_successes: Leave out episodes that did not succeed.
+        workers: Processes that render and encode side by side.
+    """
+    load_engine()
+    from duobench.cli.progress import counting
+    from duobench.data.dataset import DataSet
+    from duobench.data.lerobot.export import export_lerobot
+    from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
+
+    screen = console()
+    options = ExportOptions(
+        tasks=tasks,
+        cameras=cameras,
+        size=size,
+        pairing=Pairing(pairing),
+        action=ActionSource(action),
+        only_successes=only_successes,
+    )
+    source = DataSet.open(data, create=False)
+    try:
+        with raising(), counting(screen, "frames") as progress:
+            done = export_lerobot(source, out, options, workers=workers, progress=progress)
+    except KeyboardInterrupt:
+        screen.print("What is finished is kept; the same command goes on from there.")
+        raise
+    megabytes = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
+    screen.print(
+        f"{counted(done.episodes, 'episode')}, {counted(done.frames, 'frame')}, "
+        f"{megabytes:.1f} MB in {out}",
+        soft_wrap=True,
+    )
+    if done.left_out:
+        screen.print(f"Left out: {counted(done.left_out, 'episode')}, discarded or not wanted.")
+    if done.residual is not None:
+        screen.print(f"Tool poses are missed by inverse kinematics: {done.residual}.")

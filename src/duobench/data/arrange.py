@@ -1,0 +1,148 @@
+"""Data sets out of data sets: several merged into one, one split into two.
+
+Files are copied as they are. What cannot be done is found out before the first copy, and what was
+interrupted goes on when it is called again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Mapping, Sequence
+from itertools import count
+from pathlib import Path
+
+from duobench.data.dataset import SUFFIX, DataSet
+from duobench.data.recording import Recording
+from duobench.errors import DataError, UnknownNameError
+from duobench.files import write
+
+
+def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int:
+    """Copy the episodes of several data sets into one.
+
+    Args:
+        sources: The data sets.
+        out: Folder of the one; new, empty, or a data set that is added to.
+        rename: Whether an episode whose name is taken by another one gets the next free number.
+
+    Returns:
+        How many episodes the sources have together, the same one counted once.
+
+    Raises:
+        DataError: Two different episodes have the same name, a file cannot be read, or the folder
+            holds something else.
+        OutputError: A file cannot be written.
+    """
+    target = DataSet.open(out, how=f"merged from {len(sources)} data sets")
+    plan: dict[Path, Path] = {}
+    clashes = []
+    for source in sources:
+        for path in source.episodes():
+            Recording.read_info(path)
+            place = target.episode(path.parent.name, path.stem)
+            if rename:
+                place = _free(place, path, plan)
+            if not _may_be(path, place, plan):
+                clashes.append(f"{place.parent.name}/{place.stem}")
+            plan.setdefault(place, path)
+    if clashes:
+        raise DataError(
+            f"{len(clashes)} names stand for different episodes, such as {clashes[0]}; merge with "
+            "new names for them."
+        )
+    _copy(plan)
+    return len(plan)
+
+
+def split(
+    data: DataSet,
+    first: Path,
+    second: Path,
+    *,
+    fraction: float | None = None,
+    tasks: Collection[str] = (),
+    seed: int = 0,
+) -> tuple[int, int]:
+    """Copy the episodes of a data set into two, each into one of them.
+
+    Args:
+        data: The data set.
+        first: Folder of the first one.
+        second: Folder of the second one.
+        fraction: Share of each task's episodes that go into the first, rounded; which ones follows
+            from the seed alone.
+        tasks: Tasks that go into the first as a whole, if no fraction is given.
+        seed: Seed of the choice.
+
+    Returns:
+        How many episodes each of them has.
+
+    Raises:
+        DataError: Neither or both of fraction and tasks are given, the fraction is no share, a
+            file cannot be read, or a folder holds something else.
+        UnknownNameError: The data set has no episode of a task.
+        OutputError: A file cannot be written.
+    """
+    if (fraction is None) == (not tasks):
+        raise DataError("A data set is split by a fraction or by tasks; exactly one is needed.")
+    if fraction is not None and not 0.0 < fraction < 1.0:
+        raise DataError(f"The fraction is between 0 and 1, got {fraction}.")
+    for task in tasks:
+        if task not in data.tasks:
+            raise UnknownNameError("task in the data set", task, data.tasks)
+    chosen: set[Path] = set()
+    for task in data.tasks:
+        paths = data.episodes(task)
+        if fraction is None:
+            chosen |= set(paths) if task in tasks else set()
+        else:
+            shuffled = sorted(paths, key=lambda path: _shuffled(path, seed))
+            chosen |= set(shuffled[: round(fraction * len(paths))])
+    parts = [
+        [path for path in data.episodes() if (path in chosen) is wanted] for wanted in (True, False)
+    ]
+    how = f"split by {'tasks' if fraction is None else f'fraction {fraction}, seed {seed}'}"
+    plan: dict[Path, Path] = {}
+    for folder, paths in zip((first, second), parts, strict=True):
+        target = DataSet.open(folder, how=how)
+        for path in paths:
+            Recording.read_info(path)
+            plan[target.episode(path.parent.name, path.stem)] = path
+    taken = [place for place, path in plan.items() if not _may_be(path, place, {})]
+    if taken:
+        raise DataError(f"{taken[0]} exists already and is another episode.")
+    _copy(plan)
+    return len(parts[0]), len(parts[1])
+
+
+def _shuffled(path: Path, seed: int) -> str:
+    """A key that orders the episodes of a task at random."""
+    return hashlib.sha256(f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()).hexdigest()
+
+
+def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
+    """Whether an episode may be copied to a place: nothing is there, or the same."""
+    others = {plan.get(place, path), place if place.exists() else path}
+    return all(_is_same(path, other) for other in others - {path})
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    """Whether two files have the same content."""
+    if path.stat().st_size != other.stat().st_size:
+        return False
+    return path.read_bytes() == other.read_bytes()
+
+
+def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:
+    """The place itself, or the next number whose place is free for an episode."""
+    if _may_be(path, place, plan):
+        return place
+    numbers = (place.with_name(f"{number:05d}{SUFFIX}") for number in count())
+    return next(each for each in numbers if _may_be(path, each, plan))
+
+
+def _copy(plan: Mapping[Path, Path]) -> None:
+    """Copy files to their places; those that are there are the same."""
+    for place, path in plan.items():
+        if not place.exists():
+            write(place, path.read_bytes())

@@ -1,0 +1,143 @@
+"""What is wrong with a data set: every file is read to its end, every claim in it checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+
+from duobench.data.dataset import DataSet
+from duobench.data.processes import run_all
+from duobench.data.recording import Recording
+from duobench.data.schema import COLUMNS, EpisodeInfo
+from duobench.envs.protocol import make_env
+from duobench.envs.sim_env import LAYOUT, SPLIT, sim_of
+from duobench.errors import DuoBenchError
+from duobench.randomness import SUITE_VERSION
+from duobench.versions import package_versions
+
+Progress = Callable[[int, int], None]
+"""Told how many of how many files are checked."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Problem:
+    """Something that is wrong with a file."""
+
+    path: Path
+    """The file."""
+    what: str
+    """What is wrong, as a sentence."""
+
+
+def find_problems(
+    data: DataSet, *, workers: int = 0, progress: Progress = lambda _done, _total: None
+) -> list[Problem]:
+    """Check every file of a data set.
+
+    Each episode must be readable, be where its task says, hold finite numbers, stages that never
+    fall and an outcome that agrees with them, and begin with the layout that its seed and split
+    sample and with the state that its first hash names, bit for bit. That its last state follows
+    from its commands is for an action replay to show.
+
+    Args:
+        data: The data set.
+        workers: Processes that check side by side; 0 checks in this process. See `run_all`.
+        progress: Told about the progress.
+
+    Returns:
+        What is wrong, sorted by file; nothing if all is well.
+    """
+    problems = [
+        Problem(path=path, what="Its recording was interrupted: recover or delete it.")
+        for path in data.partials()
+    ]
+    paths = data.episodes()
+    progress(0, len(paths))
+    for done, found in enumerate(run_all(EpisodeChecker, paths, workers), start=1):
+        problems += found
+        progress(done, len(paths))
+    return sorted(problems, key=lambda problem: (str(problem.path), problem.what))
+
+
+class EpisodeChecker:
+    """Checks one episode after the other; keeps the environment of a task for the next one."""
+
+    def __init__(self) -> None:
+        """Begin without an environment."""
+        self._env: gym.Env | None = None
+        self._key: tuple[str, str] | None = None
+
+    def __call__(self, path: Path) -> list[Problem]:
+        """What is wrong with an episode."""
+        try:
+            recording = Recording.read(path)
+            found = [*_disagreements(recording, path), *self._beginning(recording)]
+        except DuoBenchError as error:
+            found = [str(error)]
+        return [Problem(path=path, what=what) for what in found]
+
+    def close(self) -> None:
+        """Free the environment."""
+        if self._env is not None:
+            self._env.close()
+            self._env = None
+
+    def _beginning(self, recording: Recording) -> list[str]:
+        """What is wrong with the layout and the first state."""
+        info = recording.info
+        if not recording.state.shape[1]:
+            return []
+        env = self._environment(info)
+        options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
+        _, seen = env.reset(seed=info.seed, options=options)
+        if seen["layout"] != info.layout:
+            return [f"Its layout is not the one that seed {info.seed} of {info.split!r} samples."]
+        if info.versions != package_versions():
+            return []  # another engine comes to rest elsewhere
+        if not np.array_equal(sim_of(env).simulation.get_state(), recording.state[0]):
+            return ["Its first state is not the one that its layout begins with."]
+        if info.first_hash != env.get_wrapper_attr("state_hash")():
+            return ["The hash of its first state is another one."]
+        return []
+
+    def _environment(self, info: EpisodeInfo) -> gym.Env:
+        """An environment of the recorded task and action mode, without images."""
+        mode = "joint" if info.config is None else info.config.action_mode
+        if self._env is None or self._key != (info.task, mode):
+            self.close()
+            self._env = make_env(info.task, cameras=False, action_mode=mode)
+            self._key = info.task, mode
+        return self._env
+
+
+def _disagreements(recording: Recording, path: Path) -> list[str]:
+    """What an episode says that does not agree with itself or with its place."""
+    info, outcome = recording.info, recording.info.outcome
+    stage, length = recording.stage, len(recording)
+    horizon = None if info.config is None else info.config.horizon
+    infinite = [
+        column.name for column in COLUMNS if not np.isfinite(getattr(recording, column.name)).all()
+    ]
+    found = {
+        f"It belongs to task {info.task!r}, not into this folder.": path.parent.name != info.task,
+        f"It belongs to suite {info.suite_version}.": info.suite_version != SUITE_VERSION,
+        f"Not all numbers are finite: {', '.join(infinite)}.": bool(infinite),
+        "Its clock goes back.": bool((np.diff(recording.time) <= 0).any()),
+        "Its stage falls.": bool((np.diff(stage) < 0).any()),
+        "It has no actions.": not length,
+        f"It has {length} actions, more than its horizon.": bool(horizon and length > horizon),
+        "It does not say how it ended.": outcome is None,
+    }
+    if outcome is not None:
+        found |= {
+            "Its last stage is not the one it says.": int(stage[-1]) != outcome.stage,
+            "It is no success as it says, or the reverse.": (
+                bool(recording.success[-1]) != outcome.success
+            ),
+            "The hash of its last state is missing.": not outcome.cut and info.last_hash is None,
+        }
+    return [sentence for sentence, is_so in found.items() if is_so]

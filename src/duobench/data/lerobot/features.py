@@ -1,0 +1,85 @@
+"""What an exported data set holds: its features, as LeRobot, Hugging Face and Arrow name them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import pyarrow as pa
+
+from duobench.data.lerobot import video
+from duobench.envs.spaces import JOINT_NAMES
+from duobench.types import CONTROL_HZ
+
+STATE, ACTION = "observation.state", "action"
+IMAGE_PREFIX = "observation.images."
+DOMAINS = ("sim", "real")
+"""What the numbers 0 and 1 of the column `domain` stand for, for mixed training."""
+
+_VECTORS = (STATE, ACTION)
+_SCALARS = {
+    "next.reward": "float32",
+    "next.done": "bool",
+    "next.success": "bool",
+    "stage": "int64",
+    "domain": "int64",
+    # LeRobot's own, in its order:
+    "timestamp": "float32",
+    "frame_index": "int64",
+    "episode_index": "int64",
+    "index": "int64",
+    "task_index": "int64",
+}
+"""Columns of one number a row. Only names that begin with `observation` or `action` reach a
+policy, so that the others are free to add."""
+_ARROW = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
+COLUMNS = (*_VECTORS, *_SCALARS)
+"""Names of all columns of the Parquet files."""
+
+
+def image_key(camera: str) -> str:
+    """Name of a camera's images."""
+    return f"{IMAGE_PREFIX}{camera}"
+
+
+def describe(cameras: Sequence[str], size: tuple[int, int]) -> dict[str, dict[str, Any]]:
+    """All features, as `meta/info.json` lists them.
+
+    Args:
+        cameras: Cameras whose images are in the data set.
+        size: Height and width of their images in pixels.
+    """
+    vectors = {
+        name: {"dtype": "float32", "shape": [len(JOINT_NAMES)], "names": list(JOINT_NAMES)}
+        for name in _VECTORS
+    }
+    images = {
+        image_key(camera): {
+            "dtype": "video",
+            "shape": [*size, 3],
+            "names": ["height", "width", "channels"],
+            "info": video.describe(size, int(CONTROL_HZ)),
+        }
+        for camera in cameras
+    }
+    scalars = {
+        name: {"dtype": dtype, "shape": [1], "names": None} for name, dtype in _SCALARS.items()
+    }
+    return vectors | images | scalars
+
+
+def schema() -> pa.Schema:
+    """The Arrow schema of the Parquet files, with the types that Hugging Face reads."""
+    fields = [pa.field(name, pa.list_(pa.float32(), len(JOINT_NAMES))) for name in _VECTORS]
+    fields += [pa.field(name, _ARROW[dtype]) for name, dtype in _SCALARS.items()]
+    types: dict[str, Any] = {
+        name: {
+            "feature": {"dtype": "float32", "_type": "Value"},
+            "length": len(JOINT_NAMES),
+            "_type": "List",
+        }
+        for name in _VECTORS
+    }
+    types |= {name: {"dtype": dtype, "_type": "Value"} for name, dtype in _SCALARS.items()}
+    return pa.schema(fields, metadata={"huggingface": json.dumps({"info": {"features": types}})})

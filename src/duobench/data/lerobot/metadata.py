@@ -1,0 +1,199 @@
+"""What describes a finished export: `info.json`, `stats.json`, tables of tasks and episodes.
+
+All of it is computed from the files of the episodes and from what was noted beside them.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from duobench.data.lerobot import statistics
+from duobench.data.lerobot.actions import Residual
+from duobench.data.lerobot.features import COLUMNS, describe, image_key
+from duobench.data.lerobot.folder import CHUNK_SIZE, Export, ExportFolder, location
+from duobench.errors import DataError
+from duobench.files import write
+from duobench.types import CONTROL_HZ
+
+FORMAT = "v3.0"
+ROBOT = "franka_fr3_duo"
+DATA_MB, VIDEO_MB = 100, 200
+"""Sizes at which LeRobot's own writer begins another file; ours has one an episode."""
+
+
+def finish(folder: ExportFolder, export: Export) -> Residual | None:
+    """Write everything that describes the data set as a whole.
+
+    Args:
+        folder: The folder, in which every episode is finished.
+        export: What was exported.
+
+    Returns:
+        What inverse kinematics left in all episodes, if it was used.
+
+    Raises:
+        DataError: A file of an episode cannot be read.
+        OutputError: A file cannot be written.
+    """
+    cameras = export.options.cameras
+    columns: list[dict[str, NDArray[Any]]] = []
+    counts = {camera: statistics.no_counts() for camera in cameras}
+    residuals: list[Residual] = []
+    episodes = []
+    for index, source in enumerate(export.episodes):
+        facts = folder.read_facts(index)
+        columns.append(_read(folder, index, source.length))
+        of_images = {camera: np.array(facts.counts[camera]) for camera in cameras}
+        for camera, values in of_images.items():
+            counts[camera] += values
+        if facts.residual is not None:
+            residuals.append(facts.residual)
+        found = _statistics(columns[-1], of_images, source.length)
+        episodes.append(_episode(export, index, columns[-1]) | found)
+    total = sum(source.length for source in export.episodes)
+    whole = {name: np.concatenate([each[name] for each in columns]) for name in COLUMNS}
+    found = _statistics(whole, counts, total)
+    write(folder.meta / "stats.json", _json(_nested(found)))
+    write(folder.meta / "tasks.parquet", _parquet(_tasks(export.tasks)))
+    write(folder.meta / "episodes/chunk-000/file-000.parquet", _parquet(_table(episodes)))
+    write(folder.info, _json(_info(export, total)))
+    return sum(residuals, Residual()) if residuals else None
+
+
+def _read(folder: ExportFolder, index: int, length: int) -> dict[str, NDArray[Any]]:
+    """The columns of an episode."""
+    path = folder.data(index)
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        raise DataError(f"Cannot read {path}: {error} Delete it and export again.") from error
+    if table.num_rows != length or table.column_names != list(COLUMNS):
+        raise DataError(f"{path} belongs to another export. Delete it and export again.")
+    columns = {}
+    for name in COLUMNS:
+        column = table.column(name).combine_chunks()
+        if pa.types.is_fixed_size_list(column.type):
+            columns[name] = column.flatten().to_numpy().reshape(length, -1)
+        else:
+            columns[name] = column.to_numpy(zero_copy_only=False)
+    return columns
+
+
+def _statistics(
+    columns: Mapping[str, NDArray[Any]], counts: Mapping[str, statistics.Counts], frames: int
+) -> dict[str, NDArray[Any]]:
+    """Statistics by `stats/FEATURE/NAME`."""
+    features = {name: statistics.of_rows(values) for name, values in columns.items()}
+    for camera, values in counts.items():
+        features[image_key(camera)] = statistics.of_counts(values, frames)
+    return {
+        f"stats/{feature}/{name}": value
+        for feature, found in features.items()
+        for name, value in found.items()
+    }
+
+
+def _nested(found: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, Any]]:
+    """Statistics by feature and name."""
+    nested: dict[str, dict[str, Any]] = {}
+    for key, value in found.items():
+        _, feature, name = key.split("/")
+        nested.setdefault(feature, {})[name] = value.tolist()
+    return nested
+
+
+def _episode(export: Export, index: int, columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Where an episode is, as a row of the table of episodes."""
+    source, (chunk, file) = export.episodes[index], location(index)
+    first = int(columns["index"][0])
+    row: dict[str, Any] = {
+        "episode_index": index,
+        "tasks": [source.instruction],
+        "length": source.length,
+        "data/chunk_index": chunk,
+        "data/file_index": file,
+        "dataset_from_index": first,
+        "dataset_to_index": first + source.length,
+        "meta/episodes/chunk_index": 0,
+        "meta/episodes/file_index": 0,
+    }
+    for camera in export.options.cameras:
+        prefix = f"videos/{image_key(camera)}"
+        row |= {
+            f"{prefix}/chunk_index": chunk,
+            f"{prefix}/file_index": file,
+            f"{prefix}/from_timestamp": 0.0,
+            f"{prefix}/to_timestamp": source.length / CONTROL_HZ,
+        }
+    return row
+
+
+def _table(episodes: list[dict[str, Any]]) -> pa.Table:
+    """The table of episodes."""
+    plain = [
+        {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in row.items()
+        }
+        for row in episodes
+    ]
+    return pa.Table.from_pylist(plain)
+
+
+def _tasks(instructions: list[str]) -> pa.Table:
+    """The table of instructions, which are its index for pandas."""
+    column = {"metadata": None, "pandas_type": "int64", "numpy_type": "int64"}
+    text = {"metadata": None, "pandas_type": "unicode", "numpy_type": "object"}
+    pandas = {
+        "index_columns": ["task"],
+        "column_indexes": [
+            {"name": None, "field_name": None, **text, "metadata": {"encoding": "UTF-8"}}
+        ],
+        "columns": [
+            {"name": "task_index", "field_name": "task_index", **column},
+            {"name": "task", "field_name": "task", **text},
+        ],
+        "pandas_version": "2.2.0",
+    }
+    fields = [pa.field("task_index", pa.int64()), pa.field("task", pa.string())]
+    arrays = [pa.array(range(len(instructions)), pa.int64()), pa.array(instructions, pa.string())]
+    return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {"pandas": json.dumps(pandas)}))
+
+
+def _info(export: Export, total: int) -> dict[str, Any]:
+    """LeRobot's description of the data set."""
+    episodes, options = len(export.episodes), export.options
+    place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+    return {
+        "codebase_version": FORMAT,
+        "fps": int(CONTROL_HZ),
+        "features": describe(options.cameras, options.size),
+        "total_episodes": episodes,
+        "total_frames": total,
+        "total_tasks": len(export.tasks),
+        "chunks_size": CHUNK_SIZE,
+        "data_files_size_in_mb": DATA_MB,
+        "video_files_size_in_mb": VIDEO_MB,
+        "data_path": f"data/{place}.parquet",
+        "video_path": f"videos/{{video_key}}/{place}.mp4" if options.cameras else None,
+        "robot_type": ROBOT,
+        "splits": {"train": f"0:{episodes}"},
+    }
+
+
+def _json(document: object) -> str:
+    return json.dumps(document, indent=4, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _parquet(table: pa.Table) -> bytes:
+    with io.BytesIO() as buffer:
+        pq.write_table(table, buffer)
+        return buffer.getvalue()

@@ -1,0 +1,62 @@
+"""What can be chosen about an export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from duobench.envs.config import IMAGE_SIZE
+from duobench.errors import DataError, UnknownNameError
+from duobench.scene.cameras import POLICY_CAMERAS, check_image_size
+
+
+class Pairing(StrEnum):
+    """Which observation stands in a row with action t."""
+
+    CAUSAL = "causal"
+    """What was seen before the action, o_t: what a policy sees when it decides."""
+    DELAYED = "delayed"
+    """What was seen after it, o_{t+1} [paper, data sets]."""
+
+
+class ActionSource(StrEnum):
+    """Which of the recorded numbers become the 16 joint targets and openings of `action`."""
+
+    INTENDED = "intended"
+    """What the actor wanted, where it acted in joint targets; else what was sent."""
+    SENT = "sent"
+    """What the arms were really sent: clipped to limits, and with noise that an actor added to its
+    own actions."""
+    GIVEN = "given"
+    """What the actor wanted; tool poses are brought to joint targets by inverse kinematics that
+    starts at the observed joints of each row."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportOptions:
+    """Options of an export; the defaults suit the evaluation's environment."""
+
+    tasks: tuple[str, ...] = ()
+    """Ids of the tasks to export; all tasks of the data set if there is none."""
+    cameras: tuple[str, ...] = POLICY_CAMERAS
+    """Cameras whose images are rendered."""
+    size: tuple[int, int] = IMAGE_SIZE
+    """Height and width of the images in pixels, even numbers."""
+    pairing: Pairing = Pairing.CAUSAL
+    """Which observation stands with an action."""
+    action: ActionSource = ActionSource.INTENDED
+    """Which numbers the actions are."""
+    only_successes: bool = False
+    """Whether episodes that did not succeed are left out."""
+
+    def __post_init__(self) -> None:
+        """Reject invalid values."""
+        for camera in self.cameras:
+            if camera not in POLICY_CAMERAS:
+                raise UnknownNameError("camera", camera, POLICY_CAMERAS)
+        check_image_size(*self.size)
+        if any(pixels % 2 for pixels in self.size):
+            raise DataError(
+                "Height and width of images in a video are even numbers, got "
+                f"{self.size[0]}x{self.size[1]}."
+            )

@@ -1,0 +1,96 @@
+"""Statistics of features, exact: of vectors from all rows, of images from counts of values."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.backend import Image
+from duobench.types import Array
+
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+"""The quantiles that LeRobot reads, by name."""
+LEVELS = 256
+"""Values that a channel of an image can have."""
+CHANNELS = 3
+
+Counts = NDArray[np.int64]
+"""How often each value occurs in each channel (3, 256)."""
+Statistics = dict[str, Array]
+"""Statistics of one feature by name."""
+
+
+def of_rows(rows: NDArray[Any]) -> Statistics:
+    """Statistics of a feature.
+
+    Args:
+        rows: Its values (T,) or (T, n), of any type of numbers.
+
+    Returns:
+        `min`, `max`, `mean`, `std` and quantiles (n,), n being 1 for plain numbers; `count` (1,).
+    """
+    values = rows.reshape(len(rows), -1).astype(np.float64)
+    found = {
+        "min": values.min(axis=0),
+        "max": values.max(axis=0),
+        "mean": values.mean(axis=0),
+        "std": values.std(axis=0),
+        "count": np.array([len(values)]),
+    }
+    quantiles = np.quantile(values, list(QUANTILES.values()), axis=0)
+    return found | dict(zip(QUANTILES, quantiles, strict=True))
+
+
+def no_counts() -> Counts:
+    """Counts of no image."""
+    return np.zeros((CHANNELS, LEVELS), dtype=np.int64)
+
+
+def count_values(counts: Counts, image: Image) -> None:
+    """Add an image (height, width, 3) to counts, in place."""
+    for channel in range(CHANNELS):
+        counts[channel] += np.bincount(image[..., channel].ravel(), minlength=LEVELS)
+
+
+def of_counts(counts: Counts, frames: int) -> Statistics:
+    """Statistics of images with channels in [0, 1], equal to NumPy's over all of their pixels.
+
+    Args:
+        counts: How often each value occurs.
+        frames: How many images were counted.
+
+    Returns:
+        Each statistic (3, 1, 1), one number a channel; `count` (1,).
+    """
+    levels = np.arange(LEVELS) / (LEVELS - 1)
+    pixels = int(counts[0].sum())
+    mean = counts @ levels / pixels
+    variance = np.array(
+        [
+            count @ (levels - middle) ** 2 / pixels
+            for count, middle in zip(counts, mean, strict=True)
+        ]
+    )
+    present = counts > 0
+    found = {
+        "min": levels[present.argmax(axis=1)],
+        "max": levels[LEVELS - 1 - present[:, ::-1].argmax(axis=1)],
+        "mean": mean,
+        "std": np.sqrt(variance),
+        **{name: _quantile(counts, levels, share) for name, share in QUANTILES.items()},
+    }
+    shaped = {name: values.reshape(CHANNELS, 1, 1) for name, values in found.items()}
+    return shaped | {"count": np.array([frames])}
+
+
+def _quantile(counts: Counts, levels: Array, share: float) -> Array:
+    """A quantile (3,), interpolated between neighbours in the sorted pixels as NumPy does."""
+    position = share * (int(counts[0].sum()) - 1)
+    below, rest = int(position), position % 1.0
+    sums = counts.cumsum(axis=1)
+    low, high = (
+        levels[(sums <= index).sum(axis=1)] for index in (below, min(below + 1, sums[0, -1] - 1))
+    )
+    return low + rest * (high - low)

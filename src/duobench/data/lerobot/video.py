@@ -1,0 +1,143 @@
+"""Videos of images that a policy learns from: AV1, a constant frame rate, every frame kept."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import av
+from av.error import FFmpegError
+from av.video.stream import VideoStream
+
+from duobench.backend import Image
+from duobench.errors import DataError
+from duobench.files import TEMPORARY_SUFFIX, make_folder, writing
+
+CODEC = "libsvtav1"
+CRF, GROUP, PRESET = 30, 2, 12
+"""Quality, frames from one key frame to the next, and speed: LeRobot's defaults. A group of two
+frames lets a training read frames in any order without decoding many others."""
+PIXEL_FORMAT = "yuv420p"
+_OPTIONS = {
+    "crf": str(CRF),
+    "g": str(GROUP),
+    "preset": str(PRESET),
+    "svtav1-params": "lp=1",  # one thread: episodes are what runs in parallel
+}
+_CONTAINER_OPTIONS = {"fflags": "+bitexact", "movflags": "faststart"}
+"""No identifiers that change from run to run; the index first, so that reading begins at once."""
+_QUIET = ("SVT_LOG", "1")
+"""Environment variable by which the encoder prints errors only."""
+
+
+def describe(size: tuple[int, int], rate_hz: int) -> dict[str, Any]:
+    """What `meta/info.json` says about a video, under the keys that LeRobot's own writer uses.
+
+    Args:
+        size: Height and width in pixels.
+        rate_hz: Frames a second.
+    """
+    return {
+        "video.height": size[0],
+        "video.width": size[1],
+        "video.codec": "av1",
+        "video.pix_fmt": PIXEL_FORMAT,
+        "video.fps": rate_hz,
+        "video.channels": 3,
+        "has_audio": False,
+        "video.g": GROUP,
+        "video.crf": CRF,
+        "video.preset": PRESET,
+        "video.fast_decode": 0,
+        "video.video_backend": "pyav",
+        "video.extra_options": {},
+        "is_depth_map": False,
+    }
+
+
+def write_videos(
+    frames: Iterable[Mapping[str, Image]],
+    paths: Mapping[str, Path],
+    size: tuple[int, int],
+    rate_hz: int,
+) -> None:
+    """Encode one video a camera side by side; each is whole or absent after a kill.
+
+    Args:
+        frames: Images (height, width, 3) by camera, frame by frame.
+        paths: Where the video of each camera will be.
+        size: Height and width of the images, both even.
+        rate_hz: Frames a second.
+
+    Raises:
+        DataError: The images cannot be encoded.
+        OutputError: A file cannot be written.
+    """
+    os.environ.setdefault(*_QUIET)
+    temporary = {
+        camera: path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
+        for camera, path in paths.items()
+    }
+    try:
+        with ExitStack() as stack:
+            encoders = {}
+            for camera, path in temporary.items():
+                make_folder(path.parent)
+                encoders[camera] = _Encoder(path, size, rate_hz)
+                stack.callback(encoders[camera].close)
+            for images in frames:
+                for camera, encoder in encoders.items():
+                    encoder.add(images[camera])
+        for camera, path in paths.items():
+            with writing(path):
+                _flush(temporary[camera])
+                temporary[camera].replace(path)
+    finally:
+        for path in temporary.values():
+            path.unlink(missing_ok=True)
+
+
+class _Encoder:
+    """One video that is being encoded."""
+
+    def __init__(self, path: Path, size: tuple[int, int], rate_hz: int) -> None:
+        with writing(path):
+            self._container = av.open(path, "w", format="mp4", options=_CONTAINER_OPTIONS)
+        try:
+            stream = self._container.add_stream(CODEC, rate=rate_hz, options=_OPTIONS)
+        except FFmpegError as error:
+            raise DataError(f"This build of PyAV cannot encode AV1: {error}.") from error
+        if not isinstance(stream, VideoStream):
+            raise AssertionError(f"{CODEC} encodes videos.")
+        stream.height, stream.width = size
+        stream.pix_fmt = PIXEL_FORMAT
+        stream.codec_context.thread_count = 1
+        self._stream = stream
+        self._frames = 0
+
+    def add(self, image: Image) -> None:
+        frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+        frame.pts = self._frames
+        self._frames += 1
+        self._mux(frame)
+
+    def close(self) -> None:
+        if self._frames:
+            self._mux(None)
+        with writing(Path(self._container.name)):
+            self._container.close()
+
+    def _mux(self, frame: av.VideoFrame | None) -> None:
+        try:
+            self._container.mux(self._stream.encode(frame))
+        except FFmpegError as error:
+            raise DataError(f"A video cannot be encoded: {error}.") from error
+
+
+def _flush(path: Path) -> None:
+    """Have a file on the disk before it gets its name."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())

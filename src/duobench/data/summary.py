@@ -1,0 +1,208 @@
+"""What a data set adds up to: lengths, success, time a stage, actions and speeds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.data.dataset import DataSet
+from duobench.data.recording import Recording
+from duobench.errors import DataError
+from duobench.scene.fr3 import VELOCITY_LIMITS
+from duobench.scene.fr3_links import JOINT_RANGES
+from duobench.tasks import catalog
+from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
+
+LONG = 0.99
+"""Share of episodes that are at most as long as the length that is compared with the horizon."""
+AT_LIMIT = 1e-3
+"""A target this near to the end of its joint's range is at the limit, in radians."""
+_JOINTS = [place for place in range(FLAT_SIZE) if place not in OPENING_SLOTS]
+"""Places of the joints among the 16 numbers of a command."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskSummary:
+    """What the episodes of one task add up to."""
+
+    task: str
+    """Id of the task."""
+    title: str
+    """Name for people."""
+    horizon: int
+    """Control steps after which an evaluation's episode is truncated."""
+    stages: tuple[str, ...]
+    """Names of the stages 1 to n."""
+    episodes: int
+    """How many episodes there are."""
+    successes: int
+    """How many of them succeeded."""
+    discarded: int
+    """How many are not meant to be used."""
+    cut: int
+    """How many ended before their environment ended them."""
+    frames: int
+    """Actions of all episodes."""
+    lengths: tuple[int, ...]
+    """Actions of each episode, ascending."""
+    stage_seconds: tuple[float, ...]
+    """Mean seconds that an episode spends in stage 0, 1, ..., n."""
+    actors: tuple[str, ...]
+    """Who or what acted."""
+    repeated_layouts: int
+    """Episodes whose layout an earlier one has too."""
+    eval_layouts: int
+    """Episodes with a layout of the evaluation's split."""
+
+    @property
+    def long_length(self) -> float:
+        """The length that 99 % of the episodes do not exceed."""
+        return float(np.quantile(self.lengths, LONG))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointSummary:
+    """What one joint does in all episodes."""
+
+    name: str
+    """Machine-readable name."""
+    low: float
+    """Lower end of its range, in radians."""
+    high: float
+    """Upper end of its range, in radians."""
+    quantiles: tuple[float, float, float, float, float]
+    """Commanded targets: smallest, 1 %, median, 99 %, largest, in radians."""
+    fastest: float
+    """Largest speed, in rad/s."""
+    speed_limit: float
+    """The arm's limit, in rad/s."""
+    at_limit: float
+    """Share of commands at an end of the range."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Summary:
+    """What a data set adds up to."""
+
+    tasks: tuple[TaskSummary, ...]
+    """Task by task."""
+    joints: tuple[JointSummary, ...]
+    """Joint by joint, left then right."""
+
+    @property
+    def episodes(self) -> int:
+        """How many episodes there are."""
+        return sum(task.episodes for task in self.tasks)
+
+    @property
+    def successes(self) -> int:
+        """How many of them succeeded."""
+        return sum(task.successes for task in self.tasks)
+
+    @property
+    def frames(self) -> int:
+        """Actions of all episodes."""
+        return sum(task.frames for task in self.tasks)
+
+
+def summarize(data: DataSet) -> Summary:
+    """Read a data set and add it up.
+
+    Raises:
+        DataError: A file cannot be read, or there is no episode.
+    """
+    tasks, commands, speeds, names = [], [], [], ()
+    for task in data.tasks:
+        recordings = []
+        for recording in data.recordings(task):
+            commands.append(recording.sent.astype(np.float32))
+            speeds.append(np.abs(recording.joint_velocity).max(axis=0))
+            names = recording.info.observation_names
+            recordings.append(_without_states(recording))
+        tasks.append(_summarize_task(task, recordings))
+    if not tasks:
+        raise DataError(f"{data.path} holds no episode.")
+    return Summary(
+        tasks=tuple(tasks),
+        joints=_summarize_joints(names, np.concatenate(commands), np.max(speeds, axis=0)),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Episode:
+    """What the summary of a task needs of an episode."""
+
+    length: int
+    stage: NDArray[np.int64]
+    seconds: Array
+    success: bool
+    kept: bool
+    cut: bool
+    actor: str
+    layout: str
+    split: str | None
+
+
+def _without_states(recording: Recording) -> _Episode:
+    info, outcome = recording.info, recording.info.outcome
+    return _Episode(
+        length=len(recording),
+        stage=recording.stage[:-1],
+        seconds=np.diff(recording.time),
+        success=bool(recording.success[-1]),
+        kept=outcome is not None and outcome.kept,
+        cut=outcome is None or outcome.cut,
+        actor=f"{info.actor.kind} {info.actor.name}".strip(),
+        layout=repr(info.layout),
+        split=info.split,
+    )
+
+
+def _summarize_task(task: str, episodes: Sequence[_Episode]) -> TaskSummary:
+    definition = catalog.get(task)
+    stages = range(definition.max_stage + 1)
+    seconds = [[each.seconds[each.stage == stage].sum() for stage in stages] for each in episodes]
+    return TaskSummary(
+        task=task,
+        title=definition.title,
+        horizon=definition.horizon,
+        stages=tuple(stage.name for stage in definition.stages),
+        episodes=len(episodes),
+        successes=sum(each.success for each in episodes),
+        discarded=sum(not each.kept for each in episodes),
+        cut=sum(each.cut for each in episodes),
+        frames=sum(each.length for each in episodes),
+        lengths=tuple(sorted(each.length for each in episodes)),
+        stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
+        actors=tuple(dict.fromkeys(each.actor for each in episodes)),
+        repeated_layouts=len(episodes) - len(Counter(each.layout for each in episodes)),
+        eval_layouts=sum(each.split == "eval" for each in episodes),
+    )
+
+
+def _summarize_joints(
+    names: Sequence[str], commands: np.ndarray, fastest: np.ndarray
+) -> tuple[JointSummary, ...]:
+    ranges = np.tile(JOINT_RANGES, (len(SIDES), 1))
+    limits = np.tile(VELOCITY_LIMITS, len(SIDES))
+    found = []
+    for joint, place in enumerate(_JOINTS):
+        (low, high), targets = ranges[joint], commands[:, place]
+        at_limit = (targets < low + AT_LIMIT) | (targets > high - AT_LIMIT)
+        quantiles = np.quantile(targets, [0.0, 0.01, 0.5, 0.99, 1.0]).tolist()
+        found.append(
+            JointSummary(
+                name=names[place],
+                low=float(low),
+                high=float(high),
+                quantiles=tuple(quantiles),
+                fastest=float(fastest[joint]),
+                speed_limit=float(limits[joint]),
+                at_limit=float(at_limit.mean()),
+            )
+        )
+    return tuple(found)

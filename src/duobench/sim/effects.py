@@ -1,0 +1,90 @@
+"""What happens to an image after it was rendered: blur, exposure, noise."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.scene.look import Look
+
+Image = NDArray[np.uint8]
+
+GAMMA = 2.2
+"""Exponent from the numbers of an image to light."""
+_UNIT_BITS = 8
+_UNIT = 1 << _UNIT_BITS
+"""What the whole weights of a blur add up to: with 8 bits of brightness they fill 16."""
+_STARTS = 1 << 18
+"""Places in a long row of random numbers where the noise of an image may begin."""
+
+
+def apply(look: Look, image: Image, data: mujoco.MjData, camera: int) -> Image:
+    """An image (height, width, 3) as the look's camera takes it.
+
+    Noise is a function of the look's seed and noise, the image's size, the camera's number and
+    the simulation state (time and positions), never of what was rendered before.
+    """
+    if look.blur:
+        image = _blurred(image, look.blur * image.shape[0])
+    if look.exposure:
+        image = np.take(_curve(look.exposure), image)
+    if look.noise:
+        row = _noise(look.seed, look.noise, image.size + _STARTS)
+        start = _start(look.seed, data, camera)
+        grain = row[start : start + image.size].reshape(image.shape)
+        image = np.clip(image + grain, 0, 255).astype(np.uint8)
+    return image
+
+
+def _blurred(image: Image, deviation: float) -> Image:
+    """The image, convolved with a Gaussian of a standard deviation in pixels, along each axis."""
+    weights = _weights(deviation)
+    radius = len(weights) // 2
+    for axis in (0, 1):
+        edges = [(radius, radius) if one == axis else (0, 0) for one in range(3)]
+        padded = np.pad(image, edges, mode="edge").astype(np.uint16)
+        total = np.full(image.shape, _UNIT // 2, dtype=np.uint16)
+        for number, weight in enumerate(weights):
+            part = (
+                padded[number:][: image.shape[0]]
+                if axis == 0
+                else (padded[:, number:][:, : image.shape[1]])
+            )
+            total += part * weight
+        image = (total >> _UNIT_BITS).astype(np.uint8)
+    return image
+
+
+@lru_cache(maxsize=8)
+def _weights(deviation: float) -> tuple[np.uint16, ...]:
+    """Weights of a row of pixels, whole numbers that add up to `_UNIT`."""
+    radius = math.ceil(2.5 * deviation)
+    gauss = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
+    weights = np.rint(_UNIT * gauss / gauss.sum()).astype(int)
+    weights[radius] += _UNIT - weights.sum()
+    return tuple(np.uint16(weight) for weight in weights)
+
+
+@lru_cache(maxsize=8)
+def _curve(stops: float) -> Image:
+    """The new number for each of the 256."""
+    return np.clip(np.rint(np.arange(256) * 2 ** (stops / GAMMA)), 0, 255).astype(np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _noise(seed: int, deviation: float, count: int) -> NDArray[np.int16]:
+    """A row of Gaussian noise: images take a part of it, since sampling is slow."""
+    rng = np.random.Generator(np.random.PCG64([seed, *b"noise"]))
+    normal = rng.standard_normal(count, dtype=np.float32)
+    return np.rint(255 * deviation * normal).astype(np.int16)
+
+
+def _start(seed: int, data: mujoco.MjData, camera: int) -> int:
+    state = hashlib.blake2b(data.qpos.tobytes(), digest_size=8)
+    state.update(f"{seed} {data.time!r} {camera}".encode())
+    return int.from_bytes(state.digest(), "big") % _STARTS

@@ -1,0 +1,162 @@
+"""Which geom of a compiled model has which colour and picture in a look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+
+from duobench.errors import UnknownNameError
+from duobench.scene.colours import shifted
+from duobench.scene.filters import COLLISION_GEOM_GROUP
+from duobench.scene.images import Picture, hides_colour, picture
+from duobench.scene.look import EVERY_OBJECT, RGB, Look, Material
+from duobench.scene.naming import TABLE
+from duobench.scene.workcell import (
+    ROOM_HEIGHT,
+    ROOM_X,
+    ROOM_Y,
+    TABLE_X,
+    TABLE_Y,
+    floor_light,
+    wall_light,
+)
+from duobench.types import SIDES
+
+_FACE, _FACE_TEXELS = 0.50, 64
+"""Side in metres that a texture takes a face of an object for, and its texels: objects are smaller
+than what textures are made for, so theirs are finer."""
+_ROOM = (ROOM_Y[1] - ROOM_Y[0], ROOM_X[1] - ROOM_X[0])
+_SURFACES = {
+    "table": ((TABLE_Y[1] - TABLE_Y[0], TABLE_X[1] - TABLE_X[0]), 512),
+    "floor": (_ROOM, 384),
+    "ceiling": (_ROOM, 128),
+    "walls": ((ROOM_HEIGHT, _ROOM[0]), 384),
+    "robot": ((_FACE, _FACE), _FACE_TEXELS),
+}
+"""Height and width in metres of the picture on each part of the workcell, and texels along both;
+3 mm on the table."""
+_WHITE = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Paint:
+    """What a geom looks like."""
+
+    rgb: RGB | None
+    """Colour, or None for the model's."""
+    picture: int | None
+    """Number of its picture, or None for the model's."""
+
+
+@dataclass(kw_only=True, slots=True)
+class Paints:
+    """What differs from the model."""
+
+    by_geom: dict[int, Paint] = field(default_factory=dict)
+    pictures: list[Picture] = field(default_factory=list)
+    """Flat ones (n, n, 3), and those of objects (6 n, n, 3): six faces, one below the other."""
+
+    def add(self, texels: Picture) -> int:
+        """Add a picture, and return its number."""
+        self.pictures.append(texels)
+        return len(self.pictures) - 1
+
+
+def paints(model: mujoco.MjModel, look: Look) -> Paints:
+    """Resolve the materials of a look against a model.
+
+    Raises:
+        UnknownNameError: The look names an object that the model has not.
+        AssetError: An image file cannot be read.
+    """
+    found = Paints()
+    colours = [(r, g, b) for r, g, b, _ in model.geom_rgba.tolist()]
+    _paint_objects(found, _objects(model), colours, look)
+    for part, geoms in _parts(model, colours):
+        material = look.parts.get(part)
+        if material is not None:
+            plain = material.texture is None and material.image is None
+            number = None if plain else found.add(_part_picture(material, part, look.seed))
+            rgb = _WHITE if hides_colour(material) else material.colour
+            found.by_geom |= dict.fromkeys(geoms, Paint(rgb=rgb, picture=number))
+    return found
+
+
+def _body(model: mujoco.MjModel, geom: int) -> str:
+    return model.body(int(model.geom_bodyid[geom])).name
+
+
+def _parts(model: mujoco.MjModel, colours: list[RGB]) -> Iterator[tuple[str, list[int]]]:
+    """The parts of the workcell and their geoms."""
+    for part in (TABLE, "floor"):
+        yield part, [model.geom(part).id]
+    for part, material in (("walls", "wall"), ("ceiling", "ceiling")):
+        yield part, np.flatnonzero(model.geom_matid == model.material(material).id).tolist()
+    white = [geom for geom, colour in enumerate(colours) if colour == _WHITE]
+    yield "robot", [geom for geom in white if _body(model, geom).partition("/")[0] in SIDES]
+
+
+def _objects(model: mujoco.MjModel) -> dict[str, list[int]]:
+    """The drawn geoms of every part of every object, by the name of the part."""
+    found: dict[str, list[int]] = {}
+    for geom in np.flatnonzero(model.geom_group < COLLISION_GEOM_GROUP).tolist():
+        name = _body(model, geom)
+        if name not in ("world", TABLE) and name.partition("/")[0] not in SIDES:
+            found.setdefault(name, []).append(geom)
+    return found
+
+
+def _paint_objects(
+    found: Paints, objects: dict[str, list[int]], colours: list[RGB], look: Look
+) -> None:
+    """Give every drawn geom of an object its colour and picture."""
+    for name in look.objects:
+        if name != EVERY_OBJECT and name not in objects:
+            raise UnknownNameError("object", name, objects)
+    numbers: dict[str, int | None] = {}
+    for name, geoms in objects.items():
+        keys = (name, name.partition("/")[0], EVERY_OBJECT)
+        key = next((key for key in keys if key in look.objects), "")
+        material = look.objects.get(key, Material())
+        if key not in numbers:
+            plain = material.texture is None and material.image is None
+            numbers[key] = None if plain else found.add(_object_picture(material, look.seed))
+        for geom in geoms:
+            rgb = _object_colour(colours[geom], colours[geoms[0]], material, look)
+            if rgb != colours[geom] or numbers[key] is not None:
+                found.by_geom[geom] = Paint(rgb=rgb, picture=numbers[key])
+
+
+def _object_colour(colour: RGB, main: RGB, material: Material, look: Look) -> RGB:
+    """New colour of a geom; a chosen one takes the place of the object's main colour only."""
+    if hides_colour(material):
+        return _WHITE
+    if material.colour is not None and colour == main:
+        return material.colour
+    return shifted(colour, look.colour_variation, look.seed)
+
+
+@lru_cache(maxsize=32)
+def _part_picture(material: Material, part: str, seed: int) -> Picture:
+    """The picture of a part of the workcell, with the brightness that floor and walls have."""
+    size, texels = _SURFACES[part]
+    found = picture(material, (texels, texels), size, seed)
+    if part == "walls":
+        found, light = np.swapaxes(found, 0, 1), wall_light()  # columns from the ceiling down
+    elif part == "floor":
+        light = floor_light()
+    else:
+        return found
+    rows, columns = (np.arange(texels) * count // texels for count in light.shape)
+    shade = light[np.ix_(rows, columns)].astype(np.float32)
+    return np.rint(found * shade[..., None]).astype(np.uint8)
+
+
+@lru_cache(maxsize=32)
+def _object_picture(material: Material, seed: int) -> Picture:
+    shape, size = (_FACE_TEXELS, _FACE_TEXELS), (_FACE, _FACE)
+    return np.vstack([picture(material, shape, size, seed + face) for face in range(6)])

@@ -1,0 +1,317 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import av
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from duobench.data import DataSet, ImageSource, Recording
+from duobench.data.lerobot import statistics
+from duobench.data.lerobot.export import export_lerobot
+from duobench.data.lerobot.features import COLUMNS
+from duobench.data.lerobot.folder import ExportFolder
+from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
+from duobench.errors import DataError, OutputError, RenderingError, UnknownNameError
+from duobench.files import locked
+from tests.data.tools import HORIZON, TASK, play, recorder
+from tests.evaluation.processes import children, is_running, wait_until
+
+ROOT = Path(__file__).parents[2]
+EPISODES = 3
+SMALL = ExportOptions(size=(32, 48))
+MIN_PSNR_DB = 25.0  # for tiny images, whose every edge is a frequency that the codec drops
+COMMAND = ["export", "lerobot", "--size", "32", "48"]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
+    folder = tmp_path_factory.mktemp("data") / "demos"
+    env = recorder(folder)
+    for seed in range(EPISODES):
+        play(env, seed=seed)
+    env.close()
+    return DataSet.open(folder)
+
+
+@pytest.fixture(scope="module")
+def exported(data: DataSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("export") / "whole"
+    assert export_lerobot(data, out, SMALL, workers=0).frames == EPISODES * HORIZON
+    return out
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    paths = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+
+def start(data: DataSet, out: Path, workers: int) -> subprocess.Popen[str]:
+    source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
+    words = [*COMMAND, str(data.path), "--out", str(out), "--workers", str(workers)]
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "duobench", *words],
+        env={**os.environ, "PYTHONPATH": source},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def frames(path: Path) -> list[np.ndarray]:
+    with av.open(path) as container:
+        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+
+
+def columns(folder: Path, index: int = 0) -> dict[str, np.ndarray]:
+    table = pq.read_table(ExportFolder(folder).data(index))
+    return {name: np.array(table.column(name).to_pylist()) for name in COLUMNS}
+
+
+def test_rows_pair_what_was_seen_with_the_action_after_it(data: DataSet, exported: Path) -> None:
+    for index, recording in enumerate(data.recordings()):
+        rows = columns(exported, index)
+        np.testing.assert_array_equal(rows["observation.state"], recording.agent_pos[:-1])
+        np.testing.assert_array_equal(rows["action"], recording.action.astype(np.float32))
+        np.testing.assert_array_equal(rows["next.reward"], recording.reward.astype(np.float32))
+        np.testing.assert_array_equal(rows["next.success"], recording.success[1:])
+        np.testing.assert_array_equal(rows["stage"], recording.stage[:-1])
+        np.testing.assert_array_equal(rows["index"], HORIZON * index + np.arange(HORIZON))
+        assert rows["next.done"].tolist() == [False] * (HORIZON - 1) + [True]
+        assert set(rows["domain"]) == {0}
+
+
+def test_videos_hold_every_frame_as_it_is_rendered(data: DataSet, exported: Path) -> None:
+    (recording, *_), source = list(data.recordings()), ImageSource(TASK, size=SMALL.size)
+    videos = {camera: frames(ExportFolder(exported).video(camera, 0)) for camera in SMALL.cameras}
+    assert {len(video) for video in videos.values()} == {HORIZON}
+    for row in range(HORIZON):
+        for camera, image in source.images(recording, row).items():
+            error = np.mean((videos[camera][row] - image.astype(float)) ** 2)
+            assert 10 * np.log10(255**2 / error) > MIN_PSNR_DB
+    source.close()
+
+
+def test_delayed_pairing_shows_what_came_after_the_action(data: DataSet, tmp_path: Path) -> None:
+    options = replace(SMALL, pairing=Pairing.DELAYED, cameras=())
+    export_lerobot(data, tmp_path / "out", options, workers=0)
+    (recording, *_), rows = list(data.recordings()), columns(tmp_path / "out")
+    np.testing.assert_array_equal(rows["observation.state"], recording.agent_pos[1:])
+    np.testing.assert_array_equal(rows["action"], recording.action.astype(np.float32))
+    np.testing.assert_array_equal(rows["stage"], recording.stage[1:])
+
+
+def test_statistics_are_numpys(data: DataSet, exported: Path) -> None:
+    stats = json.loads((exported / "meta" / "stats.json").read_text())
+    actions = np.concatenate([each.action for each in data.recordings()]).astype(np.float32)
+    for name, share in statistics.QUANTILES.items():
+        expected = np.quantile(actions.astype(np.float64), share, axis=0)
+        np.testing.assert_allclose(stats["action"][name], expected, rtol=1e-12)
+    assert stats["action"]["count"] == [EPISODES * HORIZON]
+    images, source = [], ImageSource(TASK, size=SMALL.size, cameras=("head",))
+    for recording in data.recordings():
+        images += [source.images(recording, row)["head"] for row in range(HORIZON)]
+    source.close()
+    pixels = np.array(images).reshape(-1, 3) / 255
+    found = stats["observation.images.head"]
+    expected = {
+        "min": pixels.min(axis=0),
+        "max": pixels.max(axis=0),
+        "mean": pixels.mean(axis=0),
+        "std": pixels.std(axis=0),
+        **{name: np.quantile(pixels, q, axis=0) for name, q in statistics.QUANTILES.items()},
+    }
+    for name, values in expected.items():
+        np.testing.assert_allclose(np.ravel(found[name]), values, rtol=1e-9, err_msg=name)
+
+
+def test_quantiles_of_counts_interpolate_as_numpy_does() -> None:
+    rng = np.random.default_rng(0)
+    for size in (1, 2, 3, 7):
+        image = rng.integers(0, 256, (size, 1, 3), dtype=np.uint8)
+        counts = statistics.no_counts()
+        statistics.count_values(counts, image)
+        found = statistics.of_counts(counts, 1)
+        for name, share in statistics.QUANTILES.items():
+            expected = np.quantile(image.reshape(-1, 3) / 255, share, axis=0)
+            np.testing.assert_allclose(found[name].ravel(), expected, atol=1e-12)
+
+
+def test_a_killed_export_goes_on_to_the_same_files(
+    data: DataSet, exported: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "killed"
+    with start(data, out, 2) as process:
+        wait_until(lambda: list(out.glob("meta/duobench/*.json")), "a finished episode")
+        workers = children(process.pid)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+    assert workers
+    wait_until(lambda: not any(map(is_running, workers)), "the end of orphaned workers")
+    assert not (out / "meta" / "info.json").exists()
+    kept = {path: path.stat().st_mtime_ns for path in out.glob("meta/duobench/*.json")}
+    with start(data, out, 2) as process:
+        _, complaint = process.communicate()
+    assert process.returncode == 0, complaint
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    assert files(out) == files(exported)
+
+
+def test_an_interrupted_export_says_that_it_goes_on(data: DataSet, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with start(data, out, 1) as process:
+        wait_until(lambda: list(out.glob("meta/duobench/*.json")), "a finished episode")
+        workers = children(process.pid)
+        process.send_signal(signal.SIGINT)
+        told, complaint = process.communicate()
+    assert process.returncode == 130, complaint
+    assert "goes on from there" in told
+    wait_until(lambda: not any(map(is_running, workers)), "the end of the workers")
+
+
+def test_a_lost_file_is_made_again(data: DataSet, exported: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    export_lerobot(data, out, SMALL, workers=0)
+    ExportFolder(out).video("head", 1).unlink()
+    seen: list[int] = []
+    export_lerobot(data, out, SMALL, workers=0, progress=lambda done, _total: seen.append(done))
+    assert seen == [2 * HORIZON, 3 * HORIZON]
+    assert files(out) == files(exported)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (replace(SMALL, size=(64, 64)), r"size: \[64, 64\], was \[32, 48\]"),
+        (replace(SMALL, pairing=Pairing.DELAYED), "pairing: delayed, was causal"),
+        (replace(SMALL, cameras=("head",)), "cameras"),
+    ],
+)
+def test_other_options_are_refused_with_the_difference(
+    data: DataSet, exported: Path, options: ExportOptions, message: str
+) -> None:
+    before = files(exported)
+    with pytest.raises(DataError, match=message):
+        export_lerobot(data, exported, options, workers=0)
+    assert files(exported) == before
+
+
+@pytest.fixture
+def copy(data: DataSet, tmp_path: Path) -> DataSet:
+    """A data set of the same episodes, to spoil."""
+    made = DataSet.open(tmp_path / "copy")
+    for path in data.episodes():
+        target = made.episode(TASK, path.stem)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(path.read_bytes())
+    return made
+
+
+def test_another_data_set_is_refused(copy: DataSet, tmp_path: Path) -> None:
+    options = replace(SMALL, cameras=())
+    export_lerobot(copy, tmp_path / "out", options, workers=0)
+    copy.episodes()[0].unlink()
+    with pytest.raises(DataError, match="episodes: 1 removed"):
+        export_lerobot(copy, tmp_path / "out", options, workers=0)
+
+
+def test_a_damaged_recording_stops_before_anything_is_written(
+    copy: DataSet, tmp_path: Path
+) -> None:
+    bad = copy.episodes()[1]
+    bad.write_bytes(bad.read_bytes()[:-100])
+    with pytest.raises(DataError, match=bad.name):
+        export_lerobot(copy, tmp_path / "out", SMALL, workers=0)
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_kept_episodes_are_exported(copy: DataSet, tmp_path: Path) -> None:
+    path = copy.episodes()[0]
+    recording = Recording.read(path)
+    assert recording.info.outcome
+    outcome = replace(recording.info.outcome, kept=False, reason="A test.")
+    replace(recording, info=replace(recording.info, outcome=outcome)).write(path)
+    options = replace(SMALL, cameras=())
+    done = export_lerobot(copy, tmp_path / "out", options, workers=0)
+    assert (done.episodes, done.left_out) == (EPISODES - 1, 1)
+    with pytest.raises(DataError, match="no episode to export"):
+        export_lerobot(copy, tmp_path / "no", replace(options, only_successes=True), workers=0)
+
+
+def test_a_folder_of_something_else_is_left_alone(data: DataSet, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("precious")
+    with pytest.raises(DataError, match="not empty"):
+        export_lerobot(data, tmp_path, SMALL, workers=0)
+    with pytest.raises(DataError, match="lies in the data set"):
+        export_lerobot(data, data.path / "out", SMALL, workers=0)
+    with locked(tmp_path / "out"), pytest.raises(OutputError, match="Another process"):
+        export_lerobot(data, tmp_path / "out", SMALL, workers=0)
+
+
+def test_what_cannot_be_is_refused(data: DataSet, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="even"):
+        ExportOptions(size=(33, 48))
+    with pytest.raises(RenderingError, match="1280x720"):
+        ExportOptions(size=(722, 48))
+    with pytest.raises(UnknownNameError, match="left_wrist"):
+        ExportOptions(cameras=("left_wrists",))
+    with pytest.raises(UnknownNameError, match=TASK):
+        export_lerobot(data, tmp_path / "out", ExportOptions(tasks=("sort_bin",)))
+    with pytest.raises(DataError, match="workers"):
+        export_lerobot(data, tmp_path / "out", replace(SMALL, cameras=()), workers=-1)
+
+
+def moving(folder: Path, mode: str) -> DataSet:
+    """An episode in an action mode, in which the tools move a little."""
+    env = recorder(folder, action_mode=mode)
+    observation, _ = env.reset(seed=0)
+    if mode == "cartesian":
+        pose, opening = observation["tcp_pose"].reshape(2, 7), np.full((2, 1), 0.5)
+        action = np.hstack([pose, opening])
+        for step in range(HORIZON):
+            action[:, 2] = pose[:, 2] + 0.002 * step
+            env.step(action.ravel())
+    else:
+        for _ in range(HORIZON):
+            env.step(np.zeros(env.action_space.shape or ()))
+    env.close()
+    return DataSet.open(folder)
+
+
+def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path) -> None:
+    data = moving(tmp_path / "data", "cartesian")
+    options = ExportOptions(cameras=(), action=ActionSource.GIVEN)
+    done = export_lerobot(data, tmp_path / "given", options, workers=0)
+    assert done.residual is not None
+    assert done.residual.targets == 2 * HORIZON
+    assert done.residual.max_position < 1e-4
+    assert done.residual.max_rotation < 1e-4
+    given = columns(tmp_path / "given")["action"]
+    (recording,) = data.recordings()
+    np.testing.assert_allclose(given, recording.sent, atol=0.05)
+    np.testing.assert_array_equal(given[:, [7, 15]], 0.5)
+    assert not np.array_equal(given, recording.sent)
+    export_lerobot(data, tmp_path / "sent", ExportOptions(cameras=()), workers=0)
+    sent = columns(tmp_path / "sent")["action"]
+    np.testing.assert_array_equal(sent, recording.sent.astype(np.float32))
+
+
+def test_relative_actions_name_no_targets(tmp_path: Path) -> None:
+    data = moving(tmp_path / "data", "cartesian_relative")
+    options = ExportOptions(cameras=(), action=ActionSource.GIVEN)
+    with pytest.raises(DataError, match="relative to what was commanded"):
+        export_lerobot(data, tmp_path / "out", options, workers=0)
+
+
+def test_the_export_needs_no_torch(data: DataSet, tmp_path: Path) -> None:
+    script = (
+        "import sys\nfrom duobench.cli import main\n"
+        f"main({[*COMMAND, str(data.path), '--out', str(tmp_path / 'out'), '--workers', '0']!r})\n"
+        "assert not {'torch', 'lerobot', 'datasets', 'pandas'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, cwd=tmp_path)

@@ -1,0 +1,189 @@
+"""Looks as values: names, JSON, what is rejected, and that colours keep their names."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.errors import OptionError, UnknownNameError
+from duobench.scene.cameras import HEAD
+from duobench.scene.clutter import DEPTH, pieces
+from duobench.scene.colours import colour_name, shifted
+from duobench.scene.look import CameraOffset, Light, Look, Material
+from duobench.scene.looks import LOOKS, as_look, look
+from duobench.scene.textures import TEXTURES, texture
+from duobench.scene.workcell import FLOOR_Z, ROOM_X, ROOM_Y
+from duobench.sim.paints import paints
+from duobench.sim.simulation import Simulation
+from duobench.tasks import catalog
+
+RANDOM = [f"random:{seed}" for seed in range(20)]
+
+
+@pytest.mark.parametrize("name", [*LOOKS, *RANDOM])
+def test_a_look_survives_json(name: str) -> None:
+    one = look(name)
+    assert look(name) == one
+    assert Look.from_json(json.loads(json.dumps(one.to_json()))) == one
+    assert as_look(asdict(one)) == one
+
+
+def test_the_default_look_says_nothing() -> None:
+    assert look("default") == Look()
+    assert Look().to_json() == {}
+
+
+def test_random_looks_differ() -> None:
+    assert len({json.dumps(look(name).to_json()) for name in RANDOM}) == len(RANDOM)
+
+
+def test_an_unknown_look_is_told_with_near_misses() -> None:
+    with pytest.raises(UnknownNameError, match="'wood_table'"):
+        look("wood_tabel")
+    with pytest.raises(OptionError, match="random:7"):
+        look("random:seven")
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"parts": {"tabel": Material()}}, "'table'"),
+        ({"cameras": {"heat": CameraOffset()}}, "'head'"),
+        ({"objects": {"*": Material(colour=(1, 0, 0))}}, "hide what an instruction names"),
+        ({"lights": [Light(position=(0, 0, 2), shadow=True)] * 2}, "one of them casts shadows"),
+        ({"lights": [Light(position=(0, 0, 2))] * 7}, "at most 6 lights"),
+        ({"noise": 2.0}, "noise is 0 to 0.5"),
+        ({"exposure": float("nan")}, "exposure is -4 to 4"),
+        ({"seed": -1}, "from 0 on"),
+        ({"clutter": 1000}, "0 to 40 pieces"),
+        ({"ambient": (1.0, 2.0, 0.0)}, "ambient is red, green and blue"),
+    ],
+)
+def test_an_impossible_look_is_rejected(fields: dict[str, Any], told: str) -> None:
+    with pytest.raises((OptionError, UnknownNameError), match=told):
+        Look(**fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"texture": "wod"}, "'wood'"),
+        ({"texture": "wood", "image": "a.png"}, "a texture or an image"),
+        ({"second_colour": (0, 0, 0)}, "needs a texture"),
+        ({"contrast": -1}, "contrast is 0 to 1"),
+    ],
+)
+def test_an_impossible_material_is_rejected(fields: dict[str, Any], told: str) -> None:
+    with pytest.raises((OptionError, UnknownNameError), match=told):
+        Material(**fields)
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        ({"nose": 0.1}, "'noise'"),
+        ({"noise": "much"}, "noise"),
+        ({"lights": [{"position": [0, 0]}]}, "position"),
+        (7, "a name, a Look or its JSON form"),
+    ],
+)
+def test_what_is_no_look_is_rejected(value: object, told: str) -> None:
+    with pytest.raises((OptionError, UnknownNameError), match=told):
+        as_look(value)
+
+
+@pytest.mark.parametrize(
+    ("rgb", "name"),
+    [
+        ((0.04, 0.04, 0.045), "black"),
+        ((0.33, 0.33, 0.34), "dark grey"),
+        ((0.95, 0.95, 0.95), "light grey"),
+        ((0.29, 0.19, 0.12), "dark orange"),
+        ((0.86, 0.73, 0.53), "light orange"),
+        ((0.12, 0.33, 0.70), "blue"),
+        ((0.20, 0.62, 0.27), "green"),
+        ((0.80, 0.10, 0.09), "light red"),
+    ],
+)
+def test_colours_have_the_names_that_people_give_them(
+    rgb: tuple[float, float, float], name: str
+) -> None:
+    assert colour_name(rgb) == name
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_random_looks_keep_the_names_of_the_colours_of_objects(name: str) -> None:
+    simulation = Simulation(catalog.get(name).props)
+    rgba = simulation.model.geom_rgba
+    moved = 0
+    for number in range(100):
+        found = paints(simulation.model, Look(seed=number, colour_variation=1.0))
+        after: dict[tuple[float, ...], set[tuple[float, ...]]] = {}
+        for geom, paint in found.by_geom.items():
+            before = tuple(rgba[geom, :3].tolist())
+            assert paint.rgb is not None
+            assert colour_name(paint.rgb) == colour_name(before)
+            after.setdefault(before, set()).add(paint.rgb)
+            moved += paint.rgb != before
+        assert all(len(colours) == 1 for colours in after.values()), "one colour became two"
+    assert moved
+
+
+def test_random_looks_vary_objects_within_their_colour_names_and_only_so() -> None:
+    for name in RANDOM:
+        one = look(name)
+        assert set(one.objects) <= {"*"}
+        assert one.colour_variation == 1.0
+
+
+def test_a_shift_is_a_function_of_colour_and_seed() -> None:
+    blue = (0.12, 0.33, 0.70)
+    assert shifted(blue, 1.0, 3) == shifted(blue, 1.0, 3) != shifted(blue, 1.0, 4)
+    assert shifted(blue, 0.0, 3) == blue
+
+
+def test_a_colour_takes_the_place_of_the_main_one_only() -> None:
+    props = catalog.get("transfer_gate").props
+    model = Simulation(props).model
+    red = (0.8, 0.1, 0.1)
+    by_geom = paints(model, Look(objects={"gate": Material(colour=red)})).by_geom
+    assert {model.geom(geom).name for geom in by_geom} == {"gate:image0"}
+    assert {paint.rgb for paint in by_geom.values()} == {red}
+
+
+def test_an_object_that_the_task_has_not_is_told() -> None:
+    with pytest.raises(UnknownNameError, match="gate"):
+        paints(Simulation().model, Look(objects={"gate": Material()}))
+
+
+@pytest.mark.parametrize("name", TEXTURES)
+def test_a_texture_is_seeded_and_has_a_pattern(name: str) -> None:
+    first = texture(name, (96, 64), (1.5, 1.0))
+    assert first.shape == (96, 64)
+    assert 0.0 <= first.min() < 0.7 < first.max() <= 1.0
+    assert np.array_equal(first, texture(name, (96, 64), (1.5, 1.0)))
+    plain = name in {"checker", "stripes"}
+    assert np.array_equal(first, texture(name, (96, 64), (1.5, 1.0), seed=1)) is plain
+
+
+def test_furniture_stands_on_the_floor_along_the_walls() -> None:
+    some = pieces(40, seed=5)
+    assert pieces(10, seed=5) == some[:10]
+    for piece in some:
+        (x, y, z), (dx, dy, dz) = piece.position, (length / 2 for length in piece.size)
+        assert z - dz == pytest.approx(FLOOR_Z)
+        gaps = [x - dx - ROOM_X[0], ROOM_X[1] - x - dx, y - dy - ROOM_Y[0], ROOM_Y[1] - y - dy]
+        assert min(gaps) > 0
+        near = [x + dx - ROOM_X[0], ROOM_X[1] - x + dx, y + dy - ROOM_Y[0], ROOM_Y[1] - y + dy]
+        assert min(near) <= DEPTH
+
+
+def test_looks_name_what_there_is() -> None:
+    simulation = Simulation()
+    for one in map(look, [*LOOKS, *RANDOM]):
+        paints(simulation.model, one)
+        assert HEAD in one.cameras or not one.cameras

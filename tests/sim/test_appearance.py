@@ -1,0 +1,274 @@
+"""Looks in images: what they change, and that they leave nothing behind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from duobench.errors import AssetError, UnknownNameError
+from duobench.scene.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
+from duobench.scene.look import CameraOffset, Light, Look, Material
+from duobench.scene.looks import LOOKS, look
+from duobench.sim.backend import SimBackend
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.tasks import catalog
+
+SIZE = 96
+NAMES = [*LOOKS, "random:1", "random:2"]
+OTHERS = [name for name in NAMES if name != "default"]
+
+
+def begin(name: str) -> Simulation:
+    task = catalog.get(name)
+    simulation = Simulation(task.props, task.overview)
+    simulation.apply(next(iter(task.layouts(0))))
+    simulation.settle()
+    return simulation
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return begin("bin_sort")
+
+
+@pytest.fixture(scope="module")
+def renderer(simulation: Simulation) -> Iterator[Renderer]:
+    with Renderer(simulation.model, height=SIZE, width=SIZE) as one:
+        yield one
+
+
+def contents(simulation: Simulation) -> dict[str, bytes]:
+    model = simulation.model
+    arrays = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
+    return {name: a.tobytes() for name, a in arrays.items() if isinstance(a, np.ndarray)}
+
+
+def test_the_default_look_is_bit_identical_after_all_others(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    before, state = contents(simulation), simulation.state_hash()
+    with Renderer(simulation.model, height=SIZE, width=SIZE) as never_switched:
+        untouched = never_switched.render_all(simulation.data, POLICY_CAMERAS)
+    for name in NAMES:
+        renderer.set_look(look(name))
+        renderer.render(simulation.data, HEAD)
+        renderer.set_look(look("default"))
+        found = renderer.render_all(simulation.data, POLICY_CAMERAS)
+        assert all(np.array_equal(found[camera], untouched[camera]) for camera in POLICY_CAMERAS)
+    assert contents(simulation) == before
+    assert simulation.state_hash() == state
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_an_image_depends_on_look_and_state_alone(
+    simulation: Simulation, renderer: Renderer, name: str
+) -> None:
+    renderer.set_look(Look())
+    plain = renderer.render_all(simulation.data, POLICY_CAMERAS)
+    renderer.set_look(look(name))
+    first = renderer.render_all(simulation.data, POLICY_CAMERAS)
+    assert not any(np.array_equal(first[camera], plain[camera]) for camera in (HEAD,))
+    with Renderer(simulation.model, height=SIZE, width=SIZE, look=look(name)) as other:
+        other.render(simulation.data, OVERVIEW)
+        for camera in reversed(POLICY_CAMERAS):
+            assert np.array_equal(other.render(simulation.data, camera), first[camera])
+
+
+def test_noise_differs_from_state_to_state_and_camera_to_camera() -> None:
+    simulation = Simulation()
+    noisy = Look(noise=0.05, parts={})
+    with Renderer(simulation.model, height=SIZE, width=SIZE) as renderer:
+
+        def noise(camera: str) -> np.ndarray:
+            renderer.set_look(Look())
+            clean = renderer.render(simulation.data, camera).astype(int)
+            renderer.set_look(noisy)
+            return renderer.render(simulation.data, camera) - clean
+
+        first = noise(HEAD)
+        assert first.std() == pytest.approx(0.05 * 255, rel=0.1)
+        assert abs(first.mean()) < 1.0
+        assert not np.array_equal(first, noise(OVERVIEW))
+        simulation.data.time += 1 / 30
+        assert not np.array_equal(first, noise(HEAD))
+        simulation.data.time -= 1 / 30
+        assert np.array_equal(first, noise(HEAD))
+
+
+def test_exposure_and_blur(simulation: Simulation, renderer: Renderer) -> None:
+    renderer.set_look(Look())
+    plain = renderer.render(simulation.data, HEAD).astype(float)
+    renderer.set_look(Look(exposure=-1.0))
+    darker = renderer.render(simulation.data, HEAD).mean()
+    renderer.set_look(Look(exposure=1.0))
+    assert darker < plain.mean() < renderer.render(simulation.data, HEAD).mean()
+    renderer.set_look(Look(blur=0.02))
+    soft = renderer.render(simulation.data, HEAD).astype(float)
+    assert np.abs(np.diff(soft, axis=0)).mean() < 0.8 * np.abs(np.diff(plain, axis=0)).mean()
+    assert soft.mean() == pytest.approx(plain.mean(), rel=0.02)
+
+
+@pytest.mark.parametrize("camera", [HEAD, "left_wrist"])
+def test_a_camera_offset_is_that_of_a_camera_that_was_moved(camera: str) -> None:
+    offset = CameraOffset(position=(0.02, -0.01, 0.03), rotation=(0.05, -0.04, 0.1))
+    simulation = begin("bin_sort")
+    with Renderer(simulation.model, height=SIZE, width=SIZE) as renderer:
+        plain = renderer.render(simulation.data, camera)
+        renderer.set_look(Look(cameras={camera: offset}))
+        shown = renderer.render(simulation.data, camera).astype(int)
+        renderer.set_look(Look())
+        model = simulation.model.camera(camera)
+        angle = math.hypot(*offset.rotation)
+        turn = SE3.about(tuple(part / angle for part in offset.rotation), angle)
+        pose = SE3.from_tquat([*model.pos, *np.roll(model.quat, -1)])
+        moved = pose @ SE3.at(*offset.position) @ turn
+        model.pos[:], model.quat[:] = moved.translation, moved.wxyz
+        simulation.forward()
+        real = renderer.render(simulation.data, camera)
+    assert not np.array_equal(plain, real)
+    # The last bits of two ways to turn a camera differ, which shows along a few edges.
+    assert np.mean(np.abs(shown - real).max(axis=2) > 2) < 0.01
+
+
+def test_a_wider_field_of_view_makes_things_smaller(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    table = simulation.model.geom("table").id
+    shares = []
+    for angle in (-0.1, 0.0, 0.1):
+        renderer.set_look(Look(cameras={OVERVIEW: CameraOffset(field_of_view=angle)}))
+        shares.append(np.mean(renderer.segment(simulation.data, OVERVIEW) == table))
+    assert shares[0] > shares[1] > shares[2] > 0
+
+
+def test_furniture_is_seen_and_is_no_geom(simulation: Simulation, renderer: Renderer) -> None:
+    renderer.set_look(Look())
+    before = renderer.segment(simulation.data, HEAD)
+    image = renderer.render(simulation.data, HEAD)
+    renderer.set_look(Look(clutter=40, seed=1))
+    assert not np.array_equal(renderer.render(simulation.data, HEAD), image)
+    assert np.array_equal(renderer.segment(simulation.data, HEAD), before)
+
+
+def test_shadows_fall_where_the_light_comes_from(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    position = (0.24, 2.2, 1.7)
+    images = []
+    for shadow in (False, True):
+        light = Light(position=position, colour=(0.7, 0.7, 0.7), shadow=shadow)
+        renderer.set_look(Look(lights=(light,)))
+        images.append(renderer.render(simulation.data, HEAD).astype(int))
+    darker = (images[0] - images[1]).max(axis=2) > 20
+    assert 0.005 < darker.mean() < 0.5
+    renderer.set_look(Look(lights=()))
+    assert renderer.render(simulation.data, HEAD).mean() < images[1].mean()
+
+
+def colours_in(task: str, bodies: tuple[str, ...]) -> Iterator[tuple[str, list[np.ndarray]]]:
+    """The mean colour of some objects in the head's image, in every look."""
+    simulation = begin(task)
+    with Renderer(simulation.model, height=224, width=224) as renderer:
+        for name in NAMES:
+            renderer.set_look(look(name))
+            image = renderer.render(simulation.data, HEAD)
+            seen = simulation.model.geom_bodyid[renderer.segment(simulation.data, HEAD)]
+            means = [image[seen == simulation.body_id(body)].mean(axis=0) for body in bodies]
+            yield name, means
+
+
+@pytest.mark.parametrize(
+    ("task", "bright", "dark"),
+    [
+        ("bin_sort", "white_cube", "black_cube"),
+        ("bin_sort", "white_bowl", "black_bowl"),
+        ("join_blocks", "light_block", "dark_block"),
+        ("hinge_chest", "chest", "cube"),
+    ],
+)
+def test_light_objects_stay_lighter_than_dark_ones(task: str, bright: str, dark: str) -> None:
+    for name, (high, low) in colours_in(task, (bright, dark)):
+        assert high.mean() > 1.4 * low.mean(), name
+
+
+@pytest.mark.parametrize(
+    ("task", "body", "channel"),
+    [("transfer_reorient", "peg", 2), ("block_balance", "cube", 0), ("transfer_gate", "mat", 1)],
+)
+def test_coloured_objects_keep_their_strongest_channel(task: str, body: str, channel: int) -> None:
+    for name, (mean,) in colours_in(task, (body,)):
+        assert mean.argmax() == channel, name
+
+
+def test_what_a_layout_leaves_out_stays_left_out() -> None:
+    task = catalog.get("ball_maze")
+    simulation = begin("ball_maze")
+    with Renderer(simulation.model, height=SIZE, width=SIZE, look=look("random:3")) as renderer:
+        seen = []
+        for seed in (1, 2):
+            simulation.apply(next(iter(task.layouts(seed))))
+            ids = renderer.segment(simulation.data, HEAD)
+            seen.append(set(np.unique(ids).tolist()))
+            hidden = np.flatnonzero(simulation.model.geom_rgba[:, 3] == 0)
+            assert len(hidden)
+            assert not seen[-1] & set(hidden.tolist())
+
+
+def test_an_image_file_is_a_background(
+    simulation: Simulation, renderer: Renderer, tmp_path: Path
+) -> None:
+    path = tmp_path / "green.png"
+    Image.new("RGB", (20, 10), (0, 255, 0)).save(path)
+    renderer.set_look(Look(parts={"walls": Material(image=str(path))}))
+    image = renderer.render(simulation.data, OVERVIEW)
+    walls = np.isin(
+        renderer.segment(simulation.data, OVERVIEW),
+        np.flatnonzero(simulation.model.geom_matid == simulation.model.material("wall").id),
+    )
+    assert walls.mean() > 0.1
+    assert image[walls].mean(axis=0).argmax() == 1
+    assert image[walls][:, 0].mean() < 20
+
+
+def test_a_look_that_does_not_fit_changes_nothing(simulation: Simulation, tmp_path: Path) -> None:
+    backend = SimBackend(simulation)
+    backend.set_look(look("dark"))
+    wrong = Look(objects={"white_cub": Material(texture="wood")})
+    with pytest.raises(UnknownNameError, match="'white_cube'"):
+        backend.set_look(wrong)
+    missing = str(tmp_path / "none.png")
+    with pytest.raises(AssetError, match=r"none\.png"):
+        backend.set_look(Look(parts={"walls": Material(image=missing)}))
+    assert backend.look == look("dark")
+    with pytest.raises(UnknownNameError):
+        Renderer(simulation.model, height=8, width=8, look=wrong)
+    backend.close()
+
+
+def test_a_backend_gives_every_size_in_its_look(simulation: Simulation) -> None:
+    backend = SimBackend(simulation)
+    for name in ("noisy", "wood_table", "default"):
+        backend.set_look(look(name))
+        for shape in ((48, 64), (SIZE, SIZE)):
+            image = backend.images((HEAD,), shape)[HEAD]
+            height, width = shape
+            with Renderer(
+                simulation.model, height=height, width=width, look=look(name)
+            ) as renderer:
+                assert np.array_equal(renderer.render(simulation.data, HEAD), image)
+    backend.close()
+
+
+def test_the_mean_of_several_samples_has_the_look_too(simulation: Simulation) -> None:
+    with Renderer(simulation.model, height=60, width=80, samples=4) as renderer:
+        plain = renderer.render(simulation.data, OVERVIEW)
+        renderer.set_look(replace(look("wood_table"), noise=0.01))
+        assert not np.array_equal(renderer.render(simulation.data, OVERVIEW), plain)
