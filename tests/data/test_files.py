@@ -172,7 +172,7 @@ def test_a_killed_recording_loses_half_a_second_and_no_finished_episode(tmp_path
         child.send_signal(signal.SIGKILL)
         child.communicate()
         assert len(Recording.read(data.episode(TASK, "00000"))) == 20
-        recovered = [Recording.read(path) for path in data.recover()]
+        recovered = [Recording.read(data.recover(partial)) for partial in data.partials()]
         assert not data.partials()
         assert all(rows.info.outcome and rows.info.outcome.cut for rows in recovered)
         assert all(len(rows) >= BATCH_ROWS - 1 for rows in recovered)

@@ -97,6 +97,17 @@ def test_videos_hold_every_frame_as_it_is_rendered(data: DataSet, exported: Path
     source.close()
 
 
+def test_a_look_changes_the_images_alone(data: DataSet, exported: Path, tmp_path: Path) -> None:
+    options = replace(SMALL, look="dark", cameras=("head",))
+    export_lerobot(data, tmp_path / "out", options, workers=0)
+    dark, usual = (ExportFolder(path).video("head", 0) for path in (tmp_path / "out", exported))
+    assert np.mean(frames(dark)) < 0.8 * np.mean(frames(usual))
+    one, two = columns(tmp_path / "out"), columns(exported)
+    assert all(np.array_equal(one[name], two[name]) for name in COLUMNS)
+    with pytest.raises(UnknownNameError, match="wood_table"):
+        replace(SMALL, look="wood_tabel")
+
+
 def test_delayed_pairing_shows_what_came_after_the_action(data: DataSet, tmp_path: Path) -> None:
     options = replace(SMALL, pairing=Pairing.DELAYED, cameras=())
     export_lerobot(data, tmp_path / "out", options, workers=0)
@@ -188,6 +199,7 @@ def test_a_lost_file_is_made_again(data: DataSet, exported: Path, tmp_path: Path
     ("options", "message"),
     [
         (replace(SMALL, size=(64, 64)), r"size: \[64, 64\], was \[32, 48\]"),
+        (replace(SMALL, look="dark"), "look: dark, was default"),
         (replace(SMALL, pairing=Pairing.DELAYED), "pairing: delayed, was causal"),
         (replace(SMALL, cameras=("head",)), "cameras"),
     ],

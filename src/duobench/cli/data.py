@@ -9,6 +9,7 @@ import tyro
 
 from duobench.cli.console import console, counted
 from duobench.cli.engine import load_engine
+from duobench.errors import DataError
 
 
 def verbs() -> None:
@@ -69,6 +70,33 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
     episodes = counted(len(source.episodes()), "episode")
     screen.print(f"{episodes}, {counted(len(problems), 'problem')}")
     if problems:
+        sys.exit(1)
+
+
+def recover(data: tyro.conf.Positional[Path]) -> None:
+    """Turn what killed recordings have left into episodes that say that they were cut.
+
+    Nobody may be recording into the data set.
+
+    Args:
+        data: Folder of the data set.
+    """
+    load_engine()
+    from duobench.data.dataset import DataSet
+    from duobench.files import locked
+
+    source = DataSet.open(data, create=False)
+    screen, lost = console(), 0
+    with locked(source.path):
+        for partial in source.partials():
+            try:
+                path = source.recover(partial)
+            except DataError as error:
+                lost += 1
+                screen.print(str(error), soft_wrap=True)
+            else:
+                screen.print(str(path), soft_wrap=True)
+    if lost:
         sys.exit(1)
 
 

@@ -22,6 +22,7 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     tasks: tuple[str, ...] = (),
     cameras: tuple[str, ...] = ("head", "left_wrist", "right_wrist"),
     size: tuple[int, int] = (224, 224),
+    look: str = "default",
     pairing: Literal["causal", "delayed"] = "causal",
     action: Literal["intended", "sent", "given"] = "intended",
     only_successes: bool = False,
@@ -37,6 +38,7 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         tasks: Ids of the tasks to export; all of the data set if none is named.
         cameras: Cameras whose images are exported; --cameras alone exports none.
         size: Height and width of the images in pixels, even numbers.
+        look: How the images look, such as wood_table or random:7; see docs/looks.md.
         pairing: Which observation stands with an action: the one before it (causal) or the one
             after it (delayed).
         action: Which numbers the actions are: joint targets as the actor wanted them (intended;
@@ -56,6 +58,7 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         tasks=tasks,
         cameras=cameras,
         size=size,
+        look=look,
         pairing=Pairing(pairing),
         action=ActionSource(action),
         only_successes=only_successes,

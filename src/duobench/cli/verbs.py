@@ -45,6 +45,7 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = MappingProxyType(
         "data": {
             "info": data.info,
             "check": data.check,
+            "recover": data.recover,
             "merge": data.merge,
             "split": data.split,
         },

@@ -157,20 +157,22 @@ class DataSet:
                 "its recording was killed. Recover or delete it first."
             ) from error
 
-    def recover(self) -> Iterator[Path]:
-        """Turn what killed recordings have left into episodes that say that they were cut.
+    def recover(self, partial: Path) -> Path:
+        """Turn what a killed recording has left into an episode that says that it was cut.
 
-        Nobody may be recording into the data set.
+        Nobody may be recording it.
 
-        Yields:
-            The file of each episode that was recovered.
+        Args:
+            partial: One of `partials`.
+
+        Returns:
+            The file of the episode.
 
         Raises:
-            DataError: Nothing of one can be read; the message names its file.
+            DataError: Nothing of it can be read; it is left as it is.
         """
-        for partial in self.partials():
-            path = partial.with_suffix(SUFFIX)
-            if not path.exists():  # else it was killed after the episode was written
-                stream.recover(partial).write(path)
-                yield path
-            partial.unlink()
+        path = partial.with_suffix(SUFFIX)
+        if not path.exists():  # else it was killed after the episode was written
+            stream.recover(partial).write(path)
+        partial.unlink()
+        return path

@@ -92,7 +92,7 @@ class EpisodeExporter:
         if self._images is None or key != self._key:
             self.close()
             self._images = ImageSource(
-                recording.info.task, cameras=options.cameras, size=options.size
+                recording.info.task, cameras=options.cameras, size=options.size, look=options.look
             )
             self._key = key
         for row in np.arange(len(recording)) + _offset(options):

@@ -8,6 +8,7 @@ from enum import StrEnum
 from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import DataError, UnknownNameError
 from duobench.scene.cameras import POLICY_CAMERAS, check_image_size
+from duobench.scene.looks import DEFAULT, as_look
 
 
 class Pairing(StrEnum):
@@ -42,6 +43,8 @@ class ExportOptions:
     """Cameras whose images are rendered."""
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers."""
+    look: str = DEFAULT
+    """How the images look: a name of `duobench.scene.looks.look`."""
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action."""
     action: ActionSource = ActionSource.INTENDED
@@ -55,6 +58,7 @@ class ExportOptions:
             if camera not in POLICY_CAMERAS:
                 raise UnknownNameError("camera", camera, POLICY_CAMERAS)
         check_image_size(*self.size)
+        as_look(self.look)
         if any(pixels % 2 for pixels in self.size):
             raise DataError(
                 "Height and width of images in a video are even numbers, got "
