@@ -32,8 +32,11 @@ def serve(
         key_file: File with the key that clients must have, in place of DUOBENCH_API_KEY.
     """
     from duobench.policy.batch import Batching
+    from duobench.policy.serving import importing
     from duobench.policy.serving.access import check_access, read_key
-    from duobench.policy.serving.host import PolicyHost, make_served
+
+    with importing():
+        from duobench.policy.serving.host import PolicyHost, make_served
 
     key = read_key(key_file)
     check_access(host, key)  # before the weights are loaded

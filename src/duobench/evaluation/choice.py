@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from duobench.errors import PolicyError, ServingError
+from duobench.errors import PolicyError
 from duobench.evaluation import policies
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.suite import TaskInfo
 from duobench.policy import Batching
+from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
 
 REMOTE = "openpi"
@@ -69,12 +70,8 @@ def find_source(
     choice.check()
     if choice.server is None:
         return policies.source(choice.name, tasks, choice.batching)
-    try:
+    with importing():
         from duobench.policy.serving.client import RemotePolicy
-    except ImportError as error:
-        raise ServingError(
-            f"Asking a server needs {error.name!r}: pip install 'duobench[serve]'."
-        ) from error
     answer_s = max(limits.act_s - _HEALTH_CHECK_S, limits.act_s / 2)
     remote = RemotePolicy(replace(choice.server, answer_s=answer_s))
     return PolicySource(

@@ -31,7 +31,6 @@ from duobench.errors import (
     DuoBenchError,
     EvaluationError,
     MachineryError,
-    ServingError,
     printable,
     traceback_text,
 )
@@ -40,6 +39,7 @@ from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingP
 from duobench.evaluation.limits import EpisodeClock, TimeLimits
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
+from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
 
 T = TypeVar("T")
@@ -344,12 +344,8 @@ def _host(
     source: PolicySource,
 ) -> None:
     """Serve a policy to other workers, on this machine and with a key that only they have."""
-    try:
+    with importing():
         from duobench.policy.serving.host import PolicyHost
-    except ImportError as error:
-        raise ServingError(
-            f"Answering several workers needs {error.name!r}: pip install 'duobench[serve]'."
-        ) from error
     if source.batch_policy is None or source.batching is None:
         raise AssertionError("Only a batch policy is hosted.")
     key = secrets.token_urlsafe(_KEY_BYTES)
