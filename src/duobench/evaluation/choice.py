@@ -16,8 +16,6 @@ from duobench.policy.serving.address import RemoteServer
 
 REMOTE = "openpi"
 """The name of a policy that somebody else serves, over openpi's protocol."""
-_HEALTH_CHECK_S = 10.0
-"""Seconds of a time limit that are kept to find out whether a server that is late still lives."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -72,8 +70,7 @@ def find_source(
         return policies.source(choice.name, tasks, choice.batching)
     with importing():
         from duobench.policy.serving.client import RemotePolicy
-    answer_s = max(limits.act_s - _HEALTH_CHECK_S, limits.act_s / 2)
-    remote = RemotePolicy(replace(choice.server, answer_s=answer_s))
+    remote = RemotePolicy(replace(choice.server, answer_s=limits.served_s))
     return PolicySource(
         name=choice.name,
         metadata=remote.metadata,

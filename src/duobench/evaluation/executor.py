@@ -42,6 +42,9 @@ SHUTDOWN_TIMEOUT_S = 10.0
 """How long workers may take to free everything before they are killed, in seconds."""
 HOST_DEATH_S = 0.5
 """How long after a lost connection the end of the policy's process may be seen, in seconds."""
+HANG_S = 1.0
+"""How long a hosted policy may be late, in seconds: until those whom it keeps waiting know it, and
+before those who asked later wait in vain."""
 TICK_S = 0.1
 """How often deaths and time limits are looked after, in seconds."""
 GRACE_S = 60.0
@@ -334,7 +337,7 @@ class ProcessExecutor:
         if host is None:
             return
         fault = host.death()
-        if fault is None and host.clock.answer_s() > self._limits.act_s:
+        if fault is None and host.clock.answer_s() > self._limits.served_s + HANG_S:
             fault = "the policy does not come back."
         if fault is None:
             return

@@ -19,6 +19,8 @@ T = TypeVar("T")
 
 _TIMES = struct.Struct("dd")
 _NO_FILE = -1
+_HEALTH_CHECK_S = 10.0
+"""Seconds of a time limit that are kept for looking after a server."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -37,6 +39,14 @@ class TimeLimits:
                 f"Time limits are positive, got {self.act_s} s for an answer and {self.episode_s} "
                 "s for an episode."
             )
+
+    @property
+    def served_s(self) -> float:
+        """Seconds for one answer of a served policy.
+
+        It is less than `act_s`: the rest is for finding out whether a late server still lives.
+        """
+        return max(self.act_s - _HEALTH_CHECK_S, self.act_s / 2)
 
     def late_answer(self) -> PolicyTimeoutError:
         """The error of a policy that takes too long to answer."""
