@@ -10,13 +10,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 LEROBOT_PYTHON ?= python3.12
 LEROBOT_VENV := .venv-lerobot
+OPENPI_VENV := .venv-openpi
 STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
 TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo test test-lerobot check format bench docs golden FORCE
+.PHONY: help setup setup-test demo test test-lerobot test-interop check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -33,6 +34,10 @@ test: check  ## Check format, lint and types, then run the tests.
 # An environment of its own, of several gigabytes, with the versions that LeRobot asks for.
 test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policies, its programs.
 	HF_HUB_OFFLINE=1 OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m pytest -W default tests/lerobot
+
+# openpi-client asks for an older NumPy than DuoBench does.
+test-interop: setup-test $(OPENPI_VENV)/.installed  ## Test the server with openpi's own client.
+	DUOBENCH_OPENPI_PYTHON=$(OPENPI_VENV)/bin/python $(BIN)/python -m pytest tests/interop
 
 check: setup-test  ## Check format, lint and types.
 	$(BIN)/ruff format --check .
@@ -85,6 +90,12 @@ $(LEROBOT_VENV)/.installed: pyproject.toml lerobot_env_duobench/pyproject.toml
 	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
 	$(LEROBOT_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[lerobot]' \
 		-e lerobot_env_duobench 'lerobot[diffusion,smolvla,xvla]' 'duckdb>=1' 'polars>=1' 'pytest>=9'
+	@touch $@
+
+$(OPENPI_VENV)/.installed:
+	$(PYTHON) -m venv $(OPENPI_VENV)
+	$(OPENPI_VENV)/bin/python -m pip install --disable-pip-version-check \
+		openpi-client==0.1.2 typing_extensions
 	@touch $@
 
 # Their types are those of the installed version, which only the two files above can change.

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks import environments, images, imports
+from benchmarks import environments, images, imports, serving
 from benchmarks.measure import Measurement
 from duobench.sim import rendering
 from duobench.tasks import catalog
@@ -24,15 +24,19 @@ PER_TASK: Mapping[str, Callable[[str], Iterator[Measurement]]] = {
     "steps": environments.measure_steps,
     "images": images.measure,
 }
-KINDS = ("imports", *PER_TASK)
+ONCE: Mapping[str, Callable[[], Iterator[Measurement]]] = {
+    "imports": imports.measure,
+    "serving": serving.measure,
+}
+KINDS = (*ONCE, *PER_TASK)
 WIDTH = 100
 
 
 def measurements(kinds: Sequence[str], tasks: Sequence[str]) -> Iterator[Measurement]:
     """Measure the named kinds, one after another."""
     for kind in kinds:
-        if kind == "imports":
-            yield from imports.measure()
+        if kind in ONCE:
+            yield from ONCE[kind]()
         else:
             for task in tasks:
                 yield from PER_TASK[kind](task)

@@ -61,8 +61,8 @@ class Job:
 
     task: str
     policy: str
-    split: str
     seeds: tuple[int, ...]
+    split: str = EVAL
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -22,10 +22,10 @@ SURFACE = {
         SimEnv StateError TaskStages TimeLimit base_of env_id make make_env register sim_of
     """,
     "duobench.evaluation": """
-        Attempt Episode EpisodeRecord Executor ExpertPolicy LocalExecutor Observer PolicySource
-        ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo TaskResult TimeLimits
-        VideoRecorder Watcher evaluate find_tasks read_results record rollout source summarize
-        wilson_interval write_report
+        Attempt Episode EpisodeRecord Executor ExpertPolicy LocalExecutor Observer PolicyChoice
+        PolicySource ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo TaskResult
+        TimeLimits VideoRecorder Watcher evaluate find_tasks read_results record rollout source
+        summarize wilson_interval write_report
     """,
     "duobench.objects": """
         BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Prop RED
@@ -33,7 +33,8 @@ SURFACE = {
         hull images_of long_block mass_properties mesh_of printable prism ring_wall sphere
     """,
     "duobench.policy": """
-        BASELINES HoldPolicy Policy PolicyMetadata RandomPolicy ZeroPolicy as_chunk check_fits make
+        BASELINES BatchPolicy Batching HoldPolicy Policy PolicyMetadata RandomPolicy Session
+        SessionPolicy ZeroPolicy as_chunk check_fits make noise
     """,
     "duobench.tasks": """
         ANY_YAW BoxRegion Carriage Category Choice CylinderRegion Handover Hole Joining Layout
@@ -51,12 +52,14 @@ import sys
 for name in ("gymnasium", "mujoco", "msgspec", "trimesh", "manifold3d", "mink"):
     sys.modules[name] = None  # as where it is not installed
 import numpy as np
-from duobench.policy import PolicyMetadata, as_chunk, make
+from duobench.policy import Batching, PolicyMetadata, as_chunk, make
 observation = {"agent_pos": np.zeros(16, dtype=np.float32)}
 for name in ("hold", "random", "zero"):
     policy = make(name)
     policy.reset("Do it.", seed=0)
     print(as_chunk(policy.act(observation)).shape)
+from duobench.policy.serving.host import make_served  # with websockets and msgpack
+make_served("hold", Batching())
 """
 
 

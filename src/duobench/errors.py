@@ -79,6 +79,14 @@ class PolicyTimeoutError(PolicyError):
     """A policy took longer than its time limit."""
 
 
+class ServingError(DuoBenchError):
+    """A policy cannot be served as asked, or a server cannot be asked as told."""
+
+
+class MessageError(ServingError):
+    """A message from or to the other side cannot be read or sent."""
+
+
 class DataError(DuoBenchError):
     """A recording or a data set cannot be read, or does not fit."""
 

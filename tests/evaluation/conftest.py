@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.metrics import Results
@@ -63,9 +64,14 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Play:
     marks.mkdir()
     monkeypatch.setenv(toy_tasks.MARKS, str(marks))
 
-    def run(policy: str, name: str = "run", **arguments: Any) -> tuple[RunFolder, Results]:
+    def run(
+        policy: str | PolicyChoice, name: str = "run", **arguments: Any
+    ) -> tuple[RunFolder, Results]:
         folder = RunFolder(tmp_path / name)
-        if getattr(getattr(toy_tasks, policy, None), "__module__", None) == toy_tasks.__name__:
+        if (
+            isinstance(policy, str)
+            and getattr(getattr(toy_tasks, policy, None), "__module__", None) == toy_tasks.__name__
+        ):
             policy = f"{toy_tasks.__name__}:{policy}"
         suite = {key: arguments.pop(key) for key in SUITE if key in arguments}
         arguments = {"workers": 0} | arguments

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Literal
 
+from duobench.cli.choice import chosen
 from duobench.cli.console import console, counted
 from duobench.cli.engine import load_engine
 from duobench.cli.interrupt import raising
@@ -22,6 +24,13 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     act_timeout: float = 120.0,
     episode_timeout: float = 1800.0,
     retry_broken: bool = False,
+    batch: Literal["fixed", "dynamic"] | None = None,
+    max_batch: int | None = None,
+    server: str | None = None,
+    layout: str | None = None,
+    execute: int = 30,
+    wait: float = 60.0,
+    key_file: Path | None = None,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
@@ -30,8 +39,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
 
     Args:
         policy: expert (also expert:human or expert:wide, which vary what it does), hold, random,
-            zero, lerobot:PATH_OR_ID for a checkpoint of LeRobot, or module:attribute for a policy
-            of your own.
+            zero, lerobot:PATH_OR_ID for a checkpoint of LeRobot, module:attribute for a policy of
+            your own, or openpi for one that is served.
         out: Folder of the run.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.
@@ -45,6 +54,15 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
         episode_timeout: Seconds that an episode may take.
         retry_broken: Play the episodes again that broke off in an earlier call.
+        batch: For a policy of your own that answers many episodes at a time: fixed fills every
+            batch up, so that results do not depend on the workers; dynamic takes what waits, which
+            is faster. Fixed if not given.
+        max_batch: Observations that such a policy answers together, at most; 8 if not given.
+        server: Address of --policy openpi, such as ws://127.0.0.1:8000.
+        layout: How a server that is not of DuoBench is asked: aloha, droid, libero, or FILE.toml.
+        execute: Actions of a chunk of a served policy that are executed before it is asked again.
+        wait: Seconds to wait for a server that is not there.
+        key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
     """
     load_engine()
     from duobench.cli.advice import for_evaluation
@@ -53,10 +71,18 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     from duobench.evaluation.evaluate import evaluate as play
     from duobench.evaluation.folder import RunFolder
     from duobench.evaluation.limits import TimeLimits
-    from duobench.evaluation.policies import check_name
     from duobench.evaluation.suite import Suite, find_tasks
 
-    check_name(policy)
+    choice = chosen(
+        policy,
+        batch=batch,
+        max_batch=max_batch,
+        server=server,
+        layout=layout,
+        execute=execute,
+        wait=wait,
+        key_file=key_file,
+    )
     suite = Suite(
         tasks=find_tasks(tasks), episodes=episodes, first_episode=first_episode, look=look
     )
@@ -66,7 +92,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     try:
         with for_evaluation(folder), raising(), progress_display(screen) as display:
             results = play(
-                policy,
+                choice,
                 suite,
                 folder,
                 videos=videos,

@@ -52,6 +52,18 @@ def raising() -> Iterator[None]:
 
 
 @contextmanager
+def stopping(stop: Callable[[], None]) -> Iterator[None]:
+    """Let Ctrl-C, or a request to terminate, call `stop` in the block; the second one leaves."""
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        signal.signal(number, leave)
+        stop()
+
+    with _answered_by(handle, signal.SIGINT), _answered_by(handle, signal.SIGTERM):
+        yield
+
+
+@contextmanager
 def _answered_by(
     handler: Callable[[int, FrameType | None], object], number: signal.Signals
 ) -> Iterator[None]:

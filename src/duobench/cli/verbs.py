@@ -18,6 +18,7 @@ from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.replay import replay
 from duobench.cli.report import report
+from duobench.cli.serve import serve
 from duobench.cli.train import train
 
 DESCRIPTION = (
@@ -34,6 +35,7 @@ VERBS: Mapping[str, Callable[..., None]] = MappingProxyType(
         "replay": replay,
         "list": list_tasks,
         "render": render,
+        "serve": serve,
         "data": data.verbs,
         "export": export.verbs,
         "train": train,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
+    from duobench.evaluation.choice import PolicyChoice
     from duobench.evaluation.demonstrations import Attempt, record
     from duobench.evaluation.evaluate import Observer, evaluate
     from duobench.evaluation.executor import Executor, LocalExecutor, ProcessExecutor
@@ -30,6 +31,7 @@ __all__ = [
     "ExpertPolicy",
     "LocalExecutor",
     "Observer",
+    "PolicyChoice",
     "PolicySource",
     "ProcessExecutor",
     "Results",

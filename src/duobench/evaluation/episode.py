@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import random
 import time
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -24,8 +23,8 @@ from duobench.errors import (
     printable,
     traceback_text,
 )
-from duobench.evaluation import policies
 from duobench.evaluation.limits import EpisodeClock, TimedPolicy, TimeLimits
+from duobench.evaluation.policies import PolicySource, is_expert
 from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
@@ -86,13 +85,21 @@ def config_for(metadata: PolicyMetadata, look: str = DEFAULT) -> EnvConfig:
     )
 
 
+def _inference(source: PolicySource) -> str | None:
+    """How a policy infers, for people: what its numbers may depend on beside its version."""
+    metadata, batching = source.metadata, source.batching
+    parts = [f"{batching.mode} batches of {batching.size}"] if batching else []
+    parts += [part for part in (metadata.dtype, metadata.device) if part]
+    parts += [] if metadata.seeded else ["noise not controlled"]
+    return ", ".join(parts) or None
+
+
 class EpisodeRunner:
     """Plays episodes with one policy, one after the other."""
 
     def __init__(
         self,
-        policy: str,
-        tasks: Sequence[TaskInfo],
+        source: PolicySource,
         limits: TimeLimits,
         clock: EpisodeClock | None = None,
         *,
@@ -100,11 +107,10 @@ class EpisodeRunner:
         recording: RecordingPlan | None = None,
         is_interruptible: bool = True,
     ) -> None:
-        """Make the policy; environments are made when they are needed.
+        """Take a policy; environments are made when they are needed.
 
         Args:
-            policy: Name of the policy.
-            tasks: What it may have to play.
+            source: The policy, which belongs to the runner from now on.
             limits: How long it may take.
             clock: Where its times are noted, for another process.
             look: Name of the look of every image, videos included.
@@ -112,9 +118,9 @@ class EpisodeRunner:
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
 
         Raises:
-            DuoBenchError: If the policy cannot be made, or expects what no environment has.
+            DuoBenchError: If the policy expects what no environment has.
         """
-        self._source = policies.source(policy, tasks)
+        self._source = source
         self._limits = limits
         self._clock = clock or EpisodeClock()
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
@@ -130,7 +136,11 @@ class EpisodeRunner:
         self._recorder: Recorder | None = None
         renderer = describe().renderer if config.cameras else None
         self.setup = Setup(
-            policy=policy, metadata=metadata, config=config, versions=record_versions(renderer)
+            policy=source.name,
+            metadata=metadata,
+            config=config,
+            versions=record_versions(renderer) | {"inference": _inference(source)},
+            batching=source.batching,
         )
         """What plays; the same for every episode."""
 
@@ -214,9 +224,8 @@ class EpisodeRunner:
     def _recorded(self, env: gym.Env, plan: RecordingPlan) -> Recorder:
         """An environment that records what is played in it."""
         metadata = self.setup.metadata
-        is_expert = policies.is_expert(self.setup.policy)
         actor = Actor(
-            kind=ActorKind.EXPERT if is_expert else ActorKind.POLICY,
+            kind=ActorKind.EXPERT if is_expert(self.setup.policy) else ActorKind.POLICY,
             name=self.setup.policy,
             version=metadata.version,
         )

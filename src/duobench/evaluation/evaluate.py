@@ -10,12 +10,12 @@ from contextlib import closing, suppress
 from typing import Protocol
 
 from duobench.errors import EvaluationError, RenderingError
+from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.episode import RecordingPlan
 from duobench.evaluation.executor import Executor, LocalExecutor, ProcessExecutor
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.metrics import Results
-from duobench.evaluation.policies import check_name
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.report import write_report
 from duobench.evaluation.suite import Run, Suite
@@ -36,7 +36,7 @@ class Observer(Protocol):
 
 
 def evaluate(
-    policy: str,
+    policy: str | PolicyChoice,
     suite: Suite,
     folder: RunFolder,
     *,
@@ -52,7 +52,8 @@ def evaluate(
     on how often the run was stopped and started again.
 
     Args:
-        policy: `expert`, a baseline's name, or `module:attribute`.
+        policy: `expert`, a baseline's name, `module:attribute`, or a choice that also says how the
+            policy is asked.
         suite: What to play.
         folder: Where everything is written; a folder that holds the same run is continued.
         videos: How many episodes of each task, from the first on, have a video.
@@ -77,13 +78,14 @@ def evaluate(
     with folder.locked(), closing(executor):
         setup = executor.prepare()
         run = Run(
-            policy=policy,
+            policy=setup.policy,
             suite=suite,
             videos=videos,
             limits=limits,
             metadata=setup.metadata,
             config=setup.config,
             versions=package_versions(),
+            batching=setup.batching,
         )
         folder.begin(run)
         finished = folder.read_records(run)
@@ -112,7 +114,7 @@ def evaluate(
 
 
 def executor_for(
-    policy: str,
+    policy: str | PolicyChoice,
     suite: Suite,
     limits: TimeLimits,
     videos: int,
@@ -124,14 +126,15 @@ def executor_for(
         raise EvaluationError(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
-    check_name(policy)
+    choice = PolicyChoice.of(policy)
+    choice.check()
     if workers == 0:
-        return LocalExecutor(policy, suite.tasks, limits, suite.look, recording)
+        return LocalExecutor(choice, suite.tasks, limits, suite.look, recording)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if videos:
         rendering.prepare(processes=workers)
-    elif ":" in policy and workers > 1:
+    elif (":" in choice.name or choice.server) and workers > 1:
         with suppress(RenderingError):
             rendering.prepare(processes=workers)
-    return ProcessExecutor(policy, suite.tasks, limits, workers, suite.look, recording)
+    return ProcessExecutor(choice, suite.tasks, limits, workers, suite.look, recording)

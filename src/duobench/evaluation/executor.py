@@ -5,11 +5,15 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from multiprocessing.connection import wait
 from typing import Protocol
 
+import msgspec
+
 from duobench import errors
 from duobench.errors import EvaluationError, MachineryError, PolicyTimeoutError
+from duobench.evaluation.choice import PolicyChoice, find_source
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecorder
@@ -19,6 +23,7 @@ from duobench.evaluation.worker import (
     ClosedError,
     Faulty,
     Finished,
+    Hosting,
     Play,
     Ready,
     Rejected,
@@ -35,6 +40,11 @@ MAX_FAILED_STARTS = 3
 """Workers that die one after the other while they start, until the run gives up."""
 SHUTDOWN_TIMEOUT_S = 10.0
 """How long workers may take to free everything before they are killed, in seconds."""
+HOST_DEATH_S = 0.5
+"""How long after a lost connection the end of the policy's process may be seen, in seconds."""
+HANG_S = 1.0
+"""How long a hosted policy may be late, in seconds: until those whom it keeps waiting know it, and
+before those who asked later wait in vain."""
 TICK_S = 0.1
 """How often deaths and time limits are looked after, in seconds."""
 GRACE_S = 60.0
@@ -104,7 +114,7 @@ class LocalExecutor:
 
     def __init__(
         self,
-        policy: str,
+        policy: PolicyChoice,
         tasks: Sequence[TaskInfo],
         limits: TimeLimits,
         look: str = DEFAULT,
@@ -113,7 +123,7 @@ class LocalExecutor:
         """Remember what to play.
 
         Args:
-            policy: Name of the policy.
+            policy: The policy.
             tasks: The tasks of the suite.
             limits: How long the policy may take.
             look: Name of the look of the suite.
@@ -125,8 +135,10 @@ class LocalExecutor:
 
     def prepare(self) -> Setup:
         """Make the policy, and say what plays."""
+        policy, tasks, limits = self._arguments
         look, recording = self._options
-        self._runner = EpisodeRunner(*self._arguments, look=look, recording=recording)
+        source = find_source(policy, tasks, limits)
+        self._runner = EpisodeRunner(source, limits, look=look, recording=recording)
         return self._runner.setup
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
@@ -159,7 +171,7 @@ class ProcessExecutor:
 
     def __init__(
         self,
-        policy: str,
+        policy: PolicyChoice,
         tasks: Sequence[TaskInfo],
         limits: TimeLimits,
         workers: int,
@@ -169,7 +181,7 @@ class ProcessExecutor:
         """Remember what to play; processes are started when they are needed.
 
         Args:
-            policy: Name of the policy.
+            policy: The policy.
             tasks: The tasks of the suite.
             limits: How long the policy may take.
             workers: Most processes at a time.
@@ -181,6 +193,9 @@ class ProcessExecutor:
         )
         self._limits = limits
         self._most = workers
+        self._choice = policy
+        self._host: Worker | None = None
+        self._is_hosted = False
         self._workers: list[Worker] = []
         self._waiting: dict[str, deque[Episode]] = {}
         self._attempts = Attempts()
@@ -206,6 +221,8 @@ class ProcessExecutor:
 
     def close(self) -> None:
         """Let workers free what they hold, then end them and all that they have started."""
+        if self._host is not None:
+            self._workers.append(self._host)
         for worker in self._workers:
             worker.send(Stop())
         deadline = time.monotonic() + SHUTDOWN_TIMEOUT_S
@@ -225,6 +242,8 @@ class ProcessExecutor:
                 worker.send(Play(episode=worker.episode))
         starting = sum(not worker.is_ready for worker in self._workers)
         wanted = min(self._left() - starting, self._most - len(self._workers))
+        if self._is_hosted and self._host is None:  # the next one is to be the host
+            wanted = 1 - len(self._workers)
         self._workers.extend(Worker(self._begin) for _ in range(wanted))
 
     def _next(self, task: TaskInfo | None) -> Episode:
@@ -239,6 +258,7 @@ class ProcessExecutor:
 
     def _look(self) -> Iterator[EpisodeResult]:
         """Wait for news, a moment at most, and act on them."""
+        self._look_after_host()
         news = wait([worker.channel.socket for worker in self._workers], TICK_S)
         for worker in list(self._workers):
             death, fault = worker.death(), None
@@ -266,10 +286,19 @@ class ProcessExecutor:
                 self._setup = setup
                 self._failed_starts = 0
                 worker.is_ready = True
+            case Hosting(server=server):
+                self._workers.remove(worker)
+                self._host, self._is_hosted = worker, True
+                worker.is_ready = True
+                self._begin = msgspec.structs.replace(
+                    self._begin, policy=replace(self._choice, server=server)
+                )
             case Finished(result=result):
                 worker.episode = None
                 yield result
             case Faulty(fault=fault):
+                if self._host and (death := self._host.death_within(HOST_DEATH_S)):
+                    fault = f"of the policy, {death}"
                 self._replay(worker, fault)
             case Rejected(error=name, message=message):
                 kind = getattr(errors, name, EvaluationError)
@@ -287,13 +316,39 @@ class ProcessExecutor:
         self._workers.remove(worker)
         worker.kill()
         if not worker.is_ready:
-            self._failed_starts += 1
-            if self._failed_starts == MAX_FAILED_STARTS:
-                raise MachineryError(
-                    f"{MAX_FAILED_STARTS} workers in a row failed while they were starting, the "
-                    f"last one like this: {fault}"
-                )
+            self._note_failed_start(fault)
         self._replay(worker, fault)
+
+    def _note_failed_start(self, fault: str) -> None:
+        """Note that a process was of no use; too many in a row end the run."""
+        self._failed_starts += 1
+        if self._failed_starts == MAX_FAILED_STARTS:
+            raise MachineryError(
+                f"{MAX_FAILED_STARTS} workers in a row failed while they were starting, the "
+                f"last one like this: {fault}"
+            )
+
+    def _look_after_host(self) -> None:
+        """Replace the process of a policy that has died or hangs; what was played is played again.
+
+        Whoever waited too long for it has been told by then, which fails an episode.
+        """
+        host = self._host
+        if host is None:
+            return
+        fault = host.death()
+        if fault is None and host.clock.answer_s() > self._limits.served_s + HANG_S:
+            fault = "the policy does not come back."
+        if fault is None:
+            return
+        self._host = None
+        self._begin = msgspec.structs.replace(self._begin, policy=self._choice)
+        host.kill()
+        for worker in self._workers:
+            worker.kill()
+            self._replay(worker, f"of the policy, {fault}")
+        self._workers.clear()
+        self._note_failed_start(fault)
 
     def _check_time(self, worker: Worker) -> Iterator[EpisodeResult]:
         """Fail the episode of a policy that takes too long; its worker cannot be used again."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import mmap
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -18,6 +19,8 @@ T = TypeVar("T")
 
 _TIMES = struct.Struct("dd")
 _NO_FILE = -1
+_HEALTH_CHECK_S = 10.0
+"""Seconds of a time limit that are kept for looking after a server."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -36,6 +39,14 @@ class TimeLimits:
                 f"Time limits are positive, got {self.act_s} s for an answer and {self.episode_s} "
                 "s for an episode."
             )
+
+    @property
+    def served_s(self) -> float:
+        """Seconds for one answer of a served policy.
+
+        It is less than `act_s`: the rest is for finding out whether a late server still lives.
+        """
+        return max(self.act_s - _HEALTH_CHECK_S, self.act_s / 2)
 
     def late_answer(self) -> PolicyTimeoutError:
         """The error of a policy that takes too long to answer."""
@@ -86,6 +97,15 @@ class EpisodeClock:
     def end_answer(self) -> None:
         """The policy has answered."""
         _TIMES.pack_into(self._memory, 0, self._times()[0], 0.0)
+
+    @contextmanager
+    def answering(self) -> Iterator[None]:
+        """The policy thinks as long as the block lasts."""
+        self.start_answer()
+        try:
+            yield
+        finally:
+            self.end_answer()
 
     def episode_s(self) -> float:
         """Seconds since the episode began, 0 between episodes."""
@@ -145,13 +165,10 @@ class TimedPolicy:
         return self._timed(lambda: as_chunk(self._policy.act(observation), self._action_size))
 
     def _timed(self, call: Callable[[], T]) -> T:
-        self._clock.start_answer()
-        try:
+        with self._clock.answering():
             answer = call()
             if self._clock.answer_s() > self._limits.act_s:
                 raise self._limits.late_answer()
-        finally:
-            self._clock.end_answer()
         if self._clock.episode_s() > self._limits.episode_s:
             raise self._limits.late_episode()
         return answer

@@ -14,14 +14,20 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench import policy
 from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation.suite import TaskInfo
 from duobench.experts.registry import find_script, make_expert
 from duobench.experts.variety import NONE, VARIETIES, Variety, find_variety
-from duobench.policy import BASELINES, Policy, PolicyMetadata
-from duobench.policy.registry import source_version
+from duobench.policy import (
+    BASELINES,
+    Batching,
+    BatchPolicy,
+    Policy,
+    PolicyMetadata,
+    SessionPolicy,
+)
+from duobench.policy.registry import make_any, source_version, versioned_metadata
 
 EXPERT = "expert"
 """The name under which each task's scripted expert is a policy; `expert:NAME` has a variety."""
@@ -37,6 +43,12 @@ class PolicySource:
     """The policy for an environment."""
     close: Callable[[], None]
     """Frees what the policy holds."""
+    name: str
+    """Name under which it was asked for."""
+    batching: Batching | None = None
+    """How many observations it answers together; None if that is one, or nobody knows."""
+    batch_policy: BatchPolicy | None = None
+    """The policy itself, if it answers many episodes at a time."""
 
 
 class ExpertPolicy:
@@ -109,13 +121,16 @@ def check_name(name: str) -> None:
         raise UnknownNameError("policy", name, known)
 
 
-def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
+def source(
+    name: str, tasks: Sequence[TaskInfo] = (), batching: Batching | None = None
+) -> PolicySource:
     """Look a policy up.
 
     Args:
         name: `expert`, `expert:VARIETY`, a baseline's name, `lerobot:PATH_OR_ID`, or
             `module:attribute`.
         tasks: What it will play; an expert's version is that of the scripts of these tasks.
+        batching: How many observations a `BatchPolicy` answers together; None takes the default.
 
     Raises:
         UnknownNameError: If there is none of that name, or no such variety.
@@ -124,17 +139,35 @@ def source(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
     """
     check_name(name)
     if is_expert(name):
+        _check_no_batches(name, batching)
         variety = _variety(name)
         modules = {find_script(task.reference).__module__ for task in tasks}
         if variety is not NONE:
             modules.add(Variety.__module__)
         metadata = replace(_expert_metadata(variety), version=source_version(*modules))
         bind = partial(ExpertPolicy, variety=variety)
-        return PolicySource(metadata=metadata, bind=bind, close=lambda: None)
-    made = policy.make(name)
-    metadata = made.metadata
-    if metadata.version is None:
-        modules = [name.partition(":")[0]] if ":" in name else []
-        metadata = replace(metadata, version=source_version(*modules, type(made).__module__))
+        return PolicySource(name=name, metadata=metadata, bind=bind, close=lambda: None)
+    made = make_any(name)
+    metadata = versioned_metadata(name, made)
     close = getattr(made, "close", lambda: None)
-    return PolicySource(metadata=metadata, bind=lambda _env: made, close=close)
+    if not isinstance(made, BatchPolicy):
+        _check_no_batches(name, batching)
+        return PolicySource(name=name, metadata=metadata, bind=lambda _env: made, close=close)
+    batching = batching or Batching()
+    alone = SessionPolicy(made, batching)
+    return PolicySource(
+        name=name,
+        metadata=metadata,
+        bind=lambda _env: alone,
+        close=close,
+        batching=batching,
+        batch_policy=made,
+    )
+
+
+def _check_no_batches(name: str, batching: Batching | None) -> None:
+    if batching is not None:
+        raise PolicyError(
+            f"{name} answers one observation at a time, so there are no batches of it. With "
+            "`begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
+        )

@@ -14,7 +14,7 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
 from duobench.files import decode, encode
-from duobench.policy import PolicyMetadata
+from duobench.policy import Batching, PolicyMetadata
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed
 from duobench.scene import looks
 from duobench.tasks import catalog
@@ -160,7 +160,9 @@ class Setup:
     config: EnvConfig
     """Configuration of the environments that it acts in."""
     versions: dict[str, str | None]
-    """What `record_versions` gave."""
+    """What `record_versions` gave, and how the policy infers."""
+    batching: Batching | None = None
+    """How many observations the policy answers together, if that is known."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -181,6 +183,8 @@ class Run:
     """Configuration of the environments."""
     versions: dict[str, str]
     """Versions of the packages that scores depend on."""
+    batching: Batching | None = None
+    """How many observations the policy answers together, if that is known."""
 
     def __post_init__(self) -> None:
         """Reject an impossible number of videos."""
@@ -203,6 +207,10 @@ class Run:
         words += ["--tasks", *(task.reference for task in suite.tasks)]
         words += ["--episodes", str(suite.episodes), "--first-episode", str(suite.first_episode)]
         words += ["--videos", str(self.videos)]
+        if self.policy == "openpi":
+            words += ["--server", "URL"]
+        elif self.batching is not None:
+            words += ["--batch", self.batching.mode, "--max-batch", str(self.batching.size)]
         if suite.look != looks.DEFAULT:
             words += ["--look", suite.look]
         if limits != TimeLimits():
@@ -250,6 +258,7 @@ class Run:
             "videos": self.videos,
             **_fields("time limit", self.limits),
             **_fields("policy's", self.metadata),
+            "batches": self.batching,
             **_fields("environment's", self.config),
             **{f"version of {name}": value for name, value in self.versions.items()},
         }

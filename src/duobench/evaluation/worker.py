@@ -11,6 +11,7 @@ import atexit
 import json
 import os
 import queue
+import secrets
 import signal
 import socket
 import struct
@@ -33,15 +34,23 @@ from duobench.errors import (
     printable,
     traceback_text,
 )
+from duobench.evaluation.choice import PolicyChoice, find_source
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
 from duobench.evaluation.limits import EpisodeClock, TimeLimits
+from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
+from duobench.policy.serving import importing
+from duobench.policy.serving.address import RemoteServer
 
 T = TypeVar("T")
 
 _LENGTH = struct.Struct("!Q")
 _PIECE = 1 << 20
 _LONGEST = 1 << 30
+_KEY_BYTES = 32
+"""Random bytes of the key of a hosted policy."""
+_HOST_WAIT_S = 5.0
+"""Seconds to wait for a host that has said that it listens."""
 LOOK_S = 1.0
 """How often a worker looks whether its parent still lives, in seconds."""
 DEATH_S = 10.0
@@ -55,7 +64,7 @@ _START = (
 class Begin(msgspec.Struct, tag=True, frozen=True):
     """To a worker: make the policy."""
 
-    policy: str
+    policy: PolicyChoice
     tasks: tuple[TaskInfo, ...]
     limits: TimeLimits
     look: str
@@ -76,6 +85,12 @@ class Ready(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the policy is made."""
 
     setup: Setup
+
+
+class Hosting(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the policy answers many episodes; this worker serves it, and plays none."""
+
+    server: RemoteServer
 
 
 class Finished(msgspec.Struct, tag=True, frozen=True):
@@ -99,7 +114,7 @@ class Rejected(msgspec.Struct, tag=True, frozen=True):
 
 
 Order = Begin | Play | Stop
-Report = Ready | Finished | Faulty | Rejected
+Report = Ready | Hosting | Finished | Faulty | Rejected
 
 
 class ClosedError(Exception):
@@ -235,12 +250,16 @@ class Worker:
             return f"its process was ended by {signal.Signals(end.si_status).name}."
         return f"its process was ended by signal {end.si_status}."
 
-    def last_words(self) -> str:
-        """Why it has closed the connection; its death may take a moment to be seen."""
-        deadline = time.monotonic() + LOOK_S
+    def death_within(self, seconds: float) -> str | None:
+        """How the process ended, in words, where it may take a moment to be seen."""
+        deadline = time.monotonic() + seconds
         while (death := self.death()) is None and time.monotonic() < deadline:
-            time.sleep(LOOK_S / 100)
-        return death or "its process closed the connection."
+            time.sleep(seconds / 100)
+        return death
+
+    def last_words(self) -> str:
+        """Why it has closed the connection."""
+        return self.death_within(LOOK_S) or "its process closed the connection."
 
     def kill(self) -> None:
         """End the process and all of its group."""
@@ -296,9 +315,12 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
     begin = orders.get()
     if not isinstance(begin, Begin):
         return
+    source = find_source(begin.policy, begin.tasks, begin.limits)
+    if source.batch_policy is not None:
+        _host(channel, orders, clock, source)
+        return
     runner = EpisodeRunner(
-        begin.policy,
-        begin.tasks,
+        source,
         begin.limits,
         clock,
         look=begin.look,
@@ -313,6 +335,27 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
             report = Faulty(fault=printable(str(fault)))
         _report(channel, report)
     runner.close()
+
+
+def _host(
+    channel: Channel[Order],
+    orders: queue.SimpleQueue[Order],
+    clock: EpisodeClock,
+    source: PolicySource,
+) -> None:
+    """Serve a policy to other workers, on this machine and with a key that only they have."""
+    with importing():
+        from duobench.policy.serving.host import PolicyHost
+    if source.batch_policy is None or source.batching is None:
+        raise AssertionError("Only a batch policy is hosted.")
+    key = secrets.token_urlsafe(_KEY_BYTES)
+    host = PolicyHost(
+        source.batch_policy, source.metadata, source.batching, key=key, busy=clock.answering
+    )
+    threading.Thread(target=lambda: (orders.get(), host.stop()), daemon=True).start()
+    url = f"ws://127.0.0.1:{host.port}"
+    _report(channel, Hosting(server=RemoteServer(url=url, key=key, wait_s=_HOST_WAIT_S)))
+    host.run()
 
 
 def _report(channel: Channel[Order], report: Report) -> None:

@@ -31,6 +31,16 @@ class PolicyMetadata:
     version: str | None = None
     """What changes when the policy does, such as the hash of its checkpoint; a run goes on only
     with the version it began with. An evaluation takes the hash of the module's source for None."""
+    horizon: int | None = None
+    """Actions of one chunk; None if that varies, or nobody knows."""
+    seeded: bool = True
+    """Whether everything that the policy draws follows from the seed of the episode."""
+    batch_invariant: bool = False
+    """Whether an answer has the same bits however many observations are answered with it."""
+    dtype: str | None = None
+    """Numbers that the model computes in, such as "bfloat16"."""
+    device: str | None = None
+    """What the model runs on, such as "cuda" or "cpu"."""
 
     def __post_init__(self) -> None:
         """Reject values that no environment could meet; NumPy's whole numbers become Python's."""
@@ -41,8 +51,11 @@ class PolicyMetadata:
             raise PolicyError(f"A control rate is positive, got {self.control_rate_hz} Hz.")
         if self.image_size is not None:
             object.__setattr__(self, "image_size", _checked_size(self.image_size))
-        if self.version is not None and not isinstance(self.version, str):
-            raise PolicyError(f"The version of a policy is text, got {self.version!r}.")
+        for name in ("version", "dtype", "device"):
+            if not isinstance(value := getattr(self, name), str | None):
+                raise PolicyError(f"The {name} of a policy is text, got {value!r}.")
+        if self.horizon is not None and not self.horizon >= 1:
+            raise PolicyError(f"A horizon is at least 1 action, got {self.horizon!r}.")
 
 
 def _checked_size(size: Iterable[Any]) -> tuple[int, int]:
@@ -91,12 +104,12 @@ class Policy(Protocol):
         ...
 
 
-def as_chunk(actions: ArrayLike, width: int = FLAT_SIZE) -> NDArray[np.float32]:
+def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.float32]:
     """The actions that a policy returned, as a checked array.
 
     Args:
         actions: What `Policy.act` returned.
-        width: Numbers of one action.
+        width: Numbers of one action; None takes any.
 
     Returns:
         Array (H, width) of float32, as every action space has it, with H at least 1: what is
@@ -110,9 +123,10 @@ def as_chunk(actions: ArrayLike, width: int = FLAT_SIZE) -> NDArray[np.float32]:
             chunk = real_array(actions, np.float32)
     except (TypeError, ValueError) as error:
         raise PolicyError(f"A policy returns an array of numbers, got {actions!r}.") from error
-    if chunk.ndim != 2 or chunk.shape[0] < 1 or chunk.shape[1] != width:  # noqa: PLR2004 - (H, n)
+    expected = "n" if width is None else width
+    if chunk.ndim != 2 or chunk.shape[0] < 1 or width not in (None, chunk.shape[1]):  # noqa: PLR2004 - (H, n)
         raise PolicyError(
-            f"A policy returns a chunk of actions of shape (H, {width}) with H at least 1, got "
+            f"A policy returns a chunk of actions of shape (H, {expected}) with H at least 1, got "
             f"{chunk.shape}. A single action is a chunk of one: actions[None, :]."
         )
     if not np.isfinite(chunk).all():

@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
 from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
+from duobench.policy.batch import Batching, BatchPolicy, SessionPolicy
 from duobench.policy.lerobot.address import SCHEME as LEROBOT
 from duobench.policy.protocol import Policy, PolicyMetadata
 from duobench.references import load
@@ -22,12 +24,12 @@ BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
 
 
 def make(name: str) -> Policy:
-    """Make a policy.
+    """Make a policy that plays one episode at a time.
 
     Args:
         name: A baseline's name; `lerobot:PATH_OR_ID`, a checkpoint of LeRobot, see
             `duobench.policy.lerobot.address`; or `module:attribute` where the attribute is a class
-            or a function that gives a policy when called without arguments.
+            or a function that gives a `Policy` or a `BatchPolicy` when called without arguments.
 
     Returns:
         A policy that has not been reset yet.
@@ -36,6 +38,12 @@ def make(name: str) -> Policy:
         UnknownNameError: If there is no baseline of that name.
         PolicyError: If the module or its attribute is missing, raises, or gives something else.
     """
+    made = make_any(name)
+    return SessionPolicy(made, Batching()) if isinstance(made, BatchPolicy) else made
+
+
+def make_any(name: str) -> Policy | BatchPolicy:
+    """Make a policy of either kind, as it is; arguments and errors are those of `make`."""
     if ":" in name:
         policy = _made(name)
     elif name in BASELINES:
@@ -44,12 +52,29 @@ def make(name: str) -> Policy:
         raise UnknownNameError(
             "policy", name, [*BASELINES, "lerobot:PATH_OR_ID", "module:attribute"]
         )
-    if not isinstance(policy, Policy) or not isinstance(policy.metadata, PolicyMetadata):
+    is_one = isinstance(policy, Policy | BatchPolicy)
+    if not is_one or not isinstance(policy.metadata, PolicyMetadata):
         raise PolicyError(
             f"{name} gave a {type(policy).__name__}, which is no policy. A policy has `metadata` "
-            "(a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and `act(observation)`."
+            "(a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
+            "`act(observation)`, or `begin(instruction, seed)` and "
+            "`act_batch(sessions, observations)` for many episodes at a time."
         )
     return policy
+
+
+def versioned_metadata(name: str, policy: Policy | BatchPolicy) -> PolicyMetadata:
+    """What a policy says about itself, with the hash of its source where it has no version.
+
+    Args:
+        name: Name that it was made by.
+        policy: The policy.
+    """
+    if policy.metadata.version is not None:
+        return policy.metadata
+    modules = [name.partition(":")[0]] if ":" in name else []
+    version = source_version(*modules, type(policy).__module__)
+    return replace(policy.metadata, version=version)
 
 
 def source_version(*modules: str) -> str | None:

@@ -1,0 +1,80 @@
+"""Which policy plays, and how it is asked: by itself, in batches, or at a server."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from duobench.errors import PolicyError
+from duobench.evaluation import policies
+from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.policies import PolicySource
+from duobench.evaluation.suite import TaskInfo
+from duobench.policy import Batching
+from duobench.policy.serving import importing
+from duobench.policy.serving.address import RemoteServer
+
+REMOTE = "openpi"
+"""The name of a policy that somebody else serves, over openpi's protocol."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyChoice:
+    """A policy by its name, and how it is asked."""
+
+    name: str
+    """`expert`, a baseline's name, `module:attribute`, or `openpi` for one at a server."""
+    batching: Batching | None = None
+    """How many observations a `BatchPolicy` answers together; None takes the default."""
+    server: RemoteServer | None = None
+    """Where it is served."""
+
+    @staticmethod
+    def of(policy: str | PolicyChoice) -> PolicyChoice:
+        """A choice from what may be a name only."""
+        return PolicyChoice(name=policy) if isinstance(policy, str) else policy
+
+    def check(self) -> None:
+        """Reject what cannot be chosen, without making a policy.
+
+        Raises:
+            UnknownNameError: If there is no policy of that name.
+            PolicyError: If the name is no text, or does not go with the rest.
+        """
+        if self.name != REMOTE:
+            policies.check_name(self.name)
+        elif self.server is None:
+            raise PolicyError(f"The policy {REMOTE!r} is served somewhere: it needs an address.")
+        elif self.batching is not None:
+            raise PolicyError("How many observations are answered together is up to the server.")
+
+
+def find_source(
+    choice: PolicyChoice, tasks: Sequence[TaskInfo], limits: TimeLimits
+) -> PolicySource:
+    """Make the policy of a choice, or connect to it.
+
+    Args:
+        choice: What was chosen.
+        tasks: What it will play.
+        limits: How long it may take; a server gets a little less.
+
+    Raises:
+        UnknownNameError: If there is no policy of that name.
+        PolicyError: If it cannot be made.
+        ServingError: If the server cannot be asked.
+        MachineryError: If there is no server.
+    """
+    choice.check()
+    if choice.server is None:
+        return policies.source(choice.name, tasks, choice.batching)
+    with importing():
+        from duobench.policy.serving.client import RemotePolicy
+    remote = RemotePolicy(replace(choice.server, answer_s=limits.served_s))
+    return PolicySource(
+        name=choice.name,
+        metadata=remote.metadata,
+        bind=lambda _env: remote,
+        close=remote.close,
+        batching=remote.batching,
+    )

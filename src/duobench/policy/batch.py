@@ -1,0 +1,208 @@
+"""Policies that answer many episodes at a time: the state of an episode is not in the policy."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from duobench.errors import PolicyError
+from duobench.policy.protocol import PolicyMetadata, as_chunk
+
+Observation = Mapping[str, Any]
+Chunk = NDArray[np.float32]
+BatchMode = Literal["fixed", "dynamic"]
+
+MAX_BATCH = 8
+"""Observations that are answered together, at most."""
+_NOISE_STREAM = 0x6E6F697365
+"""Separates a policy's noise from everything else that is drawn with the same seed."""
+_PADDING_SEED = 0
+"""Seed of the sessions that fill a batch up; nobody sees what they draw."""
+
+
+@dataclass(kw_only=True, slots=True)
+class Session:
+    """One episode of a policy; a subclass adds what else the policy remembers of it."""
+
+    instruction: str
+    """What to do, in words."""
+    seed: int
+    """Seed of the episode."""
+    call: int = 0
+    """Answers that were given in it; whoever calls `act_batch` counts them, not the policy."""
+
+
+def noise(seed: int, call: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Standard normal noise for one answer: a pure function of its arguments.
+
+    Neither the other episodes of a batch, nor the order in which observations arrive, nor a
+    repeated request changes it.
+
+    Args:
+        seed: Seed of the episode.
+        call: Number of the answer within the episode, from 0: `Session.call`.
+        shape: Shape of the noise.
+    """
+    generator = np.random.default_rng((_NOISE_STREAM, seed, call))
+    return generator.standard_normal(shape, dtype=np.float32)
+
+
+@runtime_checkable
+class BatchPolicy(Protocol):
+    """A policy that answers the observations of several episodes with one call of its model.
+
+    All of its methods are called from one thread. It may also have `end(session)`, called once
+    nobody will ask for a session any more, and `close()`.
+    """
+
+    @property
+    def metadata(self) -> PolicyMetadata:
+        """What the policy expects of the environment."""
+        ...
+
+    def begin(self, instruction: str, seed: int) -> Session:
+        """Begin an episode, beside those that are under way.
+
+        Args:
+            instruction: What to do, in words.
+            seed: Seed of the episode; whatever is drawn in it follows from seed and `call`.
+
+        Returns:
+            All that is remembered of the episode; small.
+        """
+        ...
+
+    def act_batch(
+        self, sessions: Sequence[Any], observations: Sequence[Any]
+    ) -> Sequence[ArrayLike] | NDArray[Any]:
+        """Decide on the next actions in each episode.
+
+        Args:
+            sessions: What `begin` returned, one for each observation. A session is changed only
+                when nothing can fail any more: after an error, each is asked again by itself.
+            observations: As in `Policy.act`, one for each session.
+
+        Returns:
+            One chunk of actions (H, n) for each session, in their order.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Batching:
+    """How many observations are answered together."""
+
+    mode: BatchMode = "fixed"
+    """ "fixed" fills every batch up to `size`, so that an answer does not depend on how many others
+    were waiting; "dynamic" takes what is there, which is faster."""
+    size: int = MAX_BATCH
+    """Most observations in a batch."""
+
+    def __post_init__(self) -> None:
+        """Reject other modes and sizes."""
+        if self.mode not in get_args(BatchMode):
+            raise PolicyError(f"A batch is 'fixed' or 'dynamic', got {self.mode!r}.")
+        if self.size < 1:
+            raise PolicyError(f"A batch has at least one observation, got {self.size}.")
+
+
+def answer(
+    policy: BatchPolicy,
+    sessions: Sequence[Session],
+    observations: Sequence[Observation],
+    batching: Batching,
+) -> list[Chunk]:
+    """Have a policy answer, and count the answers.
+
+    Args:
+        policy: The policy.
+        sessions: At least one and at most `batching.size` sessions.
+        observations: One for each; the policy gets copies, which it may change.
+        batching: A fixed batch is filled up with the first observation in sessions of its own.
+
+    Returns:
+        One chunk (H, n) for each session.
+
+    Raises:
+        PolicyError: If it does not return one chunk of finite numbers for each session.
+    """
+    missing = batching.size - len(sessions) if batching.mode == "fixed" else 0
+    padding = [begin(policy, sessions[0].instruction, _PADDING_SEED) for _ in range(missing)]
+    shown = [*observations, *[observations[0]] * missing]
+    seen = [copy.deepcopy(dict(observation)) for observation in shown]
+    chunks = policy.act_batch([*sessions, *padding], seen)
+    count = len(sessions) + missing
+    if len(chunks) != count:
+        raise PolicyError(f"A policy was asked for {count} chunks and returned {len(chunks)}.")
+    checked = [as_chunk(chunks[row], width=None) for row in range(len(sessions))]
+    for session in sessions:
+        session.call += 1
+    for session in padding:
+        end(policy, session)
+    return checked
+
+
+def begin(policy: BatchPolicy, instruction: str, seed: int) -> Session:
+    """Begin an episode.
+
+    Raises:
+        PolicyError: If the policy returns no session.
+    """
+    session = policy.begin(instruction, seed)
+    if not isinstance(session, Session):
+        raise PolicyError(
+            f"`begin` returned a {type(session).__name__}; it returns a duobench.policy.Session or "
+            "an instance of a subclass."
+        )
+    return session
+
+
+def end(policy: BatchPolicy, session: Session) -> None:
+    """Tell a policy that wants to know that a session is over."""
+    getattr(policy, "end", lambda _session: None)(session)
+
+
+class SessionPolicy:
+    """A batch policy as a plain one, which plays one episode at a time."""
+
+    def __init__(self, policy: BatchPolicy, batching: Batching) -> None:
+        """Wrap a policy.
+
+        Args:
+            policy: The policy.
+            batching: Like everywhere else: a fixed batch is filled up here too.
+        """
+        self._policy = policy
+        self._batching = batching
+        self._session: Session | None = None
+
+    @property
+    def metadata(self) -> PolicyMetadata:
+        """That of the policy."""
+        return self._policy.metadata
+
+    def reset(self, instruction: str, seed: int) -> None:
+        """Begin an episode, and end the one before."""
+        if self._session is not None:
+            end(self._policy, self._session)
+        self._session = None
+        self._session = begin(self._policy, instruction, seed)
+
+    def act(self, observation: Observation) -> Chunk:
+        """The next actions (H, n).
+
+        Raises:
+            PolicyError: If `reset` was not called, or the answer is no chunk.
+        """
+        if self._session is None:
+            raise PolicyError("A policy is reset before it acts.")
+        return answer(self._policy, [self._session], [observation], self._batching)[0]
+
+    def close(self) -> None:
+        """Close the policy."""
+        getattr(self._policy, "close", lambda: None)()

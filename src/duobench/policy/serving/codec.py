@@ -1,0 +1,181 @@
+"""MessagePack with NumPy arrays, as openpi's servers and clients write it.
+
+An array is a map of `__ndarray__`, `data`, `dtype` and `shape`, and a NumPy scalar a map of
+`__npgeneric__`, `data` and `dtype`, with keys of type bin. Keys of type str are read as well.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+import msgpack
+import numpy as np
+
+from duobench.errors import MessageError
+from duobench.policy.serving import limits
+
+_ARRAY, _SCALAR = "__ndarray__", "__npgeneric__"
+_DATA, _DTYPE, _SHAPE = "data", "dtype", "shape"
+_DTYPE_TEXT = re.compile(rf"[<>|=]?[{limits.DTYPE_KINDS}]\d+")
+_PLAIN = (type(None), bool, int, float, str, bytes)
+
+
+def pack(message: Mapping[str, Any]) -> bytes:
+    """A message as bytes.
+
+    Raises:
+        MessageError: If it holds something that cannot be sent.
+    """
+    try:
+        data = msgpack.packb(message, default=_packed)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise MessageError(f"This cannot be sent: {error}.") from error
+    return data or b""
+
+
+def unpack(data: bytes) -> dict[str, Any]:
+    """A map from bytes that anybody may have sent; its arrays are copies, and writable.
+
+    Raises:
+        MessageError: If it is no map of texts to plain values and arrays, or beyond the limits.
+    """
+    message = read(data)
+    if not isinstance(message, dict):
+        raise MessageError(
+            f"A message is a map of names to values, got a {type(message).__name__}."
+        )
+    return message
+
+
+def read(data: bytes) -> Any:
+    """A message of any type from bytes that anybody may have sent.
+
+    Raises:
+        MessageError: If it is none, or beyond the limits.
+    """
+    count = _Counter()
+    try:
+        message = msgpack.unpackb(
+            data,
+            raw=False,
+            strict_map_key=False,
+            max_str_len=limits.MAX_TEXT,
+            max_array_len=limits.MAX_ARRAY_ITEMS,
+            max_map_len=limits.MAX_MAP_ITEMS,
+            max_ext_len=0,
+            list_hook=count,
+            object_pairs_hook=count.pairs,
+        )
+    except MessageError:
+        raise
+    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
+        raise MessageError(
+            f"A message cannot be read: {str(error) or 'it is no MessagePack'}."
+        ) from error
+    return _checked(message, 0)
+
+
+class _Counter:
+    """Counts what a message holds while it is read, so that it cannot grow without bounds."""
+
+    def __init__(self) -> None:
+        self._items = 0
+
+    def __call__(self, items: list[Any]) -> list[Any]:
+        self._items += 1 + len(items)
+        if self._items > limits.MAX_ITEMS:
+            raise MessageError(f"A message holds at most {limits.MAX_ITEMS} items.")
+        return items
+
+    def pairs(self, pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+        self(pairs)
+        if not all(isinstance(key, str | bytes) for key, _ in pairs):
+            raise MessageError("The keys of a map are texts.")
+        return dict(pairs)
+
+
+def _packed(value: object) -> dict[bytes, Any]:
+    if not isinstance(value, np.ndarray | np.generic) or value.dtype.kind not in limits.DTYPE_KINDS:
+        kind = getattr(value, "dtype", type(value).__name__)
+        raise TypeError(f"a message holds plain values and arrays of numbers or texts, not {kind}")
+    if isinstance(value, np.generic):
+        return {b"__npgeneric__": True, b"data": value.item(), b"dtype": value.dtype.str}
+    return {
+        b"__ndarray__": True,
+        b"data": value.tobytes(),
+        b"dtype": value.dtype.str,
+        b"shape": value.shape,
+    }
+
+
+def _checked(value: Any, depth: int) -> Any:
+    """A value with its arrays, if everything in it may be there."""
+    if depth > limits.MAX_DEPTH:
+        raise MessageError(f"A message is at most {limits.MAX_DEPTH} levels deep.")
+    if isinstance(value, list):
+        return [_checked(item, depth + 1) for item in value]
+    if not isinstance(value, dict):
+        if not isinstance(value, _PLAIN):
+            raise MessageError(f"A message holds no {type(value).__name__}.")
+        return value
+    fields = {_text(key): item for key, item in value.items()}
+    if _ARRAY in fields:
+        return _array(fields)
+    if _SCALAR in fields:
+        return _scalar(fields)
+    return {key: _checked(item, depth + 1) for key, item in fields.items()}
+
+
+def _text(key: str | bytes) -> str:
+    try:
+        return key.decode() if isinstance(key, bytes) else key
+    except UnicodeDecodeError as error:
+        raise MessageError("The keys of a map are texts.") from error
+
+
+def _array(fields: dict[str, Any]) -> np.ndarray:
+    """An array, if its bytes are exactly as many as its shape and dtype say."""
+    _expect(fields, _ARRAY, {_ARRAY, _DATA, _DTYPE, _SHAPE})
+    dtype, data, shape = _dtype(fields[_DTYPE]), fields[_DATA], fields[_SHAPE]
+    if (
+        not isinstance(shape, list)
+        or len(shape) > limits.MAX_DIMENSIONS
+        or not all(type(size) is int and size >= 0 for size in shape)
+    ):
+        raise MessageError(f"A shape has at most {limits.MAX_DIMENSIONS} sizes, got {shape!r:.80}.")
+    if not isinstance(data, bytes) or math.prod(shape) * dtype.itemsize != len(data):
+        size = len(data) if isinstance(data, bytes) else "no"
+        raise MessageError(
+            f"An array of shape {shape} and dtype {dtype.str} came with {size} bytes."
+        )
+    array = np.frombuffer(data, dtype).reshape(shape)
+    return array.view(np.uint8) != 0 if dtype.kind == "b" else array.copy()
+
+
+def _scalar(fields: dict[str, Any]) -> np.generic:
+    _expect(fields, _SCALAR, {_SCALAR, _DATA, _DTYPE})
+    dtype, data = _dtype(fields[_DTYPE]), fields[_DATA]
+    if not isinstance(data, _PLAIN[1:]):
+        raise MessageError(f"A NumPy scalar is no {type(data).__name__}.")
+    try:
+        return dtype.type(np.array(data).astype(dtype)[()])
+    except (ValueError, TypeError, OverflowError) as error:
+        raise MessageError(f"A NumPy scalar of {dtype} cannot be read: {error}.") from error
+
+
+def _expect(fields: dict[str, Any], mark: str, names: set[str]) -> None:
+    if fields.keys() != names or fields[mark] is not True:
+        raise MessageError(f"A map with {mark} has exactly the keys {', '.join(sorted(names))}.")
+
+
+def _dtype(text: object) -> np.dtype[Any]:
+    if isinstance(text, str) and len(text) <= limits.MAX_DTYPE_TEXT and _DTYPE_TEXT.fullmatch(text):
+        with suppress(TypeError):  # such as f3
+            dtype: np.dtype[Any] = np.dtype(text)
+            if dtype.itemsize:
+                return dtype
+    raise MessageError(f"Arrays of dtype {text!r:.40} are not read; <f4 and |u1 are, for example.")

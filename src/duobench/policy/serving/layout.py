@@ -1,0 +1,210 @@
+"""Layouts: which names, orders and shapes a foreign policy server has for what we call otherwise.
+
+A layout is data, a TOML file. Keys of a server that lie in maps inside each other are written with
+dots between them: `images.cam_high`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.errors import PolicyError, ServingError, UnknownNameError
+from duobench.policy.batch import Chunk, Observation
+from duobench.policy.protocol import PolicyMetadata, as_chunk
+from duobench.types import ARM_JOINTS, SIDE_SIZE
+
+_PACKAGE = "duobench.policy.serving"
+LAYOUTS = ("aloha", "droid", "libero")
+"""Layouts that come with the package."""
+_PARTS: tuple[str, ...] = ("left_arm", "left_gripper", "right_arm", "right_gripper")
+"""Parts of a state and of an action, in our order."""
+_POSES: tuple[str, ...] = ("left_pose", "right_pose")
+"""Further parts of a state: tool poses, x y z qx qy qz qw."""
+_ARM_SIZES = {"cartesian_relative": 6}
+"""Numbers of an arm in an action, where they are not 7."""
+_RATIO = 9 / 16
+"""Height over width of what a camera sees."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ActionLayout:
+    """How a server gives actions."""
+
+    key: str = "actions"
+    """Name of the chunk in an answer."""
+    order: tuple[str, ...] = _PARTS
+    """Parts of an action."""
+    mode: str = "joint"
+    """The environment's action mode that they are meant for."""
+
+    def __post_init__(self) -> None:
+        """Reject an order that is not one of all parts."""
+        if sorted(self.order) != sorted(_PARTS):
+            _check_names("part of an action", self.order, _PARTS)
+            raise ServingError(
+                f"The parts of an action are {', '.join(_PARTS)}, each once; got "
+                f"{', '.join(self.order)}."
+            )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Layout:
+    """What a server expects and gives."""
+
+    images: Mapping[str, str] = field(default_factory=dict)
+    """Their key: our camera."""
+    image_order: Literal["hwc", "chw"] = "hwc"
+    """Whether the three channels come last or first."""
+    image_size: tuple[int, int] = (224, 224)
+    """Height and width of an image in pixels."""
+    resize: Literal["squash", "letterbox"] = "squash"
+    """How what a camera sees becomes an image of that size: all of it squashed, as in the paper's
+    data, or with its own ratio between black bars."""
+    state: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Their key: parts of the state, joined in this order."""
+    prompt: str = "prompt"
+    """Their key for the instruction."""
+    gripper: Literal["open_is_one", "closed_is_one"] = "open_is_one"
+    """What a gripper's 1 means to them, in states and actions."""
+    actions: ActionLayout = field(default_factory=ActionLayout)
+    """How they give actions."""
+
+    def __post_init__(self) -> None:
+        """Reject parts that do not exist and sizes that cannot be."""
+        for parts in self.state.values():
+            _check_names("part of a state", parts, (*_PARTS, *_POSES))
+        if min(self.image_size) < 1 or (self.resize == "letterbox" and self.bars < 0):
+            raise ServingError(
+                f"Images of {self.image_size} cannot be made by {self.resize}; a letterbox needs a "
+                "height of at least 9/16 of the width."
+            )
+
+    @property
+    def rendered_size(self) -> tuple[int, int]:
+        """Height and width of the images that are rendered, before bars are added."""
+        height, width = self.image_size
+        return (round(width * _RATIO), width) if self.resize == "letterbox" else (height, width)
+
+    @property
+    def bars(self) -> int:
+        """Rows that are added to a rendered image."""
+        return self.image_size[0] - self.rendered_size[0]
+
+    def metadata(self, name: str, version: str, *, seeded: bool) -> PolicyMetadata:
+        """What a policy with this layout expects of the environment."""
+        return PolicyMetadata(
+            name=name,
+            version=version,
+            cameras=tuple(dict.fromkeys(self.images.values())),
+            image_size=self.rendered_size if self.images else None,
+            action_mode=self.actions.mode,
+            seeded=seeded,
+        )
+
+    def request(self, observation: Observation, instruction: str) -> dict[str, Any]:
+        """An observation as the server expects it."""
+        request: dict[str, Any] = {}
+        for key, camera in self.images.items():
+            _put(request, key, self._image(observation["pixels"][camera]))
+        parts = self._state_parts(observation)
+        for key, names in self.state.items():
+            _put(request, key, np.concatenate([parts[name] for name in names]))
+        _put(request, self.prompt, instruction)
+        return request
+
+    def chunk(self, actions: Any) -> Chunk:
+        """Actions of the server (H, n) as ours.
+
+        Raises:
+            PolicyError: If they are no chunk of as many numbers as the layout says.
+        """
+        arm = _ARM_SIZES.get(self.actions.mode, ARM_JOINTS)
+        sizes = {part: 1 if part.endswith("gripper") else arm for part in _PARTS}
+        if np.ndim(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
+            actions = actions[0]
+        chunk = as_chunk(actions, sum(sizes.values()))
+        ends = np.cumsum([sizes[part] for part in self.actions.order])
+        pieces = np.split(chunk, ends[:-1], axis=1)
+        parts = dict(zip(self.actions.order, pieces, strict=True))
+        self._flip(parts)
+        return np.concatenate([parts[part] for part in _PARTS], axis=1)
+
+    def _image(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        if self.bars:
+            above = self.bars // 2
+            image = np.pad(image, ((above, self.bars - above), (0, 0), (0, 0)))
+        return (
+            image if self.image_order == "hwc" else np.ascontiguousarray(image.transpose(2, 0, 1))
+        )
+
+    def _state_parts(self, observation: Observation) -> dict[str, NDArray[np.float32]]:
+        flat = np.asarray(observation["agent_pos"], dtype=np.float32)
+        ends = [ARM_JOINTS, SIDE_SIZE, SIDE_SIZE + ARM_JOINTS]
+        parts = dict(zip(_PARTS, np.split(flat, ends), strict=True))
+        poses = np.split(np.asarray(observation["tcp_pose"], dtype=np.float32), 2)
+        self._flip(parts)
+        return parts | dict(zip(_POSES, poses, strict=True))
+
+    def _flip(self, parts: dict[str, NDArray[np.float32]]) -> None:
+        if self.gripper == "closed_is_one":
+            for part in ("left_gripper", "right_gripper"):
+                parts[part] = 1 - parts[part]
+
+
+def read_layout(name: str) -> Layout:
+    """A layout by its name, or from a TOML file.
+
+    Args:
+        name: One of `LAYOUTS`, or the path of a file that ends in `.toml`.
+
+    Raises:
+        UnknownNameError: If there is no such layout, or it has a key that no layout has.
+        ServingError: If the file cannot be read, or a value is of a wrong type.
+    """
+    if name in LAYOUTS:
+        text = files(_PACKAGE).joinpath("layouts", f"{name}.toml").read_text(encoding="utf-8")
+    elif not name.endswith(".toml"):
+        raise UnknownNameError("layout", name, [*LAYOUTS, "FILE.toml"])
+    else:
+        try:
+            text = Path(name).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ServingError(f"The layout {name} cannot be read: {error}.") from error
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ServingError(f"The layout {name} is no TOML: {error}.") from error
+    _check_names("key of a layout", document, [each.name for each in fields(Layout)])
+    actions = document.get("actions")
+    if isinstance(actions, dict):
+        known = [each.name for each in fields(ActionLayout)]
+        _check_names("key of a layout's actions", actions, known)
+    try:
+        return msgspec.convert(document, Layout)
+    except msgspec.ValidationError as error:
+        raise ServingError(f"The layout {name} is invalid: {error}.".replace("`$.", "`")) from error
+
+
+def _check_names(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
+
+
+def _put(request: dict[str, Any], key: str, value: object) -> None:
+    """Put a value where a key with dots says."""
+    *above, last = key.split(".")
+    for name in above:
+        request = request.setdefault(name, {})
+        if not isinstance(request, dict):
+            raise PolicyError(f"The layout puts something at {key!r} and something else above it.")
+    request[last] = value

@@ -1,0 +1,49 @@
+"""What server and client agree on, and what each accepts from the other, all in one place.
+
+Whoever sends more, or takes longer, is refused; what is refused costs little memory and time.
+"""
+
+PROTOCOL = 1
+"""Version of what our server adds to openpi's protocol."""
+HEALTH_PATH = "/healthz"
+"""Where a server says that it lives."""
+
+MAX_REQUEST = 16 << 20
+"""Bytes of a message to a server: three images of 720 x 1280 take 8.3 MB."""
+MAX_REPLY = 64 << 20
+"""Bytes of a message to a client."""
+MAX_ARRAY_ITEMS = 4096
+"""Items of one MessagePack array."""
+MAX_MAP_ITEMS = 1024
+"""Pairs of one MessagePack map."""
+MAX_ITEMS = 10_000
+"""Items and pairs of a whole message."""
+MAX_DEPTH = 8
+"""Maps and arrays inside each other."""
+MAX_TEXT = 64 << 10
+"""Bytes of a text."""
+MAX_DIMENSIONS = 8
+"""Dimensions of a NumPy array."""
+MAX_DTYPE_TEXT = 8
+"""Characters of the name of a dtype, such as "<f4"."""
+DTYPE_KINDS = "biufUS"
+"""Kinds of NumPy arrays that are read: all others, objects above all, could hold pointers."""
+MAX_SEED = 2**64 - 1
+"""Largest seed: the largest whole number of MessagePack."""
+
+MAX_CONNECTIONS = 64
+"""Clients of a server at a time."""
+MAX_QUEUED_MESSAGES = 1
+"""Messages of a client that are read before it is their turn."""
+HANDSHAKE_S = 10.0
+"""Seconds for opening a connection."""
+IDLE_S = 600.0
+"""Seconds that a client may be silent between its requests."""
+SEND_S = 60.0
+"""Seconds that a client may take to read an answer."""
+INFERENCE_S = 600.0
+"""Seconds for one answer, waiting included: a first one may compile a model."""
+HEALTH_S = 3.0
+"""Seconds that a server may take to say that it lives."""
+CLOSE_S = 1.0
+"""Seconds that the other side may take to say goodbye."""

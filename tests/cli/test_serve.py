@@ -1,0 +1,57 @@
+"""What `duobench serve` and `duobench eval --server` say where something does not fit."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from duobench.cli import main
+from duobench.policy.serving.access import KEY_VARIABLE
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["serve", "--policy", "hold", "--host", "0.0.0.0"], "could be used by anybody"),
+        (["serve", "--policy", "hodl", "--port", "0"], "Did you mean 'hold'"),
+        (["serve", "--policy", "hold", "--max-batch", "0"], "at least one observation"),
+        (["serve", "--policy", "hold", "--key-file", "absent"], "absent cannot be read"),
+        (["eval", "--policy", "openpi"], "--policy openpi and --server URL go together"),
+        (["eval", "--policy", "hold", "--server", "ws://x:1"], "go together"),
+        (["eval", "--policy", "openpi", "--server", "x:1"], "ws://HOST:PORT"),
+        (["eval", "--policy", "hold", "--layout", "aloha"], "--layout is for"),
+        (
+            ["eval", "--policy", "openpi", "--server", "ws://x:1", "--layout", "alhoa"],
+            "Did you mean 'aloha'",
+        ),
+    ],
+)
+def test_mistake_is_told_in_words_before_anything_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], message: str
+) -> None:
+    monkeypatch.delenv(KEY_VARIABLE, raising=False)
+    monkeypatch.chdir(tmp_path)
+    out = ["--out", "run"] if words[0] == "eval" else []
+    with pytest.raises(SystemExit) as left:
+        main([*words, *out])
+    assert message in str(left.value.code)
+    assert not (tmp_path / "run").exists()
+
+
+def test_missing_package_is_told_with_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("duobench.policy.serving.client", "duobench.policy.serving.codec", "msgpack"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    monkeypatch.setitem(sys.modules, "msgpack", None)
+    words = ["eval", "--policy", "openpi", "--server", "ws://127.0.0.1:1", "--workers", "0"]
+    with pytest.raises(SystemExit) as left:
+        main([*words, "--out", str(tmp_path / "run")])
+    assert "pip install 'duobench[serve]'" in str(left.value.code)
+
+
+def test_server_that_is_not_there_is_told_without_its_address(tmp_path: Path) -> None:
+    words = ["eval", "--policy", "openpi", "--server", "ws://127.0.0.1:1", "--wait", "0"]
+    with pytest.raises(SystemExit) as left:
+        main([*words, "--workers", "0", "--out", str(tmp_path / "run")])
+    assert "The policy's server cannot be reached" in str(left.value.code)

@@ -1,0 +1,66 @@
+"""Servers in threads, ours and others, for tests with real sockets."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection
+from websockets.sync.server import serve as serve_websocket
+
+from duobench.policy import Batching
+from duobench.policy.batch import BatchPolicy
+from duobench.policy.serving.codec import pack
+from duobench.policy.serving.host import PolicyHost
+
+TIMEOUT_S = 30
+BATCHING = Batching(size=2)
+
+
+class Serve:
+    """Serves policies; calling it gives the port of another one."""
+
+    def __init__(self) -> None:
+        self.hosts: list[PolicyHost] = []
+        self._threads: list[threading.Thread] = []
+
+    def __call__(self, policy: BatchPolicy, key: str | None = None, port: int = 0) -> int:
+        host = PolicyHost(policy, policy.metadata, BATCHING, key=key, port=port)
+        self.hosts.append(host)
+        self._threads.append(threading.Thread(target=host.run, daemon=True))
+        self._threads[-1].start()
+        return host.port
+
+    def close(self) -> None:
+        while self.hosts:
+            self.hosts.pop().stop()
+            thread = self._threads.pop()
+            thread.join(TIMEOUT_S)
+            assert not thread.is_alive()
+
+
+@contextmanager
+def foreign_server(
+    hello: dict[str, Any], answer: Callable[[bytes], bytes | str | None]
+) -> Iterator[int]:
+    """Serve as others do: one message at a time, answered by a function; None leaves."""
+
+    def converse(connection: ServerConnection) -> None:
+        try:
+            connection.send(pack(hello))
+            for message in connection:
+                assert isinstance(message, bytes)
+                reply = answer(message)
+                if reply is None:
+                    return
+                connection.send(reply)
+        except ConnectionClosed:
+            pass
+
+    with serve_websocket(converse, "127.0.0.1", 0, compression=None) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield server.socket.getsockname()[1]
+        server.shutdown()
+        thread.join(TIMEOUT_S)

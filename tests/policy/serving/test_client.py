@@ -1,0 +1,266 @@
+"""The client against our server, against servers as others write them, and against bad ones."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
+from duobench.policy import Policy, PolicyMetadata, SessionPolicy, as_chunk
+from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.client import RemotePolicy
+from duobench.policy.serving.codec import pack, unpack
+from duobench.policy.serving.dialect import VLLM_PATH
+from duobench.policy.serving.layout import Layout, read_layout
+from tests.policy.serving.hostile import messages
+from tests.policy.serving.serving import BATCHING, TIMEOUT_S, Serve, foreign_server
+from tests.policy.serving.test_layout import observation
+from tests.policy.serving.test_server import Gated
+from tests.policy.test_batch import Network, Refuses, observations
+
+Connect = Callable[..., RemotePolicy]
+CHUNK = np.arange(80, dtype=np.float32).reshape(5, 16)
+
+
+@pytest.fixture
+def remote() -> Iterator[Connect]:
+    made = []
+
+    def make(port: int, path: str = "", **options: Any) -> RemotePolicy:
+        options = {"wait_s": 0.0, "answer_s": TIMEOUT_S} | options
+        policy = RemotePolicy(RemoteServer(url=f"ws://127.0.0.1:{port}{path}", **options))
+        made.append(policy)
+        return policy
+
+    yield make
+    for policy in made:
+        policy.close()
+
+
+def played(policy: Policy, seed: int) -> bytes:
+    policy.reset("Do it.", seed)
+    return b"".join(as_chunk(policy.act(seen)).tobytes() for seen in observations(seed))
+
+
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+def test_served_policy_answers_like_the_policy_itself(serve: Serve, remote: Connect) -> None:
+    local = SessionPolicy(Network(), BATCHING)
+    policy = remote(serve(Network(), key="s3cret"), key="s3cret")
+    assert isinstance(policy, Policy)
+    assert policy.metadata == Network.metadata
+    assert remote(serve(Network()), execute=2).metadata == Network.metadata
+    assert policy.batching == BATCHING
+    for seed in (1, 2, 1):
+        assert played(policy, seed) == played(local, seed)
+
+
+def test_part_of_a_chunk_may_be_executed_which_is_another_version(
+    serve: Serve, remote: Connect
+) -> None:
+    policy = remote(serve(Network()), execute=1)
+    policy.reset("Do it.", 0)
+    assert np.shape(policy.act(observations(0)[0])) == (1, 16)
+    assert policy.metadata.version == "None, first 1 actions of a chunk"
+
+
+def test_connection_that_was_lost_between_episodes_is_made_again(
+    serve: Serve, remote: Connect
+) -> None:
+    port = serve(Network())
+    policy = remote(port)
+    expected = played(policy, 3)
+    serve.close()
+    with pytest.raises(MachineryError, match="cannot be reached"):
+        policy.reset("Do it.", 3)
+    serve(Network(), port=port)
+    assert played(policy, 3) == expected
+
+
+def test_connection_that_is_lost_within_an_episode_is_no_fault_of_the_policy(
+    serve: Serve, remote: Connect
+) -> None:
+    port = serve(Network())
+    policy = remote(port)
+    expected = played(policy, 3)
+    policy.reset("Do it.", 3)
+    serve.close()
+    serve(Network(), port=port)
+    for _ in range(2):  # it does not go on in the middle of an episode that the server forgot
+        with pytest.raises(MachineryError, match="is lost"):
+            policy.act(observations(3)[0])
+    assert played(policy, 3) == expected
+
+
+def test_other_policy_at_the_same_address_does_not_go_on(serve: Serve, remote: Connect) -> None:
+    port = serve(Network())
+    policy = remote(port)
+    serve.close()
+    other = Network()
+    other.metadata = PolicyMetadata(name="other")
+    serve(other, port=port)
+    with pytest.raises(MachineryError, match="another policy now"):
+        policy.reset("Do it.", 0)
+
+
+def test_server_that_comes_late_is_waited_for(serve: Serve, remote: Connect) -> None:
+    port = free_port()
+    later = threading.Timer(0.5, lambda: serve(Network(), port=port))
+    later.start()
+    assert remote(port, wait_s=TIMEOUT_S).metadata.name == "network"
+    later.join()
+
+
+def test_words_of_a_failing_policy_fail_the_episode_only(serve: Serve, remote: Connect) -> None:
+    policy = remote(serve(Refuses()))
+    policy.reset("Do it.", 0)
+    with pytest.raises(PolicyError, match=r"(?s)reports:.*Traceback.*ZeroDivisionError: ones"):
+        policy.act({"agent_pos": np.ones(16, np.float32)})
+    assert played(policy, 1) == played(SessionPolicy(Network(), BATCHING), 1)
+
+
+def test_late_answer_is_never_taken_for_the_next_one(serve: Serve, remote: Connect) -> None:
+    gated = Gated()
+    policy = remote(serve(gated), answer_s=0.5)
+    policy.reset("Do it.", 1)
+    with pytest.raises(PolicyTimeoutError, match=r"lives, but did not answer within 0\.5 s"):
+        policy.act(observations(1)[0])
+    gated.may.set()
+    assert played(policy, 2) == played(SessionPolicy(Network(), BATCHING), 2)
+
+
+@pytest.mark.parametrize("accepts", [True, False])
+def test_server_that_is_stuck_is_no_fault_of_the_policy(remote: Connect, *, accepts: bool) -> None:
+    held = threading.Event()
+
+    def answer(message: bytes) -> bytes | None:
+        held.wait(TIMEOUT_S)
+        return message
+
+    if accepts:  # as openpi's own server, which does nothing else while it infers
+        with foreign_server({}, answer) as port:
+            policy = remote(port, answer_s=0.5)
+            policy.reset("Do it.", 0)
+            with pytest.raises(MachineryError, match="nor does it say"):
+                policy.act(observations(0)[0])
+            held.set()
+    else:
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            start = time.monotonic()
+            with pytest.raises(MachineryError, match="cannot be reached"):
+                remote(silent.getsockname()[1], answer_s=0.5)
+            assert time.monotonic() - start < TIMEOUT_S
+
+
+@pytest.mark.parametrize("key", [None, "wrong"])
+def test_wrong_key_is_told_without_it(serve: Serve, remote: Connect, key: str | None) -> None:
+    port = serve(Network(), key="s3cret")
+    with pytest.raises(ServingError, match="refuses the key") as told:
+        remote(port, key=key)
+    assert "wrong" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["http://x:80", "127.0.0.1:80", "ws://", "ws://a:b@x:80", "ws://x:80/?key=1", "ws://x:port"],
+)
+def test_what_is_no_address_is_refused_without_repeating_it(url: str) -> None:
+    with pytest.raises(ServingError) as told:
+        RemoteServer(url=url)
+    assert url not in str(told.value).replace("ws://HOST", "")
+
+
+def test_key_is_not_shown() -> None:
+    assert "s3cret" not in repr(RemoteServer(url="ws://x:1", key="s3cret"))
+
+
+def test_plain_openpi_gets_a_connection_for_each_episode_and_its_own_keys(
+    remote: Connect,
+) -> None:
+    seen: list[dict[str, Any]] = []
+
+    def answer(message: bytes) -> bytes:
+        seen.append(unpack(message))
+        return pack({"actions": CHUNK, "state": np.zeros(16)})
+
+    with foreign_server({}, answer) as port:
+        policy = remote(port, layout=read_layout("aloha"), execute=3)
+        assert not policy.metadata.seeded
+        assert policy.metadata.cameras == ("head", "left_wrist", "right_wrist")
+        policy.reset("Do it.", 5)
+        first = policy._connection
+        np.testing.assert_array_equal(policy.act(observation()), CHUNK[:3])
+        policy.reset("Do that.", 6)
+        assert policy._connection is not first
+        policy.act(observation())
+    assert [request["prompt"] for request in seen] == ["Do it.", "Do that."]
+    assert seen[0].keys() == {"prompt", "images", "state"}
+    assert seen[0]["images"]["cam_high"].shape == (3, 224, 224)
+
+
+def test_roboarena_is_told_what_each_message_is(remote: Connect) -> None:
+    seen: list[dict[str, Any]] = []
+
+    def answer(message: bytes) -> bytes | str:
+        seen.append(unpack(message))
+        is_reset = seen[-1]["endpoint"] == "reset"
+        return "reset successful" if is_reset else pack({"actions": CHUNK})
+
+    hello = {"needs_session_id": True, "n_external_cameras": 1, "needs_wrist_camera": True}
+    with foreign_server(hello, answer) as port:
+        policy = remote(port, layout=read_layout("droid"))
+        for seed in (1, 2):
+            policy.reset("Do it.", seed)
+            assert np.shape(policy.act(observation())) == (5, 16)
+    assert [request["endpoint"] for request in seen] == ["reset", "infer"] * 2
+    sessions = [request["session_id"] for request in seen]
+    assert sessions[0] == sessions[1] != sessions[2] == sessions[3]
+
+
+def test_vllm_gives_bare_arrays_and_takes_seeds(remote: Connect) -> None:
+    seen: list[dict[str, Any]] = []
+
+    def answer(message: bytes) -> bytes:
+        seen.append(unpack(message))
+        if seen[-1].get("endpoint") == "reset":
+            return pack({"status": "reset successful"})
+        if len(seen) > 3:
+            return pack({"type": "error", "message": "no such camera"})
+        array = pack({"a": CHUNK[None]})
+        return array[array.index(b"\x84") :]
+
+    with foreign_server({}, answer) as port:
+        policy = remote(port, VLLM_PATH, layout=Layout())
+        assert policy.metadata.seeded
+        policy.reset("Do it.", 9)
+        for _ in range(2):
+            np.testing.assert_array_equal(policy.act(observation()), CHUNK)
+        with pytest.raises(PolicyError, match="no such camera"):
+            policy.act(observation())
+    assert {request["seed"] for request in seen} == {9}
+    assert len({request["session_id"] for request in seen}) == 1
+
+
+def test_hostile_replies_are_the_fault_of_somebody(remote: Connect) -> None:
+    replies = iter(messages(1_300))
+    faults = {PolicyError: 0, MachineryError: 0}
+    with foreign_server({}, lambda _message: next(replies)) as port:
+        policy = remote(port)
+        for _ in range(1_300):
+            policy.reset("Do it.", 0)
+            try:
+                policy.act({})
+            except tuple(faults) as error:
+                faults[type(error)] += 1
+                assert len(str(error)) < 1_000  # noqa: PT017 - whichever it is
+    assert faults[PolicyError] > 100
+    assert faults[MachineryError] > 500
+    assert sum(faults.values()) == 1_300

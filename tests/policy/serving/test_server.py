@@ -1,0 +1,280 @@
+"""A real server, real sockets, and peers that behave and misbehave."""
+
+import asyncio
+import http.client
+import socket
+import threading
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from duobench.errors import DuoBenchError, ServingError
+from duobench.policy import Batching, Session, SessionPolicy
+from duobench.policy.inference import InferenceLoop
+from duobench.policy.serving import limits
+from duobench.policy.serving.codec import pack, unpack
+from duobench.policy.serving.host import PolicyHost
+from duobench.policy.serving.server import PolicyServer, _Conversation
+from tests.evaluation.processes import wait_until
+from tests.policy.serving.hostile import messages
+from tests.policy.serving.serving import TIMEOUT_S, Serve
+from tests.policy.test_batch import OBSERVATION, Network, Refuses, observations
+
+
+class Gated(Network):
+    """Answers once it may, and says when it was asked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.asked, self.may = threading.Event(), threading.Event()
+
+    def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
+        self.asked.set()
+        assert self.may.wait(TIMEOUT_S)
+        return super().act_batch(sessions, observations)
+
+
+def dial(port: int, **options: Any) -> ClientConnection:
+    return connect(f"ws://127.0.0.1:{port}", proxy=None, compression=None, **options)
+
+
+def ask(client: ClientConnection, message: dict[str, Any]) -> dict[str, Any]:
+    client.send(pack(message))
+    reply = client.recv(TIMEOUT_S)
+    assert isinstance(reply, bytes), reply
+    return unpack(reply)
+
+
+def health(port: int) -> tuple[int, bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=TIMEOUT_S)
+    connection.request("GET", "/healthz")
+    response = connection.getresponse()
+    answer = response.status, response.read()
+    connection.close()
+    return answer
+
+
+def expected(seed: int, observation: dict[str, Any]) -> np.ndarray:
+    policy = SessionPolicy(Network(), Batching(size=2))
+    policy.reset("Do it.", seed)
+    return np.asarray(policy.act(observation))
+
+
+def test_conversation_is_that_of_the_protocol(serve: Serve) -> None:
+    first, second = observations(seed=0, count=2)
+    with dial(serve(Network())) as client:
+        hello = unpack(client.recv(TIMEOUT_S))
+        assert hello["duobench"]["name"] == "network"
+        assert hello["duobench"]["batch"] == "fixed"
+        reply = ask(client, first | {"prompt": "Do it."})
+        np.testing.assert_array_equal(reply["actions"], expected(0, first))
+        assert reply["server_timing"].keys() == {"infer_ms"}
+        reply = ask(client, second | {"endpoint": "infer"})
+        assert reply["server_timing"].keys() == {"infer_ms", "prev_total_ms"}
+
+
+def test_reset_seed_session_and_prompt_begin_episodes(serve: Serve) -> None:
+    (observation,) = observations(seed=0, count=1)
+    with dial(serve(Network())) as client:
+        client.recv(TIMEOUT_S)
+        reset = {"endpoint": "reset", "prompt": "Do it.", "seed": 7}
+        assert ask(client, reset) == {"status": "reset successful"}
+        begun = expected(7, observation)
+        changes: list[dict[str, Any]] = [{}, {"session_id": "b"}, {"prompt": "Do that."}]
+        for change in changes:
+            np.testing.assert_array_equal(ask(client, observation | change)["actions"], begun)
+            going_on = ask(client, observation | change)["actions"]
+            assert not np.array_equal(going_on, begun)
+        other = ask(client, observation | {"seed": 8})["actions"]
+        np.testing.assert_array_equal(other, expected(8, observation))
+
+
+def test_error_is_told_in_text_and_ends_one_connection_only(serve: Serve) -> None:
+    port = serve(Refuses())
+    (good,) = observations(seed=0, count=1)
+    with dial(port) as client, dial(port) as other:
+        for each in (client, other):
+            each.recv(TIMEOUT_S)
+        client.send(pack({"agent_pos": np.ones(16, np.float32)}))
+        told = client.recv(TIMEOUT_S)
+        assert isinstance(told, str)
+        assert "ZeroDivisionError: ones" in told
+        with pytest.raises(ConnectionClosed) as closed:
+            client.recv(TIMEOUT_S)
+        assert closed.value.rcvd
+        assert closed.value.rcvd.code == 1011
+        assert closed.value.rcvd.reason == (
+            "Internal server error. Traceback included in previous frame."
+        )
+        np.testing.assert_array_equal(ask(other, good)["actions"], expected(0, good))
+
+
+def test_health_and_pings_are_answered_during_inference(serve: Serve) -> None:
+    policy = Gated()
+    port = serve(policy)
+    (observation,) = observations(seed=0, count=1)
+    with dial(port) as client:
+        client.recv(TIMEOUT_S)
+        client.send(pack(observation))
+        assert policy.asked.wait(TIMEOUT_S)
+        assert health(port) == (200, b"OK\n")
+        assert client.ping().wait(TIMEOUT_S)
+        policy.may.set()
+        assert "actions" in unpack(client.recv(TIMEOUT_S))
+
+
+def test_who_leaves_gives_the_place_back(serve: Serve) -> None:
+    policy = Gated()
+    port = serve(policy)
+    first, second = observations(seed=0, count=2)
+    with dial(port) as stays, dial(port) as leaves, dial(port) as also:
+        for client in (stays, leaves, also):
+            client.recv(TIMEOUT_S)
+            ask(client, {"endpoint": "reset", "prompt": "", "seed": 1})
+        stays.send(pack(first))
+        assert policy.asked.wait(TIMEOUT_S)
+        waiting = serve.hosts[0]._loop._questions
+        leaves.send(pack(first))
+        wait_until(lambda: len(waiting) == 1, "a request waits")
+        leaves.close()
+        wait_until(waiting[0].future.cancelled, "it is taken back")
+        also.send(pack(second))
+        wait_until(lambda: len(waiting) == 2, "another one waits")
+        policy.may.set()
+        assert "actions" in unpack(stays.recv(TIMEOUT_S))
+        assert "actions" in unpack(also.recv(TIMEOUT_S))
+    assert len(policy.sizes) == 2
+
+
+def test_silent_slow_and_deaf_peers_hold_nobody_up(serve: Serve) -> None:
+    port = serve(Network())
+    with ExitStack() as peers:
+        for _ in range(8):
+            silent, slow = (
+                peers.enter_context(socket.create_connection(("127.0.0.1", port))) for _ in range(2)
+            )
+            assert silent.getpeername()  # it says nothing at all
+            slow.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n")  # and never the rest
+            deaf = peers.enter_context(dial(port, close_timeout=0.1))
+            for _ in range(40):
+                deaf.send(pack(OBSERVATION))  # and never reads an answer
+        half = peers.enter_context(dial(port, close_timeout=0.1))
+        half.socket.sendall(b"\x82\xff" + (1 << 20).to_bytes(8, "big") + bytes(1000))
+        (good,) = observations(seed=0, count=1)
+        with dial(port) as client:
+            client.recv(TIMEOUT_S)
+            for number in range(20):
+                reply = ask(client, good | {"seed": number})
+                np.testing.assert_array_equal(reply["actions"], expected(number, good))
+            assert health(port) == (200, b"OK\n")
+        half.socket.shutdown(socket.SHUT_RDWR)
+
+
+def test_too_large_a_message_is_refused_unread(serve: Serve) -> None:
+    with dial(serve(Network())) as client:
+        client.recv(TIMEOUT_S)
+        with suppress(ConnectionClosed):
+            client.send(bytes(limits.MAX_REQUEST + 1))
+        with pytest.raises(ConnectionClosed) as closed:
+            client.recv(TIMEOUT_S)
+        assert closed.value.rcvd
+        assert closed.value.rcvd.code == 1009
+
+
+@pytest.mark.parametrize(
+    ("header", "is_let_in"),
+    [
+        ("Api-Key s3cret", True),
+        ("Bearer s3cret", True),
+        ("Api-Key wrong", False),
+        ("Basic s3cret", False),
+        ("s3cret", False),
+        (None, False),
+    ],
+)
+def test_key_opens_and_nothing_else(serve: Serve, header: str | None, *, is_let_in: bool) -> None:
+    port = serve(Network(), key="s3cret")
+    headers = {} if header is None else {"Authorization": header}
+    if is_let_in:
+        with dial(port, additional_headers=headers) as client:
+            assert "duobench" in unpack(client.recv(TIMEOUT_S))
+    else:
+        with pytest.raises(InvalidStatus) as refused:
+            dial(port, additional_headers=headers)
+        assert refused.value.response.status_code == 401
+    assert health(port) == (200, b"OK\n")
+
+
+def test_page_in_a_browser_is_kept_out(serve: Serve) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        dial(serve(Network()), origin="https://page.example")
+    assert refused.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.1", "somewhere.example"])
+def test_host_that_others_reach_needs_a_key(host: str) -> None:
+    loop = InferenceLoop(Network(), Batching())
+    with pytest.raises(ServingError, match="DUOBENCH_API_KEY"):
+        PolicyServer(loop, {}, host=host)
+
+
+def test_port_that_is_taken_is_told(serve: Serve) -> None:
+    port = serve(Network())
+    with pytest.raises(ServingError, match=rf"Cannot listen at 127\.0\.0\.1:{port}"):
+        PolicyHost(Network(), Network.metadata, Batching(), port=port)
+
+
+def test_clients_beyond_the_limit_are_turned_away(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(limits, "MAX_CONNECTIONS", 1)
+    port = serve(Network())
+    with dial(port) as client:
+        client.recv(TIMEOUT_S)
+        with pytest.raises(InvalidStatus) as refused:
+            dial(port)
+        assert refused.value.response.status_code == 503
+
+
+def test_twenty_thousand_hostile_requests_change_nothing() -> None:
+    loop = InferenceLoop(Network(), Batching(size=2))
+    thread = threading.Thread(target=loop.run, daemon=True)
+    thread.start()
+
+    async def answers() -> tuple[int, int]:
+        read = refused = 0
+        for data in messages(20_000):
+            conversation = _Conversation(loop)
+            try:
+                await conversation.reply(data)
+                read += 1
+            except DuoBenchError:
+                refused += 1
+            conversation.close()
+        return read, refused
+
+    read, refused = asyncio.run(answers())
+    assert read + refused == 20_000
+    assert refused > 15_000
+    assert read > 100
+    loop.stop()
+    thread.join(TIMEOUT_S)
+
+
+def test_hostile_clients_leave_a_server_that_answers_as_before(serve: Serve) -> None:
+    port = serve(Network())
+    (good,) = observations(seed=0, count=1)
+    for data in messages(130):
+        with dial(port) as client:
+            client.recv(TIMEOUT_S)
+            client.send(data)
+            reply = client.recv(TIMEOUT_S)
+            assert isinstance(reply, str) or "actions" in unpack(reply)
+    with dial(port) as client:
+        client.recv(TIMEOUT_S)
+        np.testing.assert_array_equal(ask(client, good)["actions"], expected(0, good))

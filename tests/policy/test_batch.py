@@ -1,0 +1,237 @@
+import threading
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.errors import PolicyError
+from duobench.policy import Batching, BatchPolicy, PolicyMetadata, Session, SessionPolicy, noise
+from duobench.policy import inference as inference_module
+from duobench.policy.batch import answer
+from duobench.policy.inference import BusyError, InferenceLoop
+from duobench.policy.pool import PolicyPool
+
+OBSERVATION = {"agent_pos": np.zeros(16, np.float32)}
+TIMEOUT_S = 30
+WIDTH = 64
+
+
+class Network:
+    """A small random network over proprioception and noise; rows depend on the batch's size."""
+
+    metadata = PolicyMetadata(name="network", horizon=2)
+
+    def __init__(self) -> None:
+        generator = np.random.default_rng(0)
+        self._first = generator.standard_normal((48, WIDTH), dtype=np.float32)
+        self._second = generator.standard_normal((WIDTH, 32), dtype=np.float32)
+        self.sizes: list[int] = []
+
+    def begin(self, instruction: str, seed: int) -> Session:
+        return Session(instruction=instruction, seed=seed)
+
+    def act_batch(
+        self, sessions: Sequence[Session], observations: Sequence[dict[str, Any]]
+    ) -> np.ndarray:
+        self.sizes.append(len(sessions))
+        drawn = np.stack([noise(session.seed, session.call, (32,)) for session in sessions])
+        seen = np.stack([observation["agent_pos"] for observation in observations])
+        for observation in observations:
+            observation["agent_pos"] *= np.nan  # what it gets belongs to it
+        hidden = np.tanh(np.hstack([seen, drawn]) @ self._first)
+        return (hidden @ self._second).reshape(-1, 2, 16)
+
+
+class Refuses(Network):
+    """Cannot answer an observation of ones, alone or in a batch."""
+
+    def act_batch(
+        self, sessions: Sequence[Session], observations: Sequence[dict[str, Any]]
+    ) -> np.ndarray:
+        if any(observation["agent_pos"][0] == 1 for observation in observations):
+            raise ZeroDivisionError("ones")
+        return super().act_batch(sessions, observations)
+
+
+@pytest.fixture
+def loops() -> Iterator[list[InferenceLoop]]:
+    running: list[InferenceLoop] = []
+    yield running
+    for loop in running:
+        loop.stop()
+
+
+def start(loop: InferenceLoop, loops: list[InferenceLoop]) -> InferenceLoop:
+    loops.append(loop)
+    threading.Thread(target=loop.run, daemon=True).start()
+    return loop
+
+
+def observations(seed: int, count: int = 6) -> list[dict[str, Any]]:
+    drawn = np.random.default_rng(seed).standard_normal((count, 16), dtype=np.float32)
+    return [{"agent_pos": row} for row in drawn]
+
+
+def played(loop: InferenceLoop, seed: int) -> bytes:
+    """All chunks of an episode of six calls."""
+    session = loop.begin("Do it.", seed).result(TIMEOUT_S)
+    return b"".join(
+        loop.act(session, observation).result(TIMEOUT_S).tobytes()
+        for observation in observations(seed)
+    )
+
+
+def test_noise_follows_from_seed_and_call_alone() -> None:
+    first = noise(3, 0, (5, 2))
+    assert first.dtype == np.float32
+    np.testing.assert_array_equal(first, noise(3, 0, (5, 2)))
+    assert not np.array_equal(first, noise(3, 1, (5, 2)))
+    assert not np.array_equal(first, noise(4, 0, (5, 2)))
+    assert abs(float(noise(0, 0, (10_000,)).std()) - 1) < 0.05
+
+
+def test_fixed_batches_give_the_same_bits_however_many_wait(loops: list[InferenceLoop]) -> None:
+    alone = SessionPolicy(Network(), Batching(size=4))
+    expected = []
+    for seed in range(8):
+        alone.reset("Do it.", seed)
+        chunks = [alone.act(observation) for observation in observations(seed)]
+        expected.append(b"".join(chunk.tobytes() for chunk in chunks))
+    assert len(set(expected)) == 8
+    policy = Network()
+    loop = start(InferenceLoop(policy, Batching(size=4)), loops)
+    results: dict[int, bytes] = {}
+    threads = [
+        threading.Thread(target=lambda seed=seed: results.update({seed: played(loop, seed)}))
+        for seed in range(8)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(TIMEOUT_S)
+    assert [results[seed] for seed in range(8)] == expected
+    assert set(policy.sizes) == {4}
+
+
+def test_dynamic_batches_hold_what_waits_and_no_more_than_fits(
+    loops: list[InferenceLoop],
+) -> None:
+    policy = Network()
+    loop = InferenceLoop(policy, Batching(mode="dynamic", size=3))
+    begun = [loop.begin("Do it.", seed) for seed in range(5)]
+    start(loop, loops)
+    sessions = [future.result(TIMEOUT_S) for future in begun]
+    held = threading.Event()
+    policy.begin = lambda instruction, seed: (
+        held.wait()
+        and Session(  # type: ignore[method-assign]
+            instruction=instruction, seed=seed
+        )
+    )
+    loop.begin("Hold the loop.", 0)
+    futures = [loop.act(session, OBSERVATION) for session in sessions]
+    assert futures[1].cancel()
+    held.set()
+    chunks = [future.result(TIMEOUT_S) for future in futures if not future.cancelled()]
+    assert len(chunks) == 4
+    assert policy.sizes == [3, 1]
+    assert [session.call for session in sessions] == [1, 0, 1, 1, 1]
+
+
+def test_bad_observation_fails_alone_and_changes_no_other(loops: list[InferenceLoop]) -> None:
+    good = played(start(InferenceLoop(Network(), Batching(size=4)), loops), seed=1)
+    loop = start(InferenceLoop(Refuses(), Batching(size=4)), loops)
+    stop = threading.Event()
+    reasons: set[str] = set()
+
+    def disturb() -> None:
+        session = loop.begin("Do it.", 2).result(TIMEOUT_S)
+        while not stop.is_set():
+            error = loop.act(session, {"agent_pos": np.ones(16, np.float32)}).exception(TIMEOUT_S)
+            assert isinstance(error, PolicyError)
+            reasons.add(str(error))
+
+    threads = [threading.Thread(target=disturb) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    try:
+        assert played(loop, seed=1) == good
+    finally:
+        stop.set()
+    for thread in threads:
+        thread.join(TIMEOUT_S)
+    (reason,) = reasons
+    assert reason.endswith("ZeroDivisionError: ones")
+
+
+def test_too_many_requests_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inference_module, "MAX_WAITING", 2)
+    loop = InferenceLoop(Network(), Batching())
+    waiting = [loop.begin("Do it.", 0) for _ in range(2)]
+    with pytest.raises(BusyError, match="2 requests waiting"):
+        loop.begin("Do it.", 0)
+    loop.stop()
+    loop.run()
+    assert all(future.cancelled() for future in waiting)
+    with pytest.raises(BusyError, match="has ended"):
+        loop.act(Session(instruction="", seed=0), OBSERVATION)
+
+
+@pytest.mark.parametrize(
+    ("returned", "message"),
+    [
+        (np.zeros((3, 2, 16)), "asked for 2 chunks and returned 3"),
+        (np.zeros((2, 16)), r"shape \(H, n\)"),
+        (np.full((2, 1, 16), np.nan), "returned nan"),
+        (["left", "right"], "array of numbers"),
+    ],
+)
+def test_answer_that_is_no_chunks_is_refused(returned: Any, message: str) -> None:
+    policy = Network()
+    policy.act_batch = lambda sessions, observations: returned  # type: ignore[method-assign] # noqa: ARG005
+    sessions = [policy.begin("Do it.", seed) for seed in (0, 1)]
+    with pytest.raises(PolicyError, match=message):
+        answer(policy, sessions, [OBSERVATION] * 2, Batching(mode="dynamic"))
+    assert [session.call for session in sessions] == [0, 0]
+
+
+def test_session_of_another_kind_is_refused() -> None:
+    policy = Network()
+    policy.begin = lambda instruction, seed: seed  # type: ignore[method-assign,assignment] # noqa: ARG005
+    with pytest.raises(PolicyError, match=r"returned a int.*duobench\.policy\.Session"):
+        SessionPolicy(policy, Batching()).reset("Do it.", 0)
+
+
+@pytest.mark.parametrize("fields", [{"mode": "static"}, {"size": 0}])
+def test_impossible_batching_is_refused(fields: dict[str, Any]) -> None:
+    with pytest.raises(PolicyError):
+        Batching(**fields)
+
+
+class Counts:
+    """A plain policy that counts its calls: shared, it would count those of others."""
+
+    metadata = PolicyMetadata(name="counts")
+
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - the protocol
+        self._count = 100 * seed
+
+    def act(self, observation: Any) -> np.ndarray:  # noqa: ARG002 - the protocol
+        self._count += 1
+        return np.full((1, 16), self._count)
+
+
+def test_plain_policies_keep_their_episodes_apart() -> None:
+    pool = PolicyPool(Counts(), Counts, size=2)
+    assert isinstance(pool, BatchPolicy)
+    batching = Batching(mode="dynamic", size=8)
+    first, second = pool.begin("Do it.", 1), pool.begin("Do it.", 2)
+    for number in (1, 2):
+        chunks = answer(pool, [second, first], [OBSERVATION] * 2, batching)
+        assert [chunk[0, 0] for chunk in chunks] == [200 + number, 100 + number]
+    with pytest.raises(PolicyError, match="2 objects of it are playing"):
+        pool.begin("Do it.", 3)
+    pool.end(first)
+    third = pool.begin("Do it.", 3)
+    assert answer(pool, [third], [OBSERVATION], batching)[0][0, 0] == 301
