@@ -20,8 +20,10 @@ from lerobot.policies import get_policy_class, make_pre_post_processors
 
 from duobench import policy
 from duobench.errors import DuoBenchError
+from duobench.policy.batch import Batching, SessionPolicy
 from duobench.policy.lerobot.noise import EpisodeNoise
 from duobench.policy.lerobot.policy import LeRobotPolicy
+from duobench.policy.registry import make_any
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE, change
 
@@ -52,7 +54,7 @@ def test_weights_that_pi05_fails_to_load_without_a_word_are_noticed(
 
 
 def load(folder: Path, query: str = "") -> LeRobotPolicy:
-    made = policy.make(f"lerobot:{folder}?device=cpu{query}")
+    made = make_any(f"lerobot:{folder}?device=cpu{query}")
     assert isinstance(made, LeRobotPolicy)
     return made
 
@@ -67,9 +69,14 @@ def observation(number: int) -> dict[str, Any]:
     }
 
 
+def alone(made: LeRobotPolicy) -> SessionPolicy:
+    return SessionPolicy(made, Batching(size=1))
+
+
 def chunk_of(made: LeRobotPolicy, seed: int = SEED, number: int = 0) -> np.ndarray:
-    made.reset(INSTRUCTION, seed)
-    return np.asarray(made.act(observation(number)))
+    played = alone(made)
+    played.reset(INSTRUCTION, seed)
+    return np.asarray(played.act(observation(number)))
 
 
 class Loop:
@@ -105,10 +112,11 @@ def test_diffusion_sees_consecutive_observations_as_in_lerobots_loop(
         Loop(folders["diffusion"], n_action_steps=steps),
         load(folders["diffusion"], f"&steps={steps}"),
     )
-    made.reset(INSTRUCTION, SEED)
+    played = alone(made)
+    played.reset(INSTRUCTION, SEED)
     executed: list[np.ndarray] = []
     while len(executed) < 3 * steps:
-        executed.extend(np.asarray(made.act(observation(len(executed)))))
+        executed.extend(np.asarray(played.act(observation(len(executed)))))
     expected = []
     for step in range(len(executed)):
         call = step // steps * 2  # each chunk is given in two answers

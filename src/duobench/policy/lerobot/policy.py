@@ -23,6 +23,7 @@ from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports
 from numpy.typing import NDArray
 
 from duobench.errors import PolicyError
+from duobench.policy.batch import Session
 from duobench.policy.lerobot import checkpoint
 from duobench.policy.lerobot.address import EXECUTED, SCHEME, parse
 from duobench.policy.lerobot.features import (
@@ -43,15 +44,9 @@ _DTYPES = ("bfloat16", "float32")
 
 
 @dataclass(kw_only=True, slots=True)
-class Session:
+class LeRobotSession(Session):
     """One episode of a LeRobot policy."""
 
-    instruction: str
-    """What to do, in words."""
-    seed: int
-    """Seed of the episode."""
-    call: int = 0
-    """Answers that were given in it; whoever calls `act_batch` counts them."""
     seen: tuple[Observation, ...] = ()
     """The last observations, for a model that sees more than one."""
     left: Chunk | None = None
@@ -114,32 +109,18 @@ class LeRobotPolicy:
             cameras=seen.cameras,
             image_size=seen.image_size,
             version=_version(folder, self._steps, self._model, device, config.use_amp),
+            horizon=None if self._past is not None else self._steps,
+            dtype=_dtype(self._model),
+            device=torch.device(device).type,
         )
         """What it expects, and a version that names checkpoint, numbers and device."""
-        self._session: Session | None = None
 
-    def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode."""
-        self._session = self.begin(instruction, seed)
-
-    def act(self, observation: Observation) -> Chunk:
-        """The next actions (H, 16).
-
-        Raises:
-            PolicyError: There was no reset yet.
-        """
-        if self._session is None:
-            raise PolicyError("A policy is reset before it acts.")
-        (chunk,) = self.act_batch([self._session], [observation])
-        self._session.call += 1
-        return chunk
-
-    def begin(self, instruction: str, seed: int) -> Session:
+    def begin(self, instruction: str, seed: int) -> LeRobotSession:
         """Begin an episode, beside those that are under way."""
-        return Session(instruction=instruction, seed=seed)
+        return LeRobotSession(instruction=instruction, seed=seed)
 
     def act_batch(
-        self, sessions: Sequence[Session], observations: Sequence[Observation]
+        self, sessions: Sequence[LeRobotSession], observations: Sequence[Observation]
     ) -> list[Chunk]:
         """The next actions in each episode.
 
@@ -165,14 +146,14 @@ class LeRobotPolicy:
             for row, (session, window) in enumerate(zip(sessions, shown, strict=True))
         ]
 
-    def _window(self, session: Session, observation: Observation) -> tuple[Observation, ...]:
+    def _window(self, session: LeRobotSession, observation: Observation) -> tuple[Observation, ...]:
         """The observations that the model sees, the current one last."""
         past = self._past or 1
         before = session.seen or (observation,) * (past - 1)
         return (*before, observation)[-past:]
 
     def _answer(
-        self, session: Session, window: tuple[Observation, ...], chunk: Chunk | None
+        self, session: LeRobotSession, window: tuple[Observation, ...], chunk: Chunk | None
     ) -> Chunk:
         """The actions that are executed next; notes what the session remembers."""
         if self._past is not None:
@@ -187,7 +168,7 @@ class LeRobotPolicy:
         return given
 
     def _predict(
-        self, sessions: Sequence[Session], windows: Sequence[tuple[Observation, ...]]
+        self, sessions: Sequence[LeRobotSession], windows: Sequence[tuple[Observation, ...]]
     ) -> list[Chunk]:
         """One call of the model: the actions (steps, 16) that are executed of each chunk."""
         batch: dict[str, Any] = {
@@ -260,13 +241,17 @@ def _rename_map(processor: Any) -> Mapping[str, str]:
     return maps[0] if maps else {}
 
 
+def _dtype(model: Any) -> str:
+    """The numbers that a model consists of."""
+    return "+".join(sorted({str(v.dtype).removeprefix("torch.") for v in model.parameters()}))
+
+
 def _version(folder: Path, steps: int, model: Any, device: str, amp: bool) -> str:
     """What a run must not change: checkpoint, actions executed, numbers, device, libraries."""
-    types = {str(value.dtype).removeprefix("torch.") for value in model.parameters()}
     where = torch.device(device)
     card = f" ({torch.cuda.get_device_name(where)})" if where.type == "cuda" else ""
     return (
         f"checkpoint {checkpoint.content_hash(folder)[:16]}, {steps} actions a chunk, "
-        f"{'+'.join(sorted(types))}{' with autocast' if amp else ''} on {where.type}{card}, "
+        f"{_dtype(model)}{' with autocast' if amp else ''} on {where.type}{card}, "
         f"lerobot {version('lerobot')}, torch {torch.__version__}"
     )
