@@ -16,6 +16,8 @@ import pytest
 import duobench
 from duobench.cli.evaluate import evaluate
 from duobench.cli.record import record
+from duobench.cli.replay import replay
+from duobench.cli.train import train
 from duobench.data.schema import SCHEMA
 from duobench.envs import spaces
 from duobench.envs.config import ACTION_MODES, IMAGE_SIZE
@@ -264,8 +266,12 @@ def test_the_table_of_metadata_names_its_fields() -> None:
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", EVALUATION, POLICIES], ids=lambda p: p.name)
 def test_options_of_the_command_line_exist(page: Path) -> None:
-    parameters = [*inspect.signature(evaluate).parameters, *inspect.signature(record).parameters]
-    known = {name.replace("_", "-") for name in parameters}
+    verbs = (evaluate, record, replay, train)
+    known = {
+        name.removeprefix("only_").replace("_", "-")
+        for verb in verbs
+        for name in inspect.signature(verb).parameters
+    }
     pattern = r"`--([a-z-]+)|duobench eval[^\n]* --([a-z-]+)"
     named = {first or second for first, second in re.findall(pattern, text_of(page))}
     assert named
