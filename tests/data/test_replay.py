@@ -67,6 +67,10 @@ def test_stages_that_do_not_come_out_the_same_are_said(expert: Recording) -> Non
     assert not found.is_exact
 
 
+def test_a_task_may_be_named_by_its_path(expert: Recording) -> None:
+    assert Replayer("duobench.tasks.bin_sort:TASK").replay(expert).is_exact
+
+
 def test_what_cannot_be_replayed_is_said(expert: Recording) -> None:
     with pytest.raises(DataError, match="of task 'bin_sort', not of 'ball_maze'"):
         Replayer("ball_maze").replay(expert)

@@ -115,6 +115,14 @@ def test_episodes_of_another_origin_are_not_mixed_in(tmp_path: Path) -> None:
         played(data, episodes=1)
 
 
+def test_a_file_of_another_name_is_named(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path)
+    played(data, episodes=1)
+    data.episodes()[0].rename(data.episode("bin_sort", "best"))
+    with pytest.raises(OtherRunError, match=r"best\.parquet was not recorded here"):
+        played(data, episodes=1)
+
+
 def test_a_damaged_episode_stops_the_recording_with_its_name(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path)
     played(data, episodes=1)

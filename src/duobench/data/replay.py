@@ -15,6 +15,8 @@ from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import LAYOUT, sim_of
 from duobench.errors import BackendError, DataError, DuoBenchError
 from duobench.randomness import SUITE_VERSION
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -43,16 +45,16 @@ class Divergence:
 class Replayer:
     """Replays episodes of one task; the environment is made once."""
 
-    def __init__(self, task: str) -> None:
-        """Make the environment.
+    def __init__(self, task: str | Task) -> None:
+        """Find the task.
 
         Args:
-            task: Id of the task, or its import path.
+            task: The task, its id, or its import path.
 
         Raises:
             UnknownNameError: There is no such task.
         """
-        self._task = task
+        self._task = catalog.get(task) if isinstance(task, str) else task
         self._env: gym.Env | None = None
         self._config: EnvConfig | None = None
 
@@ -106,8 +108,8 @@ class Replayer:
     def _environment(self, recording: Recording) -> gym.Env:
         """An environment that takes the commands as they were sent."""
         info = recording.info
-        if info.task != self._task.rpartition(":")[2] and info.task != self._task:
-            raise DataError(f"The episode is of task {info.task!r}, not of {self._task!r}.")
+        if info.task != self._task.id:
+            raise DataError(f"The episode is of task {info.task!r}, not of {self._task.id!r}.")
         if info.suite_version != SUITE_VERSION:
             raise DataError(
                 f"The episode is of suite {info.suite_version}; this version has suite "
@@ -131,7 +133,7 @@ _PLAIN = {
 """Commands are joint targets and openings, one a step."""
 
 
-def replay_all(task: str, recordings: Iterator[Recording]) -> Iterator[Divergence]:
+def replay_all(task: str | Task, recordings: Iterator[Recording]) -> Iterator[Divergence]:
     """Replay episodes of one task, one after the other."""
     with closing(Replayer(task)) as replayer:
         for recording in recordings:

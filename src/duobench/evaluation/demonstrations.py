@@ -162,6 +162,10 @@ def _begin(data: DataSet, run: Run) -> Log:
     # What is kept is what has a file: one may have been removed by hand, and of one that was just
     # finished when everything was killed nobody has taken notice.
     for path in data.episodes():
+        if not path.stem.isdecimal():
+            raise OtherRunError(
+                f"{path} was not recorded here: episodes of a recording are numbered. Move it away."
+            )
         task, index = path.parent.name, int(path.stem)
         outcome = Recording.read_info(path).outcome
         if outcome is not None:
