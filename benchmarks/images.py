@@ -7,8 +7,8 @@ from benchmarks.environments import begin
 from benchmarks.measure import Measurement, Work, seconds
 from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
-from duobench.scene.cameras import POLICY_CAMERAS
 from duobench.sim import rendering
+from duobench.types import POLICY_CAMERAS
 
 MILLI = 1e-3
 

@@ -21,7 +21,7 @@ from duobench.policy import Batching, PolicyMetadata, Session, SessionPolicy
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import RemotePolicy
 from duobench.policy.serving.host import PolicyHost
-from duobench.scene.cameras import POLICY_CAMERAS
+from duobench.types import POLICY_CAMERAS
 
 MILLI = 1e-3
 FIRST_S, EACH_S = 0.25, 0.02

@@ -37,12 +37,12 @@ from duobench.cli.console import console
 from duobench.errors import DuoBenchError
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout
-from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS, View
+from duobench.scene.cameras import OVERVIEW, View
 from duobench.sim.offscreen import Image
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
-from duobench.types import Array
+from duobench.types import POLICY_CAMERAS, Array
 
 DOCS = Path(__file__).parent
 PAGE = "gallery.md"

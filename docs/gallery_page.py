@@ -14,10 +14,10 @@ from gallery_shots import FOLDER, STAGE_SIZE, camera_file, shot, stage_file
 from PIL import ImageDraw, ImageFont
 
 from duobench.errors import DuoBenchError
-from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
+from duobench.scene.cameras import OVERVIEW
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 COVER_WIDTH = 1440
 COLUMNS = 3

@@ -18,11 +18,12 @@ from gallery_sources import DIGITS, model_digest
 from PIL import ImageDraw, ImageFont
 
 from duobench.cli.console import console
-from duobench.scene.cameras import HEAD, OVERVIEW
+from duobench.scene.cameras import OVERVIEW
 from duobench.scene.looks import LOOKS, look
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
+from duobench.types import HEAD
 
 DOCS = Path(__file__).parent
 FOLDER = "looks"

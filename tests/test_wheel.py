@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.scene.cameras import POLICY_CAMERAS
+from duobench.types import POLICY_CAMERAS
 from tests.test_repository import ROOT, tracked
 
 # Every process of the environment loads it, workers too. Sockets between processes stay allowed.

@@ -15,9 +15,10 @@ from gallery_shots import FOLDER, LATER, SHOTS, shot
 from gallery_sources import model_digest, sources
 from PIL import Image
 
-from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
+from duobench.scene.cameras import OVERVIEW
 from duobench.scene.compose import compose
 from duobench.tasks import catalog
+from duobench.types import POLICY_CAMERAS
 from tests.golden import episodes
 
 ROOT = Path(__file__).parents[2]

@@ -13,8 +13,8 @@ import duobench
 from duobench.envs.sim_env import SimEnv
 from duobench.envs.wrappers import ActionChunks, Cameras
 from duobench.errors import RenderingError, UnknownNameError
-from duobench.scene.cameras import POLICY_CAMERAS
 from duobench.tasks import catalog
+from duobench.types import POLICY_CAMERAS
 from tests.envs.tools import TASK, sim_of, wave, waves
 
 SIZE = (24, 32)

@@ -26,7 +26,7 @@ class Sometimes:
     def __init__(self) -> None:
         from duobench.policy import PolicyMetadata
 
-        self.metadata = PolicyMetadata(name="sometimes", version="1")
+        self.metadata = PolicyMetadata(name="sometimes", cameras=(), version="1")
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
         if seed % 2:

@@ -20,7 +20,7 @@ LOW, HIGH = np.vstack([np.vstack([JOINT_RANGES, (0.0, 1.0)])] * 2).T.astype(np.f
 class Wanders:
     """Moves with noise, through a network whose last bits depend on the size of the batch."""
 
-    metadata = PolicyMetadata(name="wanders", horizon=3, dtype="float32", device="cpu")
+    metadata = PolicyMetadata(name="wanders", cameras=(), horizon=3, dtype="float32", device="cpu")
 
     def __init__(self) -> None:
         generator = np.random.default_rng(0)
@@ -83,4 +83,4 @@ class Breaks(Wanders):
 class Unseeded(HoldPolicy):
     """Says that its noise cannot be controlled."""
 
-    metadata = PolicyMetadata(name="unseeded", seeded=False)
+    metadata = PolicyMetadata(name="unseeded", cameras=(), seeded=False)

@@ -265,7 +265,7 @@ class SeesNowhere(HoldPolicy):
 class IsSlow(HoldPolicy):
     """Expects another control rate."""
 
-    metadata = PolicyMetadata(name="is_slow", control_rate_hz=10.0)
+    metadata = PolicyMetadata(name="is_slow", cameras=(), control_rate_hz=10.0)
 
 
 class BreaksOnce(RandomPolicy):

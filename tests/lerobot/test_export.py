@@ -20,8 +20,7 @@ from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.options import ExportOptions
 from duobench.data.recorder import Recorder
 from duobench.data.recording import Recording
-from duobench.scene.cameras import POLICY_CAMERAS
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
 

@@ -14,7 +14,7 @@ TASK = "bin_sort"
 
 
 def metadata(**fields: Any) -> PolicyMetadata:
-    return PolicyMetadata(name="mine", **fields)
+    return PolicyMetadata(**{"name": "mine", "cameras": ()} | fields)
 
 
 @pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from duobench.envs.config import EnvConfig
 from duobench.errors import PolicyError
 from duobench.policy import PolicyMetadata, as_chunk
+from duobench.types import POLICY_CAMERAS
 
 
 def test_chunk_is_returned_as_float32() -> None:
@@ -65,3 +67,7 @@ def test_metadata_takes_numpy_numbers_and_one_camera() -> None:
     given = PolicyMetadata(name="mine", cameras="head", image_size=np.array([48, 64]))  # type: ignore[arg-type]
     assert given == PolicyMetadata(name="mine", cameras=("head",), image_size=(48, 64))
     assert all(type(pixels) is int for pixels in given.image_size or ())
+
+
+def test_a_first_policy_sees_what_an_environment_shows_by_default() -> None:
+    assert PolicyMetadata(name="mine").cameras == EnvConfig().cameras == POLICY_CAMERAS

@@ -22,7 +22,7 @@ from duobench.scene.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.types import SIDES, Side
+from duobench.types import HEAD, POLICY_CAMERAS, SIDES, Side, wrist_name
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def finger_tip(simulation: Simulation, side: Side, finger: int) -> Array:
     return points[flange.inverse().apply(points)[:, 2].argmax()]
 
 
-@pytest.mark.parametrize("camera", cameras.POLICY_CAMERAS)
+@pytest.mark.parametrize("camera", POLICY_CAMERAS)
 def test_a_policy_camera_has_the_published_intrinsics(simulation: Simulation, camera: str) -> None:
     model = simulation.model
     number = model.camera(camera).id
@@ -99,7 +99,7 @@ def test_a_policy_camera_has_the_published_intrinsics(simulation: Simulation, ca
 
 
 def test_the_head_camera_looks_forward_and_down_between_the_arms(simulation: Simulation) -> None:
-    pose = pose_of(simulation, cameras.HEAD)
+    pose = pose_of(simulation, HEAD)
     assert pose.translation == pytest.approx([0.0113, 0.001, 0.695])
     forward, right = -pose.rotation[:, 2], pose.rotation[:, 0]
     assert forward == pytest.approx([math.cos(math.radians(41)), 0.0, -math.sin(math.radians(41))])
@@ -112,7 +112,7 @@ def test_the_head_camera_looks_forward_and_down_between_the_arms(simulation: Sim
 @pytest.mark.parametrize("side", SIDES)
 def test_a_wrist_camera_sits_where_the_mount_holds_it(simulation: Simulation, side: Side) -> None:
     flange = simulation.site_pose(flange_name(side))
-    flange_from_camera = flange.inverse() @ pose_of(simulation, cameras.wrist_name(side))
+    flange_from_camera = flange.inverse() @ pose_of(simulation, wrist_name(side))
     assert flange_from_camera.translation == pytest.approx([0.050, 0.0, 0.067])
     axis = -flange_from_camera.rotation[:, 2]
     assert axis == pytest.approx([-math.sin(math.radians(20)), 0.0, math.cos(math.radians(20))])
@@ -124,7 +124,7 @@ def test_a_wrist_camera_sits_where_the_mount_holds_it(simulation: Simulation, si
 def test_the_fingertips_show_at_the_lower_left_and_the_lower_right(
     simulation: Simulation, side: Side
 ) -> None:
-    camera = cameras.wrist_name(side)
+    camera = wrist_name(side)
     tips = [project(simulation, camera, finger_tip(simulation, side, k)) for k in (0, 1)]
     left, right = sorted(tips, key=lambda tip: tip[0])
     assert 0.0 < left[0] < 0.4
@@ -141,7 +141,7 @@ def test_the_fingertips_show_at_the_lower_left_and_the_lower_right(
 def test_each_finger_fills_its_lower_corner(
     simulation: Simulation, square: Renderer, side: Side
 ) -> None:
-    camera = cameras.wrist_name(side)
+    camera = wrist_name(side)
     ids = square.segment(simulation.data, camera)
     fingers = []
     for finger in ("left", "right"):
@@ -162,7 +162,7 @@ def test_each_finger_fills_its_lower_corner(
 def test_the_head_sees_the_table_and_both_grippers_from_above(
     simulation: Simulation, square: Renderer
 ) -> None:
-    ids = square.segment(simulation.data, cameras.HEAD)
+    ids = square.segment(simulation.data, HEAD)
     table = ids == simulation.model.geom("table").id
     assert table[SQUARE // 2 :, SQUARE // 4 : -SQUARE // 4].all()
     tips = [centroid(np.isin(ids, geoms_below(simulation, f"{s}/gripper/base"))) for s in SIDES]
@@ -171,7 +171,7 @@ def test_the_head_sees_the_table_and_both_grippers_from_above(
     assert max(tips[0][1], tips[1][1]) < 0.2
 
 
-@pytest.mark.parametrize("camera", cameras.POLICY_CAMERAS)
+@pytest.mark.parametrize("camera", POLICY_CAMERAS)
 @pytest.mark.parametrize("size", [(SQUARE, SQUARE), (720, 1280), (90, 300)])
 def test_an_image_of_any_size_shows_the_whole_native_field_of_view(
     simulation: Simulation, camera: str, size: tuple[int, int]
@@ -196,9 +196,9 @@ def test_a_small_image_is_the_native_one_made_small(simulation: Simulation) -> N
     simulation.place("ball", SE3.at(0.5, 0.0, 0.1))
     simulation.forward()
     with Renderer(simulation.model, height=720, width=1280) as renderer:
-        native = renderer.render(simulation.data, cameras.HEAD).astype(np.float64)
+        native = renderer.render(simulation.data, HEAD).astype(np.float64)
     with Renderer(simulation.model, height=90, width=80) as renderer:
-        small = renderer.render(simulation.data, cameras.HEAD).astype(np.float64)
+        small = renderer.render(simulation.data, HEAD).astype(np.float64)
     made_small = native.reshape(90, 8, 80, 16, 3).mean(axis=(1, 3))
     # Only outlines differ: one point a pixel against the mean of 128.
     assert np.median(np.abs(small - made_small)) < 1.0
@@ -252,7 +252,7 @@ def image_inputs(simulation: Simulation) -> dict[str, str]:
     view.type = mujoco.mjtCamera.mjCAMERA_FIXED
     option = mujoco.MjvOption()
     option.sitegroup[:] = 0
-    for camera in (*cameras.POLICY_CAMERAS, cameras.OVERVIEW):
+    for camera in (*POLICY_CAMERAS, cameras.OVERVIEW):
         view.fixedcamid = model.camera(camera).id
         mujoco.mjv_updateScene(model, data, option, None, view, mujoco.mjtCatBit.mjCAT_ALL, scene)
         lens = scene.camera[0]

@@ -13,10 +13,10 @@ from duobench.experts.registry import make_expert
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.bowl import FLOOR
 from duobench.objects.chest import HINGE, LID_UNDERSIDE, WALL
-from duobench.scene.cameras import HEAD, POLICY_CAMERAS
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
+from duobench.types import HEAD, POLICY_CAMERAS
 
 DIFFERENCE = 25.0
 """Least difference of two neighbouring pixels' luminance, of 255."""

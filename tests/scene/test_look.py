@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from duobench.errors import OptionError, UnknownNameError
-from duobench.scene.cameras import HEAD
 from duobench.scene.clutter import DEPTH, pieces
 from duobench.scene.colours import colour_name, shifted
 from duobench.scene.look import CameraOffset, Light, Look, Material
@@ -20,6 +19,7 @@ from duobench.scene.workcell import FLOOR_Z, ROOM_X, ROOM_Y
 from duobench.sim.paints import paints
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
+from duobench.types import HEAD
 
 RANDOM = [f"random:{seed}" for seed in range(20)]
 

@@ -16,12 +16,13 @@ from duobench.objects.bowl import WALL as BOWL_WALL
 from duobench.objects.cup import cup
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, printable
-from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS, View
+from duobench.scene.cameras import OVERVIEW, View
 from duobench.scene.shadows import RIB_HEIGHT, add_ribs
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks import catalog
+from duobench.types import POLICY_CAMERAS
 
 FINE_SHADOWS = 4096
 """Side of a shadow map in texels with which light leaks nowhere."""

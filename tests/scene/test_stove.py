@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from duobench.objects.pot import PLATE
-from duobench.scene.cameras import HEAD, HEAD_FOCAL, NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.scene.cameras import HEAD_FOCAL, NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.carry_pot import TASK
+from duobench.types import HEAD
 
 MARGIN = 0.01
 """Least share of the image's sides between the plate and the border."""

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from duobench.errors import AssetError, UnknownNameError
-from duobench.scene.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
+from duobench.scene.cameras import OVERVIEW
 from duobench.scene.look import CameraOffset, Light, Look, Material
 from duobench.scene.looks import LOOKS, look
 from duobench.sim.backend import SimBackend
@@ -20,6 +20,7 @@ from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks import catalog
+from duobench.types import HEAD, POLICY_CAMERAS
 
 SIZE = 96
 NAMES = [*LOOKS, "random:1", "random:2"]

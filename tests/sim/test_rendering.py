@@ -16,7 +16,7 @@ import pytest
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.objects.blocks import RED, cube
 from duobench.objects.prop import Prop
-from duobench.scene.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
+from duobench.scene.cameras import OVERVIEW
 from duobench.scene.filters import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP, VISUAL_GEOM_GROUP
 from duobench.scene.workcell import TABLE_X, TABLE_Y
 from duobench.sim import rendering
@@ -24,6 +24,7 @@ from duobench.sim.opengl import BACKENDS
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
+from duobench.types import HEAD, POLICY_CAMERAS
 
 SIZE = 96
 

@@ -12,9 +12,8 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
 
-from duobench.scene.cameras import POLICY_CAMERAS
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, FLAT_SIZE
+from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS
 from lerobot_env_duobench.episodes import make
 
 ALL = "all"

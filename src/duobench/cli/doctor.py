@@ -46,9 +46,9 @@ def _graphics() -> dict[str, str]:
     """What draws, and how long an image takes."""
     load_engine()
     from duobench.envs.sim_env import SimEnv
-    from duobench.scene.cameras import HEAD, POLICY_CAMERAS
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog
+    from duobench.types import HEAD, POLICY_CAMERAS
 
     base = SimEnv(catalog.get(catalog.names()[0]))
     base.reset()

@@ -37,9 +37,10 @@ def render(
     from duobench.envs.wrappers import RandomizedReset
     from duobench.evaluation.suite import find_tasks
     from duobench.files import make_folder, writing
-    from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
+    from duobench.scene.cameras import OVERVIEW
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog
+    from duobench.types import POLICY_CAMERAS
 
     checked_seed(seed)
     (info,) = find_tasks([task])

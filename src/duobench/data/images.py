@@ -9,7 +9,6 @@ from duobench.backend import Image
 from duobench.data.recording import Recording
 from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import DataError, DuoBenchError
-from duobench.scene.cameras import POLICY_CAMERAS
 from duobench.scene.look import Look
 from duobench.scene.looks import DEFAULT, as_look
 from duobench.sim.backend import SimBackend
@@ -17,6 +16,7 @@ from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
+from duobench.types import POLICY_CAMERAS
 
 
 class ImageSource:

@@ -16,8 +16,7 @@ from duobench.data.recording import Recording
 from duobench.data.summary import JointSummary, Summary, TaskSummary
 from duobench.files import write
 from duobench.pages import render
-from duobench.scene.cameras import HEAD
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, HEAD
 
 PAGE = "index.html"
 """Name of the page in the folder of the data set."""

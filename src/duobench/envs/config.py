@@ -9,10 +9,10 @@ from typing import Any
 
 from duobench.errors import OptionError, UnknownNameError
 from duobench.randomness import EVAL, SPLITS
-from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
+from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.scene.look import Look
 from duobench.scene.looks import DEFAULT, as_look
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 ACTION_MODES = ("joint", "joint_relative", "cartesian", "cartesian_relative")
 """What the numbers of an action may mean, by name."""

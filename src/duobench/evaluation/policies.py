@@ -91,7 +91,8 @@ def is_expert(name: str) -> bool:
 
 
 def _expert_metadata(variety: Variety) -> PolicyMetadata:
-    return PolicyMetadata(name=EXPERT if variety is NONE else f"{EXPERT}:{variety.name}")
+    name = EXPERT if variety is NONE else f"{EXPERT}:{variety.name}"
+    return PolicyMetadata(name=name, cameras=())
 
 
 def _variety(name: str) -> Variety:

@@ -19,7 +19,7 @@ _RANDOM_STREAM = 0x706F6C
 class ZeroPolicy:
     """Sends 16 zeros: every joint target 0, clipped into its range, both grippers closed."""
 
-    metadata = PolicyMetadata(name="zero")
+    metadata = PolicyMetadata(name="zero", cameras=())
 
     def reset(self, instruction: str, seed: int) -> None:
         """There is nothing to forget."""
@@ -32,7 +32,7 @@ class ZeroPolicy:
 class RandomPolicy:
     """Samples every action uniformly from the joint action space."""
 
-    metadata = PolicyMetadata(name="random")
+    metadata = PolicyMetadata(name="random", cameras=())
 
     def __init__(self) -> None:
         """Read the limits of an action."""
@@ -52,7 +52,7 @@ class RandomPolicy:
 class HoldPolicy:
     """Keeps the joint positions that it saw first, with both grippers open."""
 
-    metadata = PolicyMetadata(name="hold")
+    metadata = PolicyMetadata(name="hold", cameras=())
 
     def __init__(self) -> None:
         """Hold nothing until the first observation."""

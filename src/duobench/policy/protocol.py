@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import PolicyError
-from duobench.types import CONTROL_HZ, FLAT_SIZE, real_array
+from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, real_array
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -20,8 +20,9 @@ class PolicyMetadata:
 
     name: str
     """How the policy calls itself, for people."""
-    cameras: tuple[str, ...] = ()
-    """Cameras that must be in the observation; the others are not rendered."""
+    cameras: tuple[str, ...] = POLICY_CAMERAS
+    """Cameras that must be in the observation; the others are not rendered. All of the
+    environment's by default; `()` for a policy that needs no images, which is faster."""
     image_size: tuple[int, int] | None = None
     """Height and width of every image in pixels; None takes the environment's default."""
     action_mode: str = "joint"

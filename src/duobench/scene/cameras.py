@@ -17,7 +17,7 @@ from duobench.scene.boxes import add_box
 from duobench.scene.filters import Group, collide_as, distal
 from duobench.scene.surfaces import set_metal
 from duobench.spatial import SE3
-from duobench.types import SIDES, Side
+from duobench.types import HEAD, Side, wrist_name
 
 NATIVE_HEIGHT, NATIVE_WIDTH = 720, 1280
 """Native image size of all three cameras in pixels."""
@@ -37,18 +37,8 @@ def check_image_size(height: int, width: int) -> None:
         )
 
 
-HEAD = "head"
 OVERVIEW = "overview"
 """A view of the whole scene for people; not part of any observation."""
-
-
-def wrist_name(side: Side) -> str:
-    """Name of the camera on an arm's wrist."""
-    return f"{side}_wrist"
-
-
-POLICY_CAMERAS = (HEAD, *(wrist_name(side) for side in SIDES))
-"""The cameras that a policy may see."""
 
 HEAD_POSITION = (0.0113, 0.001, 0.695)
 """Left lens of the ZED Mini in the table frame, in metres [manufacturer's camera holder]."""

@@ -15,8 +15,9 @@ from typing import Any
 import msgspec
 
 from duobench.errors import OptionError, UnknownNameError
-from duobench.scene.cameras import OVERVIEW, POLICY_CAMERAS
+from duobench.scene.cameras import OVERVIEW
 from duobench.scene.textures import TEXTURES
+from duobench.types import POLICY_CAMERAS
 
 RGB = tuple[float, float, float]
 """Red, green and blue, 0 to 1."""

@@ -10,9 +10,9 @@ from types import MappingProxyType
 import numpy as np
 
 from duobench.errors import OptionError, UnknownNameError
-from duobench.scene.cameras import POLICY_CAMERAS
 from duobench.scene.look import RGB, CameraOffset, Light, Look, Material
 from duobench.scene.workcell import SHADOW_CENTRE
+from duobench.types import POLICY_CAMERAS
 
 DEFAULT = "default"
 RANDOM = "random:"

@@ -7,8 +7,9 @@ from enum import StrEnum
 
 from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import DataError, UnknownNameError
-from duobench.scene.cameras import POLICY_CAMERAS, check_image_size
+from duobench.scene.cameras import check_image_size
 from duobench.scene.looks import DEFAULT, as_look
+from duobench.types import POLICY_CAMERAS
 
 
 class Pairing(StrEnum):

@@ -13,7 +13,8 @@ from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import UnknownNameError
-from duobench.scene.cameras import POLICY_CAMERAS, check_image_size
+from duobench.scene.cameras import check_image_size
+from duobench.types import POLICY_CAMERAS
 
 PIXELS = "pixels"
 """Key of the images in an observation."""

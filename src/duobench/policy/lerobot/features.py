@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from duobench.errors import PolicyError
-from duobench.scene.cameras import POLICY_CAMERAS
-from duobench.types import FLAT_SIZE
+from duobench.types import FLAT_SIZE, POLICY_CAMERAS
 
 STATE, ACTION = "observation.state", "action"
 IMAGE_PREFIX = "observation.images."
