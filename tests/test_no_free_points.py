@@ -5,7 +5,7 @@ import pytest
 from benchmarks.sweep import OPEN_CLOSE, Job, play
 from duobench.tasks import catalog
 
-SEEDS = tuple(range(5))
+SEEDS = (0, 1)
 IDLE = ("hold", "zero", OPEN_CLOSE)
 LUCK = 1
 """Moving at random may touch or pinch something now and then, and no more."""
