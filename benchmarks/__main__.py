@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks import environments, images, imports, serving
+from benchmarks import environments, images, imports, recording, serving
 from benchmarks.measure import Measurement
 from duobench.sim import rendering
 from duobench.tasks import catalog
@@ -23,6 +23,7 @@ PER_TASK: Mapping[str, Callable[[str], Iterator[Measurement]]] = {
     "resets": environments.measure_resets,
     "steps": environments.measure_steps,
     "images": images.measure,
+    "recording": recording.measure,
 }
 ONCE: Mapping[str, Callable[[], Iterator[Measurement]]] = {
     "imports": imports.measure,

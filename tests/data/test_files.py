@@ -128,7 +128,7 @@ def test_folders_that_hold_something_else_are_left_alone(tmp_path: Path) -> None
         DataSet.open(tmp_path)
 
 
-def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_batch(
+def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_row(
     tmp_path: Path,
 ) -> None:
     expected = recorded(tmp_path / "whole", steps=60, horizon=80)
@@ -147,9 +147,16 @@ def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_batch(
         assert rows.info.outcome is not None
         assert rows.info.outcome.cut
     assert max(kept) >= 60 - BATCH_ROWS
-    partial.write_bytes(whole[:100])
-    with pytest.raises(DataError, match=r"00000\.part"):
-        recover(partial)
+    for other in (
+        b"",
+        whole[:7],
+        whole[:100],
+        b"\xff" * 100,
+        whole.replace(b'"action": 1', b'"action":-1'),
+    ):
+        partial.write_bytes(other)
+        with pytest.raises(DataError, match=r"00000\.part"):
+            recover(partial)
     env.close()
 
 

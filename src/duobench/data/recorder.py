@@ -31,7 +31,7 @@ class Recorder(DuoWrapper):
 
     An episode is finished when the environment ends it, and then written as one Parquet file. One
     that is left earlier, by `reset` or `close`, is written as cut. A killed process loses at most
-    0.8 seconds; `duobench data recover` turns what is left into an episode.
+    0.3 seconds; `duobench data recover` turns what is left into an episode.
 
     Put it outside everything that changes the observation's `agent_pos` and `tcp_pose` or the
     meaning of actions, so that it sees what the policy sees and says; cameras may be on either

@@ -1,33 +1,56 @@
 """An episode while it is being recorded: an append-only file that survives a kill.
 
-Rows are appended to an Arrow stream, a few at a time. When the episode ends, all of it is written
-as Parquet, and the stream is removed. What a killed process leaves can be read up to its last whole
-batch; see `recover`.
+Rows are appended as they lie in memory, a few at a time, after a head that says what they are. When
+the episode ends, all of it is written as Parquet, and the file is removed. What a killed process
+leaves can be read up to its last whole row; see `recover`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-from numpy.typing import NDArray
 
-from duobench.data.recording import Recording, arrow_array, arrow_schema, info_of
-from duobench.data.schema import COLUMNS, EpisodeInfo, Outcome
-from duobench.errors import DataError
-from duobench.files import make_folder, writing
+from duobench.data.recording import Recording
+from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome
+from duobench.errors import DataError, EvaluationError
+from duobench.files import decode, encode, make_folder, writing
 
 SUFFIX = ".part"
 """Ending of the file of an episode that is being recorded."""
-BATCH_ROWS = 24
-"""Rows that are written at a time: 0.8 seconds, which is what a kill may cost."""
+BATCH_ROWS = 8
+"""Rows that are written at a time: 0.27 seconds, which is what a kill may cost."""
 _FIRST_CAPACITY = 512
 """Rows that are made room for at first."""
+_LENGTH_BYTES = 8
+"""Bytes before the head that say how long it is."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Head:
+    """What the file begins with."""
+
+    info: EpisodeInfo
+    """What is known about the episode at its start."""
+    sizes: dict[str, int]
+    """Numbers in one row of the columns that have as many as there are."""
+
+    def row_type(self) -> np.dtype[Any]:
+        """How a row lies in memory and in the file."""
+        return np.dtype(
+            [
+                (
+                    column.name,
+                    column.dtype,
+                    tuple(n or self.sizes[column.name] for n in column.shape),
+                )
+                for column in COLUMNS
+            ],
+            align=True,
+        )
 
 
 class EpisodeStream:
@@ -48,21 +71,15 @@ class EpisodeStream:
         self.path = path
         """Where the finished episode will be."""
         self._info = info
-        self._buffers = {
-            column.name: np.zeros(
-                (_FIRST_CAPACITY, *(size or sizes[column.name] for size in column.shape)),
-                column.dtype,
-            )
-            for column in COLUMNS
-        }
-        self._rows = self._written = 0
+        head = _Head(info=info, sizes=dict(sizes))
+        self._make_room(np.zeros(_FIRST_CAPACITY, head.row_type()))
+        self._count = self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
-        # Opened before it is handed to Arrow, so that no two processes take the same name.
+        text = encode(head, SCHEMA).encode()
         self._file = self._partial.open("xb")
-        self._schema = arrow_schema(info, dict(sizes))
         with writing(self._partial):
-            self._stream = pa.ipc.new_stream(self._file, self._schema)
+            self._file.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
             self._file.flush()
 
     def append(self, row: Mapping[str, Any]) -> None:
@@ -74,13 +91,12 @@ class EpisodeStream:
         Raises:
             OutputError: The file cannot be written.
         """
-        if self._rows == len(self._buffers["time"]):
-            for name, buffer in self._buffers.items():
-                self._buffers[name] = np.concatenate([buffer, np.zeros_like(buffer)])
+        if self._count == len(self._rows):
+            self._make_room(np.concatenate([self._rows, np.zeros_like(self._rows)]))
         for name, value in row.items():
-            self._buffers[name][self._rows] = value
-        self._rows += 1
-        if self._rows - self._written > BATCH_ROWS:
+            self._columns[name][self._count] = value
+        self._count += 1
+        if self._count - self._written > BATCH_ROWS:
             self._flush()
 
     def act(self, row: Mapping[str, Any]) -> None:
@@ -90,7 +106,7 @@ class EpisodeStream:
             row: Values by the name of the column, of those that belong to the action.
         """
         for name, value in row.items():
-            self._buffers[name][self._rows - 1] = value
+            self._columns[name][self._count - 1] = value
 
     def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
         """Write the whole episode as Parquet and remove the stream.
@@ -105,7 +121,7 @@ class EpisodeStream:
         recording = Recording(
             info=info,
             **{
-                column.name: self._buffers[column.name][: self._rows - column.of_action]
+                column.name: self._columns[column.name][: self._count - column.of_action]
                 for column in COLUMNS
             },
         )
@@ -120,16 +136,17 @@ class EpisodeStream:
 
     def close(self) -> None:
         """Let go of the file and leave it as it is."""
-        if not self._file.closed:
-            self._stream.close()
-            self._file.close()
+        self._file.close()
+
+    def _make_room(self, rows: np.ndarray) -> None:
+        self._rows = rows
+        self._columns = {column.name: rows[column.name] for column in COLUMNS}
 
     def _flush(self) -> None:
         """Write the rows that are complete: all but the last one, whose action is still to come."""
-        span = slice(self._written, self._rows - 1)
-        arrays = [arrow_array(column, self._buffers[column.name][span]) for column in COLUMNS]
+        span = slice(self._written, self._count - 1)
         with writing(self._partial):
-            self._stream.write_batch(pa.record_batch(arrays, schema=self._schema))
+            self._file.write(self._rows[span].data)
             self._file.flush()
         self._written = span.stop
 
@@ -141,46 +158,31 @@ def recover(partial: Path) -> Recording:
         partial: The stream that was left.
 
     Returns:
-        The episode up to its last whole batch, marked as cut.
+        The episode up to its last whole row, marked as cut.
 
     Raises:
         DataError: Nothing of it can be read; the message names the file.
     """
-    batches = []
     try:
-        with pa.OSFile(str(partial)) as file, pa.ipc.open_stream(file) as reader:
-            info = info_of(reader.schema)
-            with suppress(OSError, pa.ArrowException):  # the batch that was being written
-                for batch in reader:
-                    batches.append(batch)
-    except (OSError, pa.ArrowException, DataError) as error:
+        data = partial.read_bytes()
+        end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
+        head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA)
+        kind = head.row_type()
+        rows = np.frombuffer(data[end:], kind, (len(data) - end) // kind.itemsize)
+    except (OSError, EvaluationError, KeyError, ValueError) as error:
         raise DataError(f"Cannot recover {partial}: {error}") from error
-    rows = {
-        column.name: [_rows(batch.column(column.name)) for batch in batches] for column in COLUMNS
-    }
-    if not batches:
+    if not len(rows):
         raise DataError(f"Cannot recover {partial}: it ends before its first rows were written.")
-    arrays = {name: np.concatenate(parts) for name, parts in rows.items()}
-    stage, last = arrays["stage"], len(arrays["stage"]) - 1
     outcome = Outcome(
-        success=bool(arrays["success"].any()),
-        stage=int(stage.max()),
-        max_stage=len(info.subinstructions),
+        success=bool(rows["success"].any()),
+        stage=int(rows["stage"].max()),
+        max_stage=len(head.info.subinstructions),
         kept=False,
         reason="The recording was interrupted.",
         cut=True,
     )
     return Recording(
-        info=replace(info, outcome=outcome),
+        info=replace(head.info, outcome=outcome),
         # The step of the last row that was written led to one that was not.
-        **{
-            column.name: arrays[column.name][: last if column.of_action else last + 1]
-            for column in COLUMNS
-        },
+        **{column.name: rows[column.name][: len(rows) - column.of_action] for column in COLUMNS},
     )
-
-
-def _rows(array: pa.Array) -> NDArray[Any]:
-    if pa.types.is_fixed_size_list(array.type):
-        return array.flatten().to_numpy().reshape(len(array), array.type.list_size)
-    return array.to_numpy(zero_copy_only=False)
