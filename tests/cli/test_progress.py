@@ -1,8 +1,9 @@
 import io
 
+import pytest
 from rich.console import Console
 
-from duobench.cli.progress import LiveProgress, PlainProgress, progress_display
+from duobench.cli.progress import Bars, EpisodesPlayed, Lines, counting, display
 from tests.evaluation.samples import SORT, sample_record, sample_records, sample_run
 
 
@@ -10,11 +11,12 @@ def shown(*, terminal: bool, records: list, finished: int) -> str:
     out = io.StringIO()
     console = Console(file=out, force_terminal=terminal, width=100, color_system=None)
     run = sample_run(episodes=len(records) // 3)
-    with progress_display(console) as display:
-        assert isinstance(display, LiveProgress if terminal else PlainProgress)
-        display.on_run_start(run, records[:finished])
+    with display(console, "episode") as bars_or_lines:
+        assert isinstance(bars_or_lines, Bars if terminal else Lines)
+        played = EpisodesPlayed(bars_or_lines)
+        played.on_run_start(run, records[:finished])
         for record in records[finished:]:
-            display.on_record(record)
+            played.on_record(record)
     return out.getvalue()
 
 
@@ -48,7 +50,7 @@ def test_broken_episode_is_told_with_its_reason() -> None:
 def test_one_is_not_told_as_several() -> None:
     out = io.StringIO()
     run = sample_run(tasks=(SORT,), episodes=1)
-    PlainProgress(Console(file=out, width=100)).on_run_start(run, [])
+    EpisodesPlayed(Lines(Console(file=out, width=100), "episode")).on_run_start(run, [])
     assert out.getvalue() == "Policy mine: 1 task, 1 episode\n"
 
 
@@ -58,3 +60,17 @@ def test_terminal_gets_a_bar_a_task() -> None:
     for task in ("lift", "sort", "turn"):
         assert task in text
     assert "5/5" in text
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_things_are_counted_from_where_an_earlier_call_stopped(terminal: bool) -> None:
+    out = io.StringIO()
+    console = Console(file=out, force_terminal=terminal, width=100, color_system=None)
+    with counting(console, "frame") as tell:
+        for done in range(40, 101):
+            tell(done, 100)
+    if terminal:
+        assert "100/100" in out.getvalue()
+    else:
+        lines = out.getvalue().splitlines()
+        assert lines == [f"{done} of 100 frames" for done in range(40, 101, 10)]

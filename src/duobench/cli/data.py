@@ -63,7 +63,7 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
 
     screen = console()
     source = DataSet.open(data, create=False)
-    with counting(screen, "episodes") as progress:
+    with counting(screen, "episode") as progress:
         problems = find_problems(source, workers=workers, progress=progress)
     for problem in problems:
         screen.print(f"{problem.path}: {problem.what}", soft_wrap=True)

@@ -66,7 +66,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     load_engine()
     from duobench.cli.advice import for_evaluation
-    from duobench.cli.progress import progress_display
+    from duobench.cli.progress import EpisodesPlayed, display
     from duobench.cli.table import results_table
     from duobench.evaluation.evaluate import evaluate as play
     from duobench.evaluation.folder import RunFolder
@@ -90,7 +90,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     folder = RunFolder(out)
     screen = console()
     try:
-        with for_evaluation(folder), raising(), progress_display(screen) as display:
+        with for_evaluation(folder), raising(), display(screen, "episode") as shown:
             results = play(
                 choice,
                 suite,
@@ -98,7 +98,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
                 videos=videos,
                 limits=limits,
                 workers=workers,
-                observers=[display],
+                observers=[EpisodesPlayed(shown)],
                 retry_broken=retry_broken,
             )
     except KeyboardInterrupt:

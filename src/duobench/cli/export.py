@@ -65,7 +65,7 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     )
     source = DataSet.open(data, create=False)
     try:
-        with raising(), counting(screen, "frames") as progress:
+        with raising(), counting(screen, "frame") as progress:
             done = export_lerobot(source, out, options, workers=workers, progress=progress)
     except KeyboardInterrupt:
         screen.print("What is finished is kept; the same command goes on from there.")

@@ -47,7 +47,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     """
     load_engine()
     from duobench.cli.advice import for_data
-    from duobench.cli.progress import bars
+    from duobench.cli.progress import EpisodesKept, display
     from duobench.data import DataSet
     from duobench.evaluation import demonstrations
     from duobench.evaluation.limits import TimeLimits
@@ -56,7 +56,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     chosen = find_tasks(tasks)
     screen = console()
-    with for_data(), raising(), bars(screen) as display:
+    with for_data(), raising(), display(screen, "episode") as shown:
         attempts = demonstrations.record(
             name,
             chosen,
@@ -66,7 +66,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             keep_failures=keep_failures,
             limits=TimeLimits(act_s=act_timeout, episode_s=episode_timeout),
             workers=workers,
-            observers=[display],
+            observers=[EpisodesKept(shown)],
         )
     screen.print(_summary(attempts), soft_wrap=True)
 
