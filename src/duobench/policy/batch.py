@@ -19,7 +19,7 @@ BatchMode = Literal["fixed", "dynamic"]
 
 MAX_BATCH = 8
 """Observations that are answered together, at most."""
-_NOISE_STREAM = 0x6E6F697365
+NOISE_STREAM = 0x6E6F697365
 """Separates a policy's noise from everything else that is drawn with the same seed."""
 _PADDING_SEED = 0
 """Seed of the sessions that fill a batch up; nobody sees what they draw."""
@@ -48,7 +48,7 @@ def noise(seed: int, call: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
         call: Number of the answer within the episode, from 0: `Session.call`.
         shape: Shape of the noise.
     """
-    generator = np.random.default_rng((_NOISE_STREAM, seed, call))
+    generator = np.random.default_rng((NOISE_STREAM, seed, call))
     return generator.standard_normal(shape, dtype=np.float32)
 
 

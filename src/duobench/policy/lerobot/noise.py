@@ -9,8 +9,8 @@ import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 from torch.overrides import TorchFunctionMode  # pyright: ignore[reportMissingImports]
 
-_NOISE_STREAM = 0x6E6F697365
-"""Separates a policy's noise from everything else that is drawn with the same seed."""
+from duobench.policy.batch import NOISE_STREAM
+
 _NORMAL = (torch.randn, torch.randn_like, torch.normal)
 
 
@@ -30,7 +30,7 @@ class EpisodeNoise(TorchFunctionMode):
             keys: Seed of the episode and number of the call in it, for each row of the batch.
         """
         super().__init__()
-        self._generators = [np.random.default_rng((_NOISE_STREAM, *key)) for key in keys]
+        self._generators = [np.random.default_rng((NOISE_STREAM, *key)) for key in keys]
         # Whatever else a model draws follows from the whole batch, at least.
         seeds = np.random.SeedSequence([number for key in keys for number in key])
         torch.manual_seed(int(seeds.generate_state(1)[0]))
