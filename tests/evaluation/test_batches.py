@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from duobench.errors import MachineryError, OtherRunError, PolicyError
-from duobench.evaluation.choice import REMOTE, PolicyChoice
+from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
@@ -135,7 +135,7 @@ class Serving:
             listener.bind(("127.0.0.1", 0))
             self.port = listener.getsockname()[1]
         self.choice = PolicyChoice(
-            name=REMOTE,
+            name="openpi",
             server=RemoteServer(url=f"ws://127.0.0.1:{self.port}", key=KEY, execute=30, wait_s=2.0),
         )
 
