@@ -301,8 +301,9 @@ def test_server_that_speaks_openpi_is_told_apart(remote: Connect, serve: Serve) 
 
 
 def test_nobody_is_told_without_the_address(remote: Connect) -> None:
+    port = free_port()
     with pytest.raises(MachineryError, match="cannot be reached") as told:
-        remote(port := free_port())
+        remote(port)
     assert str(port) not in str(told.value)
 
 
@@ -321,5 +322,5 @@ def test_too_large_a_reply_is_refused_unread(
     with ModelServer(acting(np.zeros((1000, 16)))).running() as port:
         policy = remote(port)
         policy.reset("Do it.", 0)
-        with pytest.raises(MachineryError, match="is lost: .*1009"):
+        with pytest.raises(MachineryError, match=r"is lost: .*1009"):
             policy.act(observation())

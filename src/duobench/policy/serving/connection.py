@@ -93,7 +93,7 @@ class ConnectedPolicy(ABC):
                 raise self._late() from error
             if isinstance(error, ConnectionClosed | OSError):
                 raise MachineryError(
-                    f"The connection to the policy's server is lost: {error}."
+                    f"The connection to the policy's server is lost: {printable(str(error))}."
                 ) from error
             if isinstance(error, MessageError):
                 raise MachineryError(
@@ -136,7 +136,7 @@ class ConnectedPolicy(ABC):
                 return connection
             self._drop()
             if time.monotonic() + _RETRY_S >= give_up:
-                raise MachineryError(f"The policy's server cannot be reached: {fault}.")
+                raise MachineryError(f"The policy's server cannot be reached: {printable(fault)}.")
             time.sleep(_RETRY_S)
 
     def _dial(self) -> ClientConnection:

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from websockets.sync.client import ClientConnection
 
-import duobench
+from duobench import __version__
 from duobench.errors import (
     DuoBenchError,
     MachineryError,
@@ -166,7 +166,7 @@ class VlaEvalPolicy(ConnectedPolicy):
 
     def _greet(self, connection: ClientConnection) -> None:
         """Say hello, and read what is served: the same as before, or another run begins."""
-        ours = {"harness_version": duobench.__version__, "protocol_version": VLA_EVAL_PROTOCOL}
+        ours = {"harness_version": __version__, "protocol_version": VLA_EVAL_PROTOCOL}
         self._send(connection, "hello", ours)
         try:
             kind, hello, _ = self._receive(connection)

@@ -99,12 +99,14 @@ def observation_spec(layout: Layout) -> dict[str, Spec]:
     for key in layout.images:
         specs[key.rpartition(".")[2]] = {"name": "image", "dims": 0, "format": form}
     for key, size in layout.state_sizes.items():
+        parts = layout.state[key]
+        has_poses = any(part.endswith("pose") for part in parts)
         specs["state" if len(layout.state) == 1 else key] = {
             "name": "state",
             "dims": size,
-            "format": f"duobench[{','.join(layout.state[key])}]",
-            "description": "Arms are 7 joints in radians, grippers 0 to 1, poses x y z qx qy qz qw "
-            "in metres in the table frame.",
+            "format": "joint_positions_and_poses" if has_poses else "joint_positions",
+            "description": f"{', '.join(parts)}: an arm is 7 joints in radians, a gripper 0 to 1, "
+            "a pose x y z qx qy qz qw in metres in the table frame.",
         }
     return specs
 
