@@ -37,7 +37,7 @@ test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policie
 	HF_HUB_OFFLINE=1 OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m pytest -W default tests/lerobot
 
 # openpi-client asks for an older NumPy than DuoBench does.
-test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed  ## Test with openpi's own client and with vla-eval.
+test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed  ## Test with openpi and vla-eval.
 	DUOBENCH_OPENPI_PYTHON=$(OPENPI_VENV)/bin/python \
 	DUOBENCH_VLA_EVAL_PYTHON=$(VLA_EVAL_VENV)/bin/python \
 		$(BIN)/python -m pytest tests/interop

@@ -11,18 +11,21 @@ from typing import Any
 
 import pytest
 
+import duobench
 from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.metrics import Results
 from duobench.evaluation.suite import Suite, find_tasks
 from duobench.policy.serving.address import RemoteServer
-from tests.docs.markdown import DOCS, ROOT, blocks
+from duobench.randomness import episode_seed
+from tests.docs.markdown import DOCS, ROOT, blocks, table
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import wait_until
 from tests.interop.conftest import VLA_EVAL_PYTHON
 
 PEER = Path(__file__).with_name("vla_eval_peer.py")
+BENCHMARK_PEER = Path(__file__).with_name("vla_eval_benchmark_peer.py")
 PAGE = DOCS / "serving.md"
 LENGTH = 6
 EPISODES = 2
@@ -104,6 +107,31 @@ def test_our_tasks_in_its_program_have_the_results_of_our_evaluation(
         for record in task.records
     }
     assert {(row["task_name"], row["episode_id"]): row["metrics"] for row in rows} == ours
+
+
+def test_benchmark_is_what_its_programs_expect() -> None:
+    command = [os.environ[VLA_EVAL_PYTHON], str(BENCHMARK_PEER)]
+    told = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    assert told["parameters"] == sorted(row["parameter"] for row in table(PAGE, "parameter"))
+    assert told["task"] == {"name": "bin_sort", "task_id": "bin_sort"}
+    assert told["metadata"] == {"max_steps": 3, "action_dim": 16}
+    assert told["metrics"] == {"success": "mean", "progress": "mean"}
+    assert list(told["sizes"].items()) == [
+        ("left_joints", 7), ("right_joints", 7), ("left_gripper", 1), ("right_gripper", 1)
+    ]  # fmt: skip
+    assert told["mismatches"] == []
+    assert told["begun"] == told["result"] == {"success": False, "progress": 0.0, "stage": 0}
+    assert told["probe"] == [16]
+    assert told["images"] == {name: [24, 32, 3] for name in ("head", "left_wrist", "right_wrist")}
+    env = duobench.make("bin_sort", cameras=False)
+    observation, _ = env.reset(seed=episode_seed("bin_sort", 2))  # 1 + 1
+    env.close()
+    assert told["state"] == observation["agent_pos"].tolist()
+    assert told["is_done"]
+    assert "answers without 'actions'" in told["errors"][0]
+    assert "(H, 16)" in told["errors"][1]
+    assert told["gpu"] == {}
+    assert "LIBGL_ALWAYS_SOFTWARE" in told["cpu"]
 
 
 def test_configuration_of_the_page_plays_a_task_of_the_benchmark(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def horizon_of(reference: str) -> int:
 def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
     """The environment's action mode."""
     control, relative = next((key for key, mode in MODES.items() if mode == usual), (usual, "none"))
-    asked = (control_mode or control).lower(), (relative_to or relative).lower()
+    asked = str(control_mode or control).lower(), str(relative_to or relative).lower()
     if asked in MODES:
         return MODES[asked]
     known = " or ".join(f"{theirs} with {frame}" for theirs, frame in MODES)
