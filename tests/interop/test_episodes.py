@@ -131,7 +131,12 @@ def test_hold_action_keeps_the_arms_where_they_are(tmp_path: Path, mode: str) ->
 
 
 def test_environment_that_does_not_exist_is_refused_at_once(episodes: Episodes) -> None:
-    for options in ({"control_rate_hz": 10}, {"horizon": 0}, {"binary_gripper": "yes"}):
+    wrong: list[dict[str, Any]] = [
+        {"control_rate_hz": 10},
+        {"horizon": 0},
+        {"binary_gripper": "yes"},
+    ]
+    for options in wrong:
         with pytest.raises(OptionError):
             Episodes(BLIND, **options)
     with pytest.raises(UnknownNameError, match="Unknown task"):

@@ -19,8 +19,9 @@ from duobench.envs.registration import make
 from duobench.policy.batch import Observation
 from duobench.policy.serving.layout import Layout
 from duobench.randomness import episode_seed
+from duobench.scene.looks import DEFAULT
 from duobench.tasks import catalog
-from duobench.types import OPENING_SLOTS, SIDES
+from duobench.types import CONTROL_HZ, OPENING_SLOTS, SIDES
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -61,8 +62,8 @@ class Episodes:
         *,
         horizon: int | None = None,
         binary_gripper: bool = False,
-        control_rate_hz: float = 30.0,
-        look: str = "default",
+        control_rate_hz: float = CONTROL_HZ,
+        look: str = DEFAULT,
     ) -> None:
         """Choose the environments; one is made when it is needed.
 
@@ -120,7 +121,7 @@ class Episodes:
             self.close()
         if self._env is None:
             self._env, self._reference = make(task, **self._options), task
-        self._env.get_wrapper_attr("set_rendering")(True) if self.layout.images else None
+        self._set_rendering(self._env, True)
         seed = episode_seed(catalog.get(task).id, index)
         observation, info = self._env.reset(seed=seed)
         self._instruction = info["instruction"]
@@ -143,8 +144,7 @@ class Episodes:
         turn = self.last
         try:
             for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
-                if self.layout.images:
-                    self._env.get_wrapper_attr("set_rendering")(left == 0)
+                self._set_rendering(self._env, left == 0)
                 observation, reward, terminated, truncated, info = self._env.step(action)
                 is_over = terminated or truncated
                 turn = _turn(observation, reward, info, is_over=is_over, steps=turn.steps + 1)
@@ -178,6 +178,10 @@ class Episodes:
             is_arm = np.repeat([not part.endswith("gripper") for part in sizes], [*sizes.values()])
             action[is_arm] = 0.0
         return action
+
+    def _set_rendering(self, env: gym.Env, is_on: bool) -> None:
+        if self.layout.images:
+            env.get_wrapper_attr("set_rendering")(is_on)
 
     def _measured(self, observation: Observation) -> NDArray[np.float32]:
         """Where the arms are, as one of our actions; the displacements of relative ones are 0."""

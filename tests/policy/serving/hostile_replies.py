@@ -14,15 +14,13 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
-import msgpack
-
 from duobench.errors import DuoBenchError, printable
 from duobench.policy import Policy
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import RemotePolicy
 from duobench.policy.serving.vla_eval import VlaEvalPolicy
 from tests.policy.serving.hostile import DTYPES, KINDS, SHAPES
-from tests.policy.serving.model_server import Message, ModelServer
+from tests.policy.serving.model_server import Message, ModelServer, frame, packed
 from tests.policy.serving.serving import TIMEOUT_S, foreign_server
 from tests.policy.serving.test_layout import observation
 
@@ -62,7 +60,7 @@ def openpi_reply(generator: random.Random, _message: object) -> Frame:
     if number == 0:
         return words(generator)
     if number == 1:
-        return msgpack.packb(generator.choice([{"actions": chunk(generator)}, *PAYLOADS]))
+        return packed(generator.choice([{"actions": chunk(generator)}, *PAYLOADS]))
     return generator.choice(KINDS)(generator)
 
 
@@ -75,7 +73,7 @@ def vla_eval_reply(generator: random.Random, message: Message) -> Frame:
     if number == 1:
         return generator.choice(KINDS)(generator)
     if number == 2:  # hostile bytes where the payload is
-        envelope = b"\x83\xa4type\xa6action\xa3seq" + msgpack.packb(seq) + b"\xa7payload"
+        envelope = b"\x83\xa4type\xa6action\xa3seq" + packed(seq) + b"\xa7payload"
         return envelope + generator.choice(KINDS)(generator)
     if number == 3:
         seq = generator.choice([*SEQS, seq + 1, seq - 1, seq - 2])
@@ -88,7 +86,7 @@ def vla_eval_reply(generator: random.Random, message: Message) -> Frame:
         kind = "error"
     else:
         kind = "action"
-    return msgpack.packb({"type": kind, "payload": payload, "seq": seq, "timestamp": 0.0})
+    return frame(kind, payload, seq)
 
 
 @dataclass(frozen=True, kw_only=True)

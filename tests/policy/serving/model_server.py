@@ -27,11 +27,14 @@ HELLO = {
 }
 
 
-def frame(kind: str, payload: object, seq: object) -> bytes:
+def frame(kind: object, payload: object, seq: object) -> bytes:
     """A message as vla-eval writes it."""
-    return msgpack.packb(
-        {"type": kind, "payload": payload, "seq": seq, "timestamp": time.time()}, default=_encoded
-    )
+    return packed({"type": kind, "payload": payload, "seq": seq, "timestamp": time.time()})
+
+
+def packed(value: object) -> bytes:
+    """Any value as vla-eval writes it."""
+    return msgpack.packb(value, default=_encoded) or b""
 
 
 def _encoded(value: np.ndarray) -> dict[str, Any]:
