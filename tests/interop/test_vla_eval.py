@@ -66,7 +66,7 @@ def played_by_them(folder: Path, url: str, *options: str) -> list[dict[str, Any]
     (text,) = (block for block in blocks(PAGE, "yaml") if "duobench.interop" in block)
     config = folder / "config.yaml"
     config.write_text(text)
-    program = Path(os.environ[VLA_EVAL_PYTHON]).with_name("vla-eval")
+    program = Path(os.environ[VLA_EVAL_PYTHON]).absolute().with_name("vla-eval")
     command = [program, "run", "--no-docker", "--config", config, "--server-url", url]
     command += ["--output-dir", folder, "--yes", *options]
     done = subprocess.run(
