@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
+from duobench.evaluation.served import SERVED
 from duobench.policy.serving.access import KEY_VARIABLE
 
 
@@ -17,7 +18,14 @@ from duobench.policy.serving.access import KEY_VARIABLE
         (["serve", "--policy", "hold", "--max-batch", "0"], "at least one observation"),
         (["serve", "--policy", "hold", "--key-file", "absent"], "absent cannot be read"),
         (["eval", "--policy", "openpi"], "--policy openpi and --server URL go together"),
-        (["eval", "--policy", "hold", "--server", "ws://x:1"], "go together"),
+        (["eval", "--policy", "hold", "--server", "ws://x:1"], "openpi or vla-eval and --server"),
+        (["eval", "--policy", "vla-eval"], "--policy vla-eval and --server URL go together"),
+        (["eval", "--policy", "vla-eval", "--server", "http://x:1"], "ws://HOST:PORT"),
+        (
+            ["eval", "--policy", "vla-eval", "--server", "ws://x:1", "--batch", "fixed"],
+            "up to the server",
+        ),
+        (["eval", "--policy", "vla_eval"], "Did you mean 'vla-eval'"),
         (["eval", "--policy", "openpi", "--server", "x:1"], "ws://HOST:PORT"),
         (["eval", "--policy", "hold", "--layout", "aloha"], "--layout is for"),
         (
@@ -50,8 +58,10 @@ def test_missing_package_is_told_with_what_to_install(
     assert "pip install 'duobench[serve]'" in str(left.value.code)
 
 
-def test_server_that_is_not_there_is_told_without_its_address(tmp_path: Path) -> None:
-    words = ["eval", "--policy", "openpi", "--server", "ws://127.0.0.1:1", "--wait", "0"]
+@pytest.mark.parametrize("policy", SERVED)
+def test_server_that_is_not_there_is_told_without_its_address(tmp_path: Path, policy: str) -> None:
+    words = ["eval", "--policy", policy, "--server", "ws://127.0.0.1:1", "--wait", "0"]
     with pytest.raises(SystemExit) as left:
         main([*words, "--workers", "0", "--out", str(tmp_path / "run")])
     assert "The policy's server cannot be reached" in str(left.value.code)
+    assert "127.0.0.1" not in str(left.value.code)

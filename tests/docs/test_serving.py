@@ -1,5 +1,6 @@
 """What docs/serving.md shows works as it stands there."""
 
+import ast
 import inspect
 import re
 import shlex
@@ -8,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from duobench import interop
 from duobench.cli.evaluate import evaluate
 from duobench.cli.serve import serve
 from duobench.policy import Batching, BatchPolicy, SessionPolicy, make
 from duobench.policy.serving.layout import read_layout
+from duobench.policy.serving.vla_eval_specs import MODES
+from tests.docs.markdown import DOCS, table
 
 PAGE = (Path(__file__).parents[2] / "docs" / "serving.md").read_text(encoding="utf-8")
 
@@ -56,10 +60,27 @@ def test_shown_layout_is_one(tmp_path: Path) -> None:
     assert layout.metadata("", "", seeded=False).cameras == ("head", "left_wrist")
 
 
+def test_table_of_parameters_names_those_of_the_benchmark() -> None:
+    source = Path(next(iter(interop.__path__))) / "vla_eval.py"  # vla-eval need not be installed
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    (made,) = (
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and node.name == "__init__"
+    )
+    rows = table(DOCS / "serving.md", "parameter")
+    assert [row["parameter"] for row in rows] == [word.arg for word in made.args.kwonlyargs]
+
+
+def test_table_of_control_modes_is_that_of_the_code() -> None:
+    rows = [tuple(row.values()) for row in table(DOCS / "serving.md", "control_mode")]
+    assert rows == [(*key, mode) for key, mode in MODES.items()]
+
+
 def test_shown_commands_have_options_that_exist() -> None:
     verbs = {"serve": serve, "eval": evaluate}
     lines = "".join(re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)).splitlines()
-    assert len(lines) == 3
+    assert len(lines) == 4
     for line in lines:
         _, verb, *words = shlex.split(line)
         options = {word[2:].replace("-", "_") for word in words if word.startswith("--")}

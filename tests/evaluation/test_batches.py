@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 
 from duobench.errors import MachineryError, OtherRunError, PolicyError
-from duobench.evaluation.choice import REMOTE, PolicyChoice
+from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.client import is_healthy
+from duobench.policy.serving.connection import is_healthy
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import Play, compared, small_suite
 from tests.evaluation.processes import wait_until
@@ -135,7 +135,7 @@ class Serving:
             listener.bind(("127.0.0.1", 0))
             self.port = listener.getsockname()[1]
         self.choice = PolicyChoice(
-            name=REMOTE,
+            name="openpi",
             server=RemoteServer(url=f"ws://127.0.0.1:{self.port}", key=KEY, execute=30, wait_s=2.0),
         )
 

@@ -27,7 +27,8 @@ def chosen(
     Raises:
         DuoBenchError: If there is no such policy, or the arguments do not go together.
     """
-    from duobench.evaluation.choice import REMOTE, PolicyChoice
+    from duobench.evaluation.choice import PolicyChoice
+    from duobench.evaluation.served import SERVED
     from duobench.policy.batch import MAX_BATCH, Batching
     from duobench.policy.serving.access import read_key
     from duobench.policy.serving.address import RemoteServer
@@ -37,8 +38,9 @@ def chosen(
     if batch is not None or max_batch is not None:
         size = MAX_BATCH if max_batch is None else max_batch
         batching = Batching(mode=batch or "fixed", size=size)
-    if (policy == REMOTE) != (server is not None):
-        raise PolicyError(f"--policy {REMOTE} and --server URL go together.")
+    if (policy in SERVED) != (server is not None):
+        names = policy if policy in SERVED else " or ".join(SERVED)
+        raise PolicyError(f"--policy {names} and --server URL go together.")
     if server is not None:
         remote = RemoteServer(
             url=server,
@@ -46,6 +48,7 @@ def chosen(
             layout=None if layout is None else read_layout(layout),
             execute=execute,
             wait_s=wait,
+            schemes=SERVED[policy].schemes,
         )
     elif layout is not None:
         raise PolicyError("--layout is for a policy at a --server.")

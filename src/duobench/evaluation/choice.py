@@ -9,13 +9,10 @@ from duobench.errors import PolicyError
 from duobench.evaluation import policies
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.policies import PolicySource
+from duobench.evaluation.served import OPENPI, SERVED
 from duobench.evaluation.suite import TaskInfo
 from duobench.policy import Batching
-from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
-
-REMOTE = "openpi"
-"""The name of a policy that somebody else serves, over openpi's protocol."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -23,7 +20,7 @@ class PolicyChoice:
     """A policy by its name, and how it is asked."""
 
     name: str
-    """`expert`, a baseline's name, `module:attribute`, or `openpi` for one at a server."""
+    """`expert`, a baseline's name, `module:attribute`, or a name of `SERVED`."""
     batching: Batching | None = None
     """How many observations a `BatchPolicy` answers together; None takes the default."""
     server: RemoteServer | None = None
@@ -41,10 +38,10 @@ class PolicyChoice:
             UnknownNameError: If there is no policy of that name.
             PolicyError: If the name is no text, or does not go with the rest.
         """
-        if self.name != REMOTE:
+        if self.name not in SERVED:
             policies.check_name(self.name)
         elif self.server is None:
-            raise PolicyError(f"The policy {REMOTE!r} is served somewhere: it needs an address.")
+            raise PolicyError(f"The policy {self.name!r} is served somewhere: it needs an address.")
         elif self.batching is not None:
             raise PolicyError("How many observations are answered together is up to the server.")
 
@@ -68,9 +65,8 @@ def find_source(
     choice.check()
     if choice.server is None:
         return policies.source(choice.name, tasks, choice.batching)
-    with importing():
-        from duobench.policy.serving.client import RemotePolicy
-    remote = RemotePolicy(replace(choice.server, answer_s=limits.served_s))
+    kind = SERVED.get(choice.name, OPENPI)  # a policy of another name is hosted by another process
+    remote = kind.connect(replace(choice.server, answer_s=limits.served_s))
     return PolicySource(
         name=choice.name,
         metadata=remote.metadata,

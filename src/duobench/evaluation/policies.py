@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError
+from duobench.evaluation.served import SERVED
 from duobench.evaluation.suite import TaskInfo
 from duobench.experts.registry import find_script, make_expert
 from duobench.experts.variety import NONE, VARIETIES, Variety, find_variety
@@ -118,7 +119,7 @@ def check_name(name: str) -> None:
         _variety(name)
     elif ":" not in name and name not in BASELINES:
         experts = [EXPERT, *(f"{EXPERT}:{variety}" for variety in VARIETIES)]
-        known = [*experts, *BASELINES, "lerobot:PATH_OR_ID", "module:attribute"]
+        known = [*experts, *BASELINES, *SERVED, "lerobot:PATH_OR_ID", "module:attribute"]
         raise UnknownNameError("policy", name, known)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.served import SERVED
 from duobench.files import decode, encode
 from duobench.policy import Batching, PolicyMetadata
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed
@@ -207,7 +208,7 @@ class Run:
         words += ["--tasks", *(task.reference for task in suite.tasks)]
         words += ["--episodes", str(suite.episodes), "--first-episode", str(suite.first_episode)]
         words += ["--videos", str(self.videos)]
-        if self.policy == "openpi":
+        if self.policy in SERVED:
             words += ["--server", "URL"]
         elif self.batching is not None:
             words += ["--batch", self.batching.mode, "--max-batch", str(self.batching.size)]

@@ -13,6 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from duobench.errors import PolicyError
 from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, real_array
 
+_LONGEST_SHOWN = 400
+"""Characters of something that is no chunk that an error shows."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyMetadata:
@@ -123,7 +126,9 @@ def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.fl
         with np.errstate(over="ignore"):  # too large is infinite, which is rejected below
             chunk = real_array(actions, np.float32)
     except (TypeError, ValueError) as error:
-        raise PolicyError(f"A policy returns an array of numbers, got {actions!r}.") from error
+        raise PolicyError(
+            f"A policy returns an array of numbers, got {actions!r:.{_LONGEST_SHOWN}}."
+        ) from error
     expected = "n" if width is None else width
     if chunk.ndim != 2 or chunk.shape[0] < 1 or width not in (None, chunk.shape[1]):  # noqa: PLR2004 - (H, n)
         raise PolicyError(

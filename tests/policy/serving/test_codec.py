@@ -31,6 +31,13 @@ def test_scalar_has_the_bytes_of_the_protocol() -> None:
     assert packed.hex() == expected
 
 
+def test_array_has_keys_of_text_for_those_who_read_no_others() -> None:
+    packed = pack({"a": [np.zeros((1, 2), np.float32)]}, is_text_keyed=True)
+    assert msgpack.unpackb(packed) == {
+        "a": [{"__ndarray__": True, "data": bytes(8), "dtype": "<f4", "shape": [1, 2]}]
+    }
+
+
 @pytest.mark.parametrize(
     "array",
     [

@@ -33,7 +33,7 @@ def test_layout_of_the_package_asks_and_understands(name: str) -> None:
     assert metadata.image_size == (224, 224)
     assert "head" in metadata.cameras
     request = layout.request(observation(), "Do it.")
-    assert request["prompt"] == "Do it."
+    assert request[layout.prompt] == "Do it."
     assert layout.chunk(np.zeros((50, 16))).shape == (50, 16)
 
 
@@ -53,6 +53,16 @@ def test_droid_orders_arms_before_grippers_both_ways() -> None:
         [request["observation/joint_position"], request["observation/gripper_position"]]
     )
     np.testing.assert_array_equal(layout.chunk(joined[None]), np.arange(16)[None])
+
+
+def test_vla_eval_nests_images_and_orders_arms_before_grippers() -> None:
+    layout = read_layout("vla_eval")
+    request = layout.request(observation(), "Do it.")
+    assert request["images"].keys() == {"head", "left_wrist", "right_wrist"}
+    np.testing.assert_array_equal(request["states"], np.arange(16))
+    given = np.concatenate([np.arange(7), np.arange(8, 15), [7, 15]])
+    np.testing.assert_array_equal(layout.chunk(given[None]), np.arange(16)[None])
+    np.testing.assert_array_equal(layout.foreign_action(np.arange(16.0)), given)
 
 
 def test_poses_are_parts_of_a_state(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Policies at the other end of a WebSocket: openpi's protocol, a server and a client for it.
+"""Policies at the other end of a WebSocket: a server and clients, in the protocols of the field.
 
 Importing this loads neither `websockets` nor `msgpack`; its modules do.
 """

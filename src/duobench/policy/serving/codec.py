@@ -1,7 +1,8 @@
 """MessagePack with NumPy arrays, as openpi's servers and clients write it.
 
 An array is a map of `__ndarray__`, `data`, `dtype` and `shape`, and a NumPy scalar a map of
-`__npgeneric__`, `data` and `dtype`, with keys of type bin. Keys of type str are read as well.
+`__npgeneric__`, `data` and `dtype`, with keys of type bin. Keys of type str are read as well, and
+written for servers that read no others.
 """
 
 from __future__ import annotations
@@ -24,14 +25,18 @@ _DTYPE_TEXT = re.compile(rf"[<>|=]?[{limits.DTYPE_KINDS}]\d+")
 _PLAIN = (type(None), bool, int, float, str, bytes)
 
 
-def pack(message: Mapping[str, Any]) -> bytes:
+def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
     """A message as bytes.
+
+    Args:
+        message: Plain values and arrays, in maps and lists.
+        is_text_keyed: Whether the keys of an array are of type str, not bin.
 
     Raises:
         MessageError: If it holds something that cannot be sent.
     """
     try:
-        data = msgpack.packb(message, default=_packed)
+        data = msgpack.packb(message, default=_text_keyed if is_text_keyed else _packed)
     except (TypeError, ValueError, OverflowError) as error:
         raise MessageError(f"This cannot be sent: {error}.") from error
     return data or b""
@@ -110,6 +115,10 @@ def _packed(value: object) -> dict[bytes, Any]:
         b"dtype": value.dtype.str,
         b"shape": value.shape,
     }
+
+
+def _text_keyed(value: object) -> dict[str, Any]:
+    return {key.decode(): item for key, item in _packed(value).items()}
 
 
 def _checked(value: Any, depth: int) -> Any:

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from duobench.errors import PolicyError
+from duobench.errors import PolicyError, printable
 
 VLLM_PATH = "/v1/realtime/robot/openpi"
 """Where vLLM-Omni serves robot policies."""
 _ROBOARENA_KEYS = {"needs_session_id", "n_external_cameras", "needs_wrist_camera"}
 """What the first message of a RoboArena server holds."""
+_LONGEST_WORDS = 1000
+"""Characters of what a server says that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -96,13 +98,18 @@ def actions_of(answer: Any, key: str) -> Any:
     if not isinstance(answer, dict):
         raise PolicyError(f"The policy's server answers with a {type(answer).__name__}, no map.")
     if answer.get("type") == "error":
-        raise PolicyError(f"The policy's server reports: {answer.get('message')!s:.1000}")
+        raise PolicyError(f"The policy's server reports: {_words(answer.get('message'))}")
     if key not in answer:
         raise PolicyError(
             f"The policy's server answers without {key!r}; it gives "
-            f"{', '.join(sorted(answer)) or 'nothing'}."
+            f"{_words(', '.join(sorted(answer))) or 'nothing'}."
         )
     return answer[key]
+
+
+def _words(value: object) -> str:
+    """What a server says, for people."""
+    return printable(str(value))[:_LONGEST_WORDS]
 
 
 def _named(session_id: str | None) -> dict[str, Any]:

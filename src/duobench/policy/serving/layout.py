@@ -7,7 +7,7 @@ dots between them: `images.cam_high`.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from importlib.resources import files
 from pathlib import Path
@@ -23,7 +23,7 @@ from duobench.policy.protocol import PolicyMetadata, as_chunk
 from duobench.types import ARM_JOINTS, SIDE_SIZE
 
 _PACKAGE = "duobench.policy.serving"
-LAYOUTS = ("aloha", "droid", "libero")
+LAYOUTS = ("aloha", "droid", "libero", "vla_eval")
 """Layouts that come with the package."""
 _PARTS: tuple[str, ...] = ("left_arm", "left_gripper", "right_arm", "right_gripper")
 """Parts of a state and of an action, in our order."""
@@ -121,22 +121,44 @@ class Layout:
         _put(request, self.prompt, instruction)
         return request
 
+    @property
+    def action_sizes(self) -> dict[str, int]:
+        """How many numbers each part of an action has, in the server's order."""
+        arm = _ARM_SIZES.get(self.actions.mode, ARM_JOINTS)
+        return {part: 1 if part.endswith("gripper") else arm for part in self.actions.order}
+
+    @property
+    def state_sizes(self) -> dict[str, int]:
+        """How many numbers each state has, by its key."""
+        return {
+            key: sum(1 if part.endswith("gripper") else ARM_JOINTS for part in parts)
+            for key, parts in self.state.items()
+        }
+
     def chunk(self, actions: Any) -> Chunk:
         """Actions of the server (H, n) as ours.
 
         Raises:
             PolicyError: If they are no chunk of as many numbers as the layout says.
         """
-        arm = _ARM_SIZES.get(self.actions.mode, ARM_JOINTS)
-        sizes = {part: 1 if part.endswith("gripper") else arm for part in _PARTS}
+        sizes = self.action_sizes
         if np.ndim(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
             actions = actions[0]
         chunk = as_chunk(actions, sum(sizes.values()))
-        ends = np.cumsum([sizes[part] for part in self.actions.order])
-        pieces = np.split(chunk, ends[:-1], axis=1)
-        parts = dict(zip(self.actions.order, pieces, strict=True))
+        return self._reordered(chunk, self.actions.order, _PARTS)
+
+    def foreign_action(self, action: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+        """One of our actions (n,) as the server would give it."""
+        chunk = as_chunk(action[None], sum(self.action_sizes.values()))
+        return self._reordered(chunk, _PARTS, self.actions.order)[0]
+
+    def _reordered(self, chunk: Chunk, before: Sequence[str], after: Sequence[str]) -> Chunk:
+        """A chunk with the parts of its actions in another order, and its grippers turned."""
+        sizes = self.action_sizes
+        ends = np.cumsum([sizes[part] for part in before])
+        parts = dict(zip(before, np.split(chunk, ends[:-1], axis=1), strict=True))
         self._flip(parts)
-        return np.concatenate([parts[part] for part in _PARTS], axis=1)
+        return np.concatenate([parts[part] for part in after], axis=1)
 
     def _image(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         if self.bars:

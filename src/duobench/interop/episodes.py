@@ -1,0 +1,220 @@
+"""Episodes as a program of others plays them: chunks in and observations out, as a layout says.
+
+They are the episodes of the evaluation: the same seeds, horizons, stages and success.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from duobench.envs.config import EnvConfig
+from duobench.envs.duo_env import ResetNeededError
+from duobench.envs.registration import make
+from duobench.policy.batch import Observation
+from duobench.policy.serving.layout import Layout
+from duobench.randomness import episode_seed
+from duobench.scene.looks import DEFAULT
+from duobench.tasks import catalog
+from duobench.types import CONTROL_HZ, OPENING_SLOTS, SIDES
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Turn:
+    """What a chunk of actions has led to."""
+
+    observation: Observation
+    """The environment's, after the last action; without images if the episode ended before the
+    chunk did."""
+    reward: float
+    """The reward of the last control step."""
+    is_over: bool
+    """Whether the episode is over."""
+    stage: int
+    """Highest stage that was reached, 0 for none."""
+    max_stage: int
+    """The task's last stage."""
+    steps: int
+    """Control steps of the episode so far."""
+
+    @property
+    def success(self) -> bool:
+        """Whether the last stage was reached."""
+        return self.stage == self.max_stage
+
+    @property
+    def progress(self) -> float:
+        """Highest stage over last stage, 0..1."""
+        return self.stage / self.max_stage
+
+
+class Episodes:
+    """Plays episodes one after the other, in an environment that fits a layout."""
+
+    def __init__(
+        self,
+        layout: Layout,
+        *,
+        horizon: int | None = None,
+        binary_gripper: bool = False,
+        control_rate_hz: float = CONTROL_HZ,
+        look: str = DEFAULT,
+    ) -> None:
+        """Choose the environments; one is made when it is needed.
+
+        Args:
+            layout: What is shown, and what actions mean.
+            horizon: Control steps after which an episode is truncated; None takes the task's.
+            binary_gripper: Whether openings are rounded to open or closed.
+            control_rate_hz: Control steps a second; there is one rate.
+            look: How images look.
+
+        Raises:
+            DuoBenchError: If there is no such environment.
+        """
+        metadata = layout.metadata("", "", seeded=False)
+        self._options: dict[str, Any] = {
+            "cameras": metadata.cameras,
+            "action_mode": metadata.action_mode,
+            "horizon": horizon,
+            "binary_gripper": binary_gripper,
+            "control_rate_hz": control_rate_hz,
+            "look": look,
+        }
+        if metadata.image_size is not None:
+            self._options["image_size"] = metadata.image_size
+        EnvConfig.from_options(self._options)
+        self.layout = layout
+        """What is shown, and what actions mean."""
+        self._reference: str | None = None
+        self._env: gym.Env | None = None
+        self._instruction = ""
+        self._last: Turn | None = None
+
+    @property
+    def last(self) -> Turn:
+        """What the last chunk has led to, or the reset.
+
+        Raises:
+            ResetNeededError: If no episode has begun.
+        """
+        if self._last is None:
+            raise ResetNeededError("No episode has begun; begin one first.")
+        return self._last
+
+    def begin(self, task: str, index: int) -> Turn:
+        """Begin an episode of the evaluation.
+
+        Args:
+            task: Id of the task, or its import path "module:ATTRIBUTE".
+            index: Index of the episode.
+
+        Raises:
+            UnknownNameError: If there is no such task.
+        """
+        if task != self._reference:
+            self.close()
+        if self._env is None:
+            self._env, self._reference = make(task, **self._options), task
+        self._set_rendering(self._env, True)
+        seed = episode_seed(catalog.get(task).id, index)
+        observation, info = self._env.reset(seed=seed)
+        self._instruction = info["instruction"]
+        self._last = _turn(observation, 0.0, info, is_over=False, steps=0)
+        return self._last
+
+    def execute(self, actions: ArrayLike) -> Turn:
+        """Execute a chunk, until its end or the episode's.
+
+        Args:
+            actions: One action (n,) or a chunk (H, n), in the layout's order.
+
+        Raises:
+            PolicyError: If they are no chunk of finite numbers; the next episode can be played.
+            ResetNeededError: If no episode is running.
+        """
+        if self._env is None:
+            raise ResetNeededError("No episode is running; begin one first.")
+        chunk = self.layout.chunk([actions] if np.ndim(actions) == 1 else actions)
+        turn = self.last
+        try:
+            for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
+                self._set_rendering(self._env, left == 0)
+                observation, reward, terminated, truncated, info = self._env.step(action)
+                is_over = terminated or truncated
+                turn = _turn(observation, reward, info, is_over=is_over, steps=turn.steps + 1)
+                if is_over:
+                    break
+        except BaseException:
+            self.close()  # whatever broke may have left it in any state
+            raise
+        self._last = turn
+        return turn
+
+    def shown(self, observation: Observation) -> dict[str, Any]:
+        """An observation of the running episode as the layout says."""
+        return self.layout.request(observation, self._instruction)
+
+    def hold_action(self, last: ArrayLike | None) -> NDArray[np.float32]:
+        """An action (n,) that keeps the arms where they were sent, in the layout's order.
+
+        Args:
+            last: The last action or chunk that was executed; None if there was none, and then the
+                arms stay where they are measured.
+        """
+        sizes = self.layout.action_sizes
+        if last is not None:
+            action = np.atleast_2d(np.asarray(last, dtype=np.float32))[-1].copy()
+        elif self._last is None:
+            action = np.zeros(sum(sizes.values()), np.float32)
+        else:
+            action = self.layout.foreign_action(self._measured(self._last.observation))
+        if self.layout.actions.mode.endswith("relative"):
+            is_arm = np.repeat([not part.endswith("gripper") for part in sizes], [*sizes.values()])
+            action[is_arm] = 0.0
+        return action
+
+    def _set_rendering(self, env: gym.Env, is_on: bool) -> None:
+        if self.layout.images:
+            env.get_wrapper_attr("set_rendering")(is_on)
+
+    def _measured(self, observation: Observation) -> NDArray[np.float32]:
+        """Where the arms are, as one of our actions; the displacements of relative ones are 0."""
+        joints = np.asarray(observation["agent_pos"], dtype=np.float32)
+        mode = self.layout.actions.mode
+        if mode.startswith("joint"):
+            return joints
+        openings = joints[list(OPENING_SLOTS)]
+        poses = np.split(np.asarray(observation["tcp_pose"], dtype=np.float32), len(SIDES))
+        size = self.layout.action_sizes["left_arm"]
+        return np.concatenate(
+            [
+                part
+                for pose, opening in zip(poses, openings, strict=True)
+                for part in (pose[:size], [opening])
+            ]
+        )
+
+    def close(self) -> None:
+        """Free the environment."""
+        if self._env is not None:
+            self._env.close()
+        self._env = self._reference = self._last = None
+
+
+def _turn(
+    observation: Observation, reward: Any, info: Mapping[str, Any], *, is_over: bool, steps: int
+) -> Turn:
+    return Turn(
+        observation=observation,
+        reward=float(reward),
+        is_over=bool(is_over),
+        stage=int(info["stage"]),
+        max_stage=int(info["max_stage"]),
+        steps=steps,
+    )

@@ -1,0 +1,199 @@
+"""DuoBench as a benchmark of vla-eval 0.8: `benchmark: duobench.interop.vla_eval:DuoBench`.
+
+The parameters of vla-eval's own DuoBench have their names here too. What is played are the episodes
+of our evaluation, so that success and progress of the same actions are the same.
+"""
+
+from __future__ import annotations
+
+import ctypes.util
+import os
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+from vla_eval.benchmarks.base import (  # pyright: ignore[reportMissingImports]
+    StepBenchmark,
+    StepResult,
+)
+from vla_eval.recording import NullEpisodeRecorder  # pyright: ignore[reportMissingImports]
+from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
+
+from duobench.errors import OptionError, PolicyError, UnknownNameError
+from duobench.interop.episodes import Episodes, Turn
+from duobench.interop.vla_eval_options import Resolution, horizon_of, layout_for, tasks_by_id
+from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
+
+
+class DuoBench(StepBenchmark):
+    """The tasks of DuoBench, with actions and observations as a layout says."""
+
+    _ALL_RECORD_FIELDS: ClassVar = frozenset({"reward", "done", "success", "stage", "steps"})
+    render_backends: ClassVar = frozenset({"gpu", "cpu"})
+
+    def __init__(  # noqa: PLR0913 - each is a parameter of their configuration
+        self,
+        *,
+        task_ids: Sequence[str] | None = None,
+        seed: int = 0,
+        frequency: int = 30,
+        max_steps: int | None = None,
+        send_state: bool = True,
+        send_wrist_image: bool = True,
+        camera_resolution: Resolution | None = None,
+        control_mode: str | None = None,
+        relative_to: str | None = None,
+        binary_gripper: bool = False,
+        layout: str = "vla_eval",
+        look: str = "default",
+    ) -> None:
+        """Choose what is played; the environment is made at the first reset.
+
+        Args:
+            task_ids: Ids of tasks, or "module:ATTRIBUTE"; all tasks if none is given.
+            seed: Index of the first episode: vla-eval's episode i is episode `seed + i` of
+                `duobench eval`.
+            frequency: Control steps a second; there is only 30.
+            max_steps: Control steps after which an episode is truncated, as a chunk of H actions
+                takes H of them; None takes each task's own.
+            send_state: Whether observations have a state.
+            send_wrist_image: Whether the wrist cameras are shown.
+            camera_resolution: [height, width] of the images, or a map from each camera to the same.
+            control_mode: "joints", "cartesian_tquat" or "cartesian_rotvec"; None takes the
+                layout's, which is "joints".
+            relative_to: "none" or "last_step"; None takes the layout's, which is "none".
+            binary_gripper: Whether openings are rounded to open or closed.
+            layout: Names and orders of observations and actions: the name of a layout, or the path
+                of a TOML file.
+            look: How images look.
+
+        Raises:
+            DuoBenchError: If there is no such task or layout, or no environment like that.
+        """
+        super().__init__()
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise OptionError(f"seed is the index of an episode, counted from 0; got {seed!r}.")
+        self._tasks = tasks_by_id(task_ids)
+        self._first_episode = seed
+        self._max_steps = max_steps
+        self._recorder = NullEpisodeRecorder()
+        chosen = layout_for(
+            layout,
+            control_mode=control_mode,
+            relative_to=relative_to,
+            send_state=send_state,
+            send_wrist_image=send_wrist_image,
+            camera_resolution=camera_resolution,
+        )
+        self._layout = chosen
+        self._episodes = Episodes(
+            chosen,
+            horizon=max_steps,
+            binary_gripper=binary_gripper,
+            control_rate_hz=frequency,
+            look=look,
+        )
+
+    @classmethod
+    def configure_render(cls, mode: str) -> dict[str, str]:
+        """Choose what draws; with "gpu" DuoBench looks for the best that works, as it always does.
+
+        Args:
+            mode: "gpu" or "cpu".
+
+        Returns:
+            Environment variables that were set.
+        """
+        if mode == "gpu":
+            return {}
+        chosen = {"LIBGL_ALWAYS_SOFTWARE": "1"}
+        if ctypes.util.find_library("OSMesa"):
+            chosen |= {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "osmesa"}
+        os.environ.update(chosen)
+        return chosen
+
+    def get_tasks(self) -> list[dict[str, Any]]:
+        """The tasks, by name and `task_id`."""
+        return [{"name": task_id, "task_id": task_id} for task_id in self._tasks]
+
+    def reset(self, task: dict[str, Any]) -> Turn:
+        """Begin the episode `episode_idx` of a task, counted from the first one.
+
+        Raises:
+            UnknownNameError: If there is no such task here.
+        """
+        task_id = task["task_id"]
+        if task_id not in self._tasks:
+            raise UnknownNameError("task", task_id, self._tasks)
+        turn = self._episodes.begin(
+            self._tasks[task_id], self._first_episode + int(task["episode_idx"])
+        )
+        self._film(turn)
+        return turn
+
+    def step(self, action: dict[str, Any]) -> StepResult:
+        """Execute an action (n,) or a chunk (H, n), until its end or the episode's.
+
+        Raises:
+            PolicyError: If they are missing, or no chunk of finite numbers.
+        """
+        key = self._layout.actions.key
+        if key not in action:
+            raise PolicyError(
+                f"The model server answers without {key!r}; it gives "
+                f"{', '.join(sorted(map(str, action))) or 'nothing'}."
+            )
+        turn = self._episodes.execute(action[key])
+        self._film(turn)
+        self._recorder.record_step(
+            reward=turn.reward,
+            done=turn.is_over,
+            success=turn.success,
+            stage=turn.stage,
+            steps=turn.steps,
+        )
+        return StepResult(obs=turn, reward=turn.reward, done=turn.is_over, info={})
+
+    def make_obs(self, raw_obs: Turn, task: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002 - their signature
+        """What the model server sees."""
+        return self._episodes.shown(raw_obs.observation)
+
+    def get_step_result(self, step_result: StepResult) -> dict[str, Any]:
+        """How the episode has gone so far: `success`, `progress` 0..1 and the highest `stage`."""
+        turn = step_result.obs
+        return {"success": turn.success, "progress": turn.progress, "stage": turn.stage}
+
+    def get_metric_keys(self) -> dict[str, str]:
+        """Success and progress are averaged; a stage means something for one task only."""
+        return {"success": "mean", "progress": "mean"}
+
+    def get_action_spec(self) -> dict[str, DimSpec]:
+        """The components of an action, in their order."""
+        return _specs(action_spec(self._layout))
+
+    def get_observation_spec(self) -> dict[str, DimSpec]:
+        """The components of an observation."""
+        return _specs(observation_spec(self._layout))
+
+    def get_metadata(self) -> dict[str, Any]:
+        """Most calls of an episode, for a server that gives one action a call; and their size."""
+        longest = self._max_steps or max(map(horizon_of, self._tasks.values()))
+        return {"max_steps": longest, "action_dim": sum(self._layout.action_sizes.values())}
+
+    def get_hold_action(self, last_action: dict[str, Any] | None) -> dict[str, Any]:
+        """An action that keeps the arms where they were sent, for real time."""
+        key = self._layout.actions.key
+        last = None if last_action is None else last_action.get(key)
+        return {key: self._episodes.hold_action(last)}
+
+    def cleanup(self) -> None:
+        """Free the environment."""
+        self._episodes.close()
+
+    def _film(self, turn: Turn) -> None:
+        """Add an image to their video, if one is shown: one a call, from the first camera."""
+        pixels = turn.observation.get("pixels", {})
+        self._recorder.record_video(next(iter(pixels.values()), None))
+
+
+def _specs(specs: dict[str, dict[str, Any]]) -> dict[str, DimSpec]:
+    return {name: DimSpec.from_dict(spec) for name, spec in specs.items()}

@@ -1,0 +1,113 @@
+"""The parameters that vla-eval's own DuoBench has, turned into a layout."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from duobench.envs.config import EnvConfig
+from duobench.errors import OptionError, UnknownNameError
+from duobench.policy.serving.layout import Layout, read_layout
+from duobench.policy.serving.vla_eval_specs import MODES
+from duobench.scene.cameras import HEAD, POLICY_CAMERAS
+from duobench.tasks import catalog
+
+Size = Sequence[int] | int
+Resolution = Mapping[str, Size] | Size
+
+
+def layout_for(
+    name: str,
+    *,
+    control_mode: str | None,
+    relative_to: str | None,
+    send_state: bool,
+    send_wrist_image: bool,
+    camera_resolution: Resolution | None,
+) -> Layout:
+    """A layout with what a configuration changes about it.
+
+    Args:
+        name: Name of a layout, or the path of a file that ends in `.toml`.
+        control_mode: What an arm's numbers are; None takes the layout's.
+        relative_to: What they are relative to; None takes the layout's.
+        send_state: Whether there is a state.
+        send_wrist_image: Whether the wrist cameras are shown.
+        camera_resolution: [height, width] of all images, or of each by its camera.
+
+    Raises:
+        DuoBenchError: If there is no such layout, or no environment like that.
+    """
+    layout = read_layout(name)
+    mode = _mode(layout.actions.mode, control_mode, relative_to)
+    images = {
+        key: camera for key, camera in layout.images.items() if send_wrist_image or camera == HEAD
+    }
+    return replace(
+        layout,
+        images=images,
+        image_size=_size(camera_resolution, layout),
+        state=layout.state if send_state else {},
+        actions=replace(layout.actions, mode=mode),
+    )
+
+
+def tasks_by_id(references: Sequence[str] | None) -> dict[str, str]:
+    """Names of tasks by their ids: all of the benchmark if there are none.
+
+    Raises:
+        UnknownNameError: If there is no such task.
+        OptionError: If one is named twice.
+    """
+    if isinstance(references, str):
+        references = [references]
+    found: dict[str, str] = {}
+    for reference in references or catalog.names():
+        task_id = catalog.get(reference).id
+        if task_id in found:
+            raise OptionError(f"Task {task_id!r} is named twice in task_ids. Name each task once.")
+        found[task_id] = reference
+    return found
+
+
+def horizon_of(reference: str) -> int:
+    """Control steps after which a task truncates an episode."""
+    return catalog.get(reference).horizon
+
+
+def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
+    """The environment's action mode."""
+    control, relative = next((key for key, mode in MODES.items() if mode == usual), (usual, "none"))
+    asked = str(control_mode or control).lower(), str(relative_to or relative).lower()
+    if asked in MODES:
+        return MODES[asked]
+    known = " or ".join(f"{theirs} with {frame}" for theirs, frame in MODES)
+    raise OptionError(
+        f"There are no actions with control_mode {asked[0]!r} and relative_to {asked[1]!r}. There "
+        f"are {known}: poses are x y z qx qy qz qw, displacements of the tool a translation and a "
+        "rotation vector along the axes of the table frame."
+    )
+
+
+def _size(resolution: Resolution | None, layout: Layout) -> tuple[int, int]:
+    """Height and width of all images."""
+    if resolution is None:
+        return layout.image_size
+    if not isinstance(resolution, Mapping):
+        return _checked(resolution)
+    for camera in resolution:
+        if camera not in POLICY_CAMERAS:
+            raise UnknownNameError("camera", camera, POLICY_CAMERAS)
+    sizes = {_checked(size) for size in resolution.values()}
+    if not set(layout.images.values()) <= resolution.keys():
+        sizes.add(layout.image_size)
+    if len(sizes) > 1:
+        raise OptionError(
+            "All images have one size here: give camera_resolution as [height, width], or with the "
+            f"same size for each camera; got {resolution!r}."
+        )
+    return sizes.pop() if sizes else layout.image_size
+
+
+def _checked(size: object) -> tuple[int, int]:
+    return EnvConfig.from_options({"image_size": size}).image_size

@@ -1,0 +1,174 @@
+"""What a layout shows and takes, in the words of vla-eval, and where a server says otherwise.
+
+A specification is a map of component names to `name`, `dims`, `format` and more. The formats are
+those that vla-eval 0.8 has names for; what is called otherwise is left to whoever called it so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import msgspec
+
+from duobench.policy.serving.layout import Layout
+
+MODES: Mapping[tuple[str, str], str] = MappingProxyType(
+    {
+        ("joints", "none"): "joint",
+        ("joints", "last_step"): "joint_relative",
+        ("cartesian_tquat", "none"): "cartesian",
+        ("cartesian_rotvec", "last_step"): "cartesian_relative",
+    }
+)
+"""The environment's action mode for their `control_mode` and `relative_to`; the last
+`control_mode` is ours."""
+
+Spec = dict[str, Any]
+
+_RGB, _RAW = "rgb_hwc_uint8", "raw"
+_ARM: Mapping[str, tuple[Spec, ...]] = MappingProxyType(
+    {
+        "joint": ({"name": "joints", "dims": 7, "format": "joint_positions"},),
+        "joint_relative": ({"name": "joints", "dims": 7, "format": "joint_delta_pos"},),
+        "cartesian": (
+            {"name": "position", "dims": 3, "format": "absolute_xyz"},
+            {"name": "rotation", "dims": 4, "format": "quaternion_xyzw"},
+        ),
+        "cartesian_relative": (
+            {"name": "position", "dims": 3, "format": "delta_xyz"},
+            {"name": "rotation", "dims": 3, "format": "axis_angle"},
+        ),
+    }
+)
+"""Components of an arm's action, by the environment's action mode."""
+_GRIPPER = {"open_is_one": "continuous_01", "closed_is_one": "binary_close_01"}
+_FORMATS = frozenset(
+    {spec["format"] for specs in _ARM.values() for spec in specs}
+    | set(_GRIPPER.values())
+    | {"euler_xyz", "rot6d_interleaved", "binary_close_positive", "binary_close_negative"}
+    | {"base_velocity3_torso1", "base_mode_01"}
+)
+"""Formats of an action whose meaning is known."""
+_CAMERAS = ("head", "left_wrist", "right_wrist")
+
+
+class DeclaredSpec(msgspec.Struct, frozen=True):
+    """What a server says about one component."""
+
+    format: str = ""
+    """What its numbers mean."""
+    dims: int = 0
+    """How many they are; 0 if that is not told."""
+
+
+class Declared(msgspec.Struct, frozen=True):
+    """What a server says about itself, and what of it can contradict a layout."""
+
+    model_server: str = ""
+    """Name of its class."""
+    harness_version: str = ""
+    """Its version of vla-eval."""
+    observation_params: dict[str, Any] = {}
+    """Parameters that it wants a benchmark to have."""
+    action_spec: dict[str, DeclaredSpec] = {}
+    """What it gives."""
+    observation_spec: dict[str, DeclaredSpec] = {}
+    """What it expects."""
+
+
+def action_spec(layout: Layout) -> dict[str, Spec]:
+    """The components of an action, in their order."""
+    specs: dict[str, Spec] = {}
+    for part in layout.actions.order:
+        side, _, what = part.partition("_")
+        if what == "gripper":
+            form = _GRIPPER[layout.gripper]
+            specs[part] = {"name": what, "dims": 1, "format": form, "range": [0.0, 1.0]}
+        else:
+            for spec in _ARM.get(layout.actions.mode, ()):
+                specs[f"{side}_{spec['name']}"] = dict(spec)
+    return specs
+
+
+def observation_spec(layout: Layout) -> dict[str, Spec]:
+    """The components of an observation."""
+    specs: dict[str, Spec] = {"language": {"name": "language", "dims": 0, "format": "language"}}
+    form = _RGB if layout.image_order == "hwc" else "rgb_chw_uint8"
+    for key in layout.images:
+        specs[key.rpartition(".")[2]] = {"name": "image", "dims": 0, "format": form}
+    for key, size in layout.state_sizes.items():
+        parts = layout.state[key]
+        has_poses = any(part.endswith("pose") for part in parts)
+        specs["state" if len(layout.state) == 1 else key] = {
+            "name": "state",
+            "dims": size,
+            "format": "joint_positions_and_poses" if has_poses else "joint_positions",
+            "description": f"{', '.join(parts)}: an arm is 7 joints in radians, a gripper 0 to 1, "
+            "a pose x y z qx qy qz qw in metres in the table frame.",
+        }
+    return specs
+
+
+def contradictions(declared: Declared, layout: Layout) -> Iterator[str]:
+    """What a server says about itself and a layout says otherwise, one sentence part each."""
+    yield from _of_actions(declared.action_spec, layout)
+    yield from _of_observations(declared.observation_spec, layout)
+    yield from _of_parameters(declared.observation_params, layout)
+
+
+def _of_actions(declared: Mapping[str, DeclaredSpec], layout: Layout) -> Iterator[str]:
+    ours = action_spec(layout)
+    formats = {spec["format"] for spec in ours.values()}
+    for name, spec in declared.items():
+        if spec.format in _FORMATS - formats:
+            known = ", ".join(sorted(formats))
+            yield f"it gives {name!r:.40} as {spec.format}, and the layout's actions are {known}"
+        elif name in ours and spec.dims not in (0, ours[name]["dims"]):
+            yield f"it gives {spec.dims} numbers as {name!r}, and the layout {ours[name]['dims']}"
+    width, given = sum(layout.action_sizes.values()), sum(spec.dims for spec in declared.values())
+    if given > width:
+        yield f"its actions have {given} numbers, and the layout's {width}"
+
+
+def _of_observations(declared: Mapping[str, DeclaredSpec], layout: Layout) -> Iterator[str]:
+    ours = observation_spec(layout)
+    sizes = sum(layout.state_sizes.values())
+    for name, spec in declared.items():
+        if spec.format == _RGB and not layout.images:
+            yield "it expects images, and the layout shows none"
+        elif spec.format == _RGB and layout.image_order != "hwc":
+            yield "it expects images with channels last, and the layout's have them first"
+        elif spec.format == _RGB and name in _CAMERAS and name not in ours:
+            yield f"it expects the image {name!r}, which the layout does not show"
+        elif name.startswith("state") and not layout.state:
+            yield "it expects a state, and the layout has none"
+        elif name.startswith("state") and spec.dims not in (0, sizes):
+            yield f"it expects a state of {spec.dims} numbers, and the layout's has {sizes}"
+
+
+def _of_parameters(wanted: Mapping[str, Any], layout: Layout) -> Iterator[str]:
+    if wanted.get("send_state") and not layout.state:
+        yield "it asks for a state (send_state), and the layout has none"
+    cameras = set(layout.images.values())
+    if wanted.get("send_wrist_image") and cameras <= {"head"}:
+        yield "it asks for wrist images (send_wrist_image), and the layout shows none"
+    if wanted.get("binary_gripper"):
+        yield "it asks for grippers that are rounded (binary_gripper), which an evaluation does not"
+    control, relative = (wanted.get(name) for name in ("control_mode", "relative_to"))
+    modes = [
+        mode
+        for (theirs, frame), mode in MODES.items()
+        if _is_one(control, theirs) and _is_one(relative, frame)
+    ]
+    if not (control is None and relative is None) and layout.actions.mode not in modes:
+        yield (
+            f"its actions have control_mode {control!r:.40} and relative_to {relative!r:.40}, and "
+            f"the layout's are {layout.actions.mode}"
+        )
+
+
+def _is_one(wanted: object, value: str) -> bool:
+    """Whether a parameter has a value, or leaves it open."""
+    return wanted is None or str(wanted).lower() == value

@@ -1,0 +1,143 @@
+"""Episodes as others play them are those of the evaluation, number by number."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.envs.duo_env import ResetNeededError
+from duobench.errors import OptionError, PolicyError, UnknownNameError
+from duobench.evaluation.evaluate import evaluate
+from duobench.evaluation.folder import RunFolder
+from duobench.evaluation.suite import Suite, find_tasks
+from duobench.interop.episodes import Episodes
+from duobench.policy import PolicyMetadata
+from duobench.policy.serving.layout import Layout, read_layout
+from duobench.randomness import SUITE_VERSION
+from tests.evaluation import toy_tasks
+
+BLIND = Layout(state={"state": ("left_arm", "left_gripper")})
+UP = {1: -1.7, 3: -0.2}
+"""Targets of joints of the left arm that lift its tool, in radians."""
+
+
+class Stretches:
+    """Stretches the left arm up, in chunks of five."""
+
+    metadata = PolicyMetadata(name="stretches", version="1")
+
+    def reset(self, instruction: str, seed: int) -> None:
+        self.episode = instruction, seed
+
+    def act(self, observation: Any) -> np.ndarray:
+        return chunk_of(observation["agent_pos"])
+
+
+def chunk_of(position: np.ndarray) -> np.ndarray:
+    chunk = np.tile(position, (5, 1))
+    for joint, target in UP.items():
+        chunk[:, joint] = target
+    return chunk
+
+
+@pytest.fixture
+def episodes() -> Iterator[Episodes]:
+    made = Episodes(BLIND)
+    yield made
+    made.close()
+
+
+def test_same_actions_have_the_same_outcome_as_in_an_evaluation(
+    tmp_path: Path, episodes: Episodes
+) -> None:
+    suite = Suite(tasks=find_tasks([toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME]), episodes=2)
+    folder = RunFolder(tmp_path / "run")
+    results = evaluate(f"{__name__}:Stretches", suite, folder, workers=0, videos=0)
+    assert results.overall.errors == 0
+    successes = set()
+    for task in results.tasks:
+        for record in task.records:
+            turn = episodes.begin(f"{toy_tasks.__name__}:{record.task.upper()}", record.episode)
+            assert not turn.is_over
+            while not turn.is_over:
+                turn = episodes.execute(chunk_of(turn.observation["agent_pos"]))
+            assert episodes._env is not None
+            assert episodes._env.get_wrapper_attr("state_hash")() == record.state_hash
+            assert (turn.stage, turn.steps) == (record.final_stage, record.steps)
+            assert (turn.success, turn.progress) == (record.success, record.progress)
+            assert record.suite_version == SUITE_VERSION
+            successes.add(record.success)
+    assert successes == {True, False}
+
+
+def test_single_actions_are_chunks_of_one_and_the_horizon_counts_control_steps() -> None:
+    episodes = Episodes(BLIND, horizon=7)
+    turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
+    still = turn.observation["agent_pos"]
+    assert episodes.execute(still).steps == 1
+    assert episodes.execute(np.tile(still, (2, 1))).steps == 3
+    last = episodes.execute(np.tile(still, (30, 1)))
+    assert (last.steps, last.is_over, last.success) == (7, True, False)
+    assert episodes.last is last
+    episodes.close()
+
+
+def test_images_are_rendered_for_whoever_sees_them_and_no_others() -> None:
+    layout = Layout(images={"images.top": "head"}, image_size=(24, 32))
+    episodes = Episodes(layout, horizon=4)
+    turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
+    shown = episodes.shown(turn.observation)
+    assert shown["images"]["top"].shape == (24, 32, 3)
+    assert shown["prompt"] == "Do the wave."
+    still = np.tile(turn.observation["agent_pos"], (3, 1))
+    assert "pixels" in episodes.execute(still).observation
+    assert "pixels" not in episodes.execute(still).observation  # over before the chunk was
+    assert "pixels" in episodes.begin(toy_tasks.WAVE_NAME, 1).observation
+    episodes.close()
+
+
+def test_broken_actions_end_the_episode_and_the_next_can_be_played(episodes: Episodes) -> None:
+    with pytest.raises(ResetNeededError, match="begin one"):
+        episodes.execute(np.zeros(16))
+    turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
+    for broken in (np.full(16, np.nan), np.zeros(14), np.zeros((0, 16)), None, "text"):
+        with pytest.raises(PolicyError):
+            episodes.execute(broken)  # pyright: ignore[reportArgumentType] - that is the point
+    assert episodes.execute(turn.observation["agent_pos"]).steps == 1
+    assert episodes.begin(toy_tasks.WAVE_NAME, 0).steps == 0
+
+
+@pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])
+def test_hold_action_keeps_the_arms_where_they_are(tmp_path: Path, mode: str) -> None:
+    order = '["left_arm", "right_arm", "left_gripper", "right_gripper"]'
+    text = f'[actions]\nmode = "{mode}"\norder = {order}'
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    episodes = Episodes(read_layout(str(path)), horizon=20)
+    assert not episodes.hold_action(None).any()
+    turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
+    before = turn.observation["tcp_pose"]
+    for _ in range(5):
+        turn = episodes.execute(episodes.hold_action(None))
+    np.testing.assert_allclose(turn.observation["tcp_pose"], before, atol=2e-3)
+    last = np.arange(sum(episodes.layout.action_sizes.values()), dtype=np.float32)
+    held = episodes.hold_action([last - 1, last])
+    assert held.shape == last.shape
+    np.testing.assert_array_equal(held[-2:], last[-2:])
+    np.testing.assert_array_equal(held[:-2], 0 if mode.endswith("relative") else last[:-2])
+    episodes.close()
+
+
+def test_environment_that_does_not_exist_is_refused_at_once(episodes: Episodes) -> None:
+    wrong: list[dict[str, Any]] = [
+        {"control_rate_hz": 10},
+        {"horizon": 0},
+        {"binary_gripper": "yes"},
+    ]
+    for options in wrong:
+        with pytest.raises(OptionError):
+            Episodes(BLIND, **options)
+    with pytest.raises(UnknownNameError, match="Unknown task"):
+        episodes.begin("bin_sotr", 0)

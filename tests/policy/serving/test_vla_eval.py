@@ -1,0 +1,326 @@
+"""The client of vla-eval's protocol against a server that behaves, and against bad ones."""
+
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+
+from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
+from duobench.policy import Policy
+from duobench.policy.serving import limits
+from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.layout import Layout, read_layout
+from duobench.policy.serving.vla_eval import VlaEvalPolicy
+from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
+from tests.policy.serving.model_server import Message, ModelServer, acting, frame
+from tests.policy.serving.serving import TIMEOUT_S, Serve
+from tests.policy.serving.test_client import free_port
+from tests.policy.serving.test_layout import observation
+from tests.policy.test_batch import Network
+
+Connect = Callable[..., VlaEvalPolicy]
+THEIRS = np.concatenate([np.arange(7), np.arange(8, 15), [7, 15]]).astype(np.float32)
+OURS = np.arange(16, dtype=np.float32)
+CHUNK = np.stack([THEIRS, THEIRS + 100, THEIRS + 200])
+
+
+@pytest.fixture
+def remote() -> Iterator[Connect]:
+    made = []
+
+    def make(port: int, **options: Any) -> VlaEvalPolicy:
+        options = {"wait_s": 0.0, "answer_s": TIMEOUT_S} | options
+        policy = VlaEvalPolicy(RemoteServer(url=f"ws://127.0.0.1:{port}", **options))
+        made.append(policy)
+        return policy
+
+    yield make
+    for policy in made:
+        policy.close()
+
+
+def test_conversation_is_that_of_the_protocol(remote: Connect) -> None:
+    server = ModelServer(acting(CHUNK))
+    with server.running() as port:
+        policy = remote(port, execute=2)
+        assert isinstance(policy, Policy)
+        for seed in (5, 6):
+            policy.reset("Do it.", seed)
+            np.testing.assert_array_equal(policy.act(observation()), [OURS, OURS + 100])
+        policy.close()
+    kinds = [message["type"] for message in server.received]
+    episode = ["episode_start", "observation", "episode_end"]
+    assert kinds == ["hello", *episode, *episode]
+    assert [message["seq"] for message in server.received] == list(range(1, 8))
+    hello, start = server.received[:2]
+    assert hello["payload"]["protocol_version"] == 1
+    assert start["payload"] == {"task": {"name": "Do it.", "seed": 5}}
+    shown = server.of("observation")[0]["payload"]
+    assert shown.keys() == {"images", "states", "task_description"}
+    assert shown["task_description"] == "Do it."
+    np.testing.assert_array_equal(shown["states"], OURS)
+    for camera, image in observation()["pixels"].items():
+        np.testing.assert_array_equal(shown["images"][camera], image)
+    assert server.connections == 1
+
+
+def test_single_action_is_a_chunk_of_one(remote: Connect) -> None:
+    with ModelServer(acting(THEIRS)).running() as port:
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        np.testing.assert_array_equal(policy.act(observation()), [OURS])
+
+
+def test_metadata_is_that_of_the_layout_and_what_the_server_tells(remote: Connect) -> None:
+    hello = {"model_server": "Pi0ModelServer", "observation_params": {"send_state": True}}
+    with ModelServer(acting(CHUNK), hello).running() as port:
+        metadata = remote(port, execute=30).metadata
+        assert metadata.name == "Pi0ModelServer"
+        assert metadata.cameras == ("head", "left_wrist", "right_wrist")
+        assert metadata.image_size == (224, 224)
+        assert not metadata.seeded
+        version = metadata.version or ""
+        assert version.startswith("vla-eval 0.8.0, Pi0ModelServer, layout ")
+        assert version.endswith("first 30 actions of a chunk")
+        assert str(port) not in version
+        assert remote(port, execute=2).metadata.version != version
+        layout = Layout(images={"images.head": "head"}, prompt="task_description")
+        assert remote(port, execute=30, layout=read_layout("vla_eval")).metadata == metadata
+    with ModelServer(acting(CHUNK)).running() as port:
+        other = remote(port, layout=layout).metadata
+        assert other.cameras == ("head",)
+
+
+@pytest.mark.parametrize("version", [0, 2, "1", None, True])
+def test_other_version_of_the_protocol_is_refused_by_name(remote: Connect, version: object) -> None:
+    told = rf"version {version!r} of vla-eval's protocol"
+    server = ModelServer(acting(CHUNK), {"protocol_version": version})
+    with server.running() as port, pytest.raises(ServingError, match=told):
+        remote(port)
+
+
+@pytest.mark.parametrize(
+    ("hello", "message"),
+    [
+        ({"observation_params": {"send_wrist_image": True}}, "wrist images"),
+        ({"observation_params": {"send_state": True}}, "asks for a state"),
+        ({"observation_params": {"binary_gripper": True}}, "rounded"),
+        (
+            {"observation_params": {"control_mode": "cartesian_tquat", "relative_to": "last_step"}},
+            "control_mode 'cartesian_tquat'",
+        ),
+        ({"action_spec": {"position": {"dims": 3, "format": "delta_xyz"}}}, "as delta_xyz"),
+        ({"action_spec": {"left_joints": {"dims": 6, "format": "joint_positions"}}}, "6 numbers"),
+        ({"action_spec": {"actions": {"dims": 20, "format": "raw"}}}, "have 20 numbers"),
+        ({"observation_spec": {"state": {"dims": 42, "format": "x"}}}, "expects a state"),
+        ({"observation_spec": {"left_wrist": {"format": "rgb_hwc_uint8"}}}, "'left_wrist'"),
+        ({"action_spec": [1]}, "describes its policy wrongly"),
+        ({"action_spec": {"a": {"dims": "many"}}}, "describes its policy wrongly"),
+    ],
+)
+def test_server_that_contradicts_the_layout_is_refused_before_the_first_step(
+    remote: Connect, hello: Message, message: str
+) -> None:
+    layout = Layout(images={"images.head": "head"}, prompt="task_description")
+    server = ModelServer(acting(CHUNK), hello)
+    with server.running() as port, pytest.raises(ServingError, match=message):
+        remote(port, layout=layout)
+
+
+@pytest.mark.parametrize(
+    "hello",
+    [
+        {
+            "action_spec": action_spec(read_layout("vla_eval")),
+            "observation_spec": observation_spec(read_layout("vla_eval")),
+        },
+        {"action_spec": {"actions": {"name": "raw", "dims": 0, "format": "raw"}}},
+        {"observation_params": {"send_state": True, "send_wrist_image": True, "seed": 0}},
+        {"observation_params": {"control_mode": "JOINTS", "relative_to": "none"}},
+        {"observation_spec": {"image": {"format": "rgb_hwc_uint8"}, "state": {"format": "raw"}}},
+    ],
+)
+def test_server_that_agrees_or_says_little_is_taken(remote: Connect, hello: Message) -> None:
+    with ModelServer(acting(CHUNK), hello).running() as port:
+        assert remote(port).metadata.action_mode == "joint"
+
+
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        (np.zeros((3, 14), np.float32), r"\(H, 16\)"),
+        (np.full(16, np.nan, np.float32), "returned nan"),
+        (np.zeros((0, 16), np.float32), "H at least 1"),
+        (np.zeros((2, 3, 16), np.float32), r"\(H, 16\)"),
+        ("text", "array of numbers"),
+        (None, "chunk of actions"),
+        (3, "chunk of actions"),
+    ],
+)
+def test_answer_that_is_no_chunk_is_the_policys_fault(
+    remote: Connect, actions: object, message: str
+) -> None:
+    with ModelServer(acting(actions)).running() as port:
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        with pytest.raises(PolicyError, match=message):
+            policy.act(observation())
+
+
+def test_answer_without_actions_is_the_policys_fault(remote: Connect) -> None:
+    server = ModelServer(lambda message: frame("action", {"action": THEIRS}, message["seq"]))
+    with server.running() as port:
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        with pytest.raises(PolicyError, match="answers without 'actions'; it gives action"):
+            policy.act(observation())
+
+
+@pytest.mark.parametrize("late_by", [0, 1])
+def test_error_of_the_server_fails_its_episode_only(remote: Connect, late_by: int) -> None:
+    """The error may be about the observation or about the start of the episode before it."""
+    server = ModelServer(
+        lambda message: frame(
+            "error", {"error": "observation_failed: KeyError: 'x'"}, message["seq"] - late_by
+        )
+    )
+    with server.running() as port:
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        with pytest.raises(PolicyError, match=r"(?s)reports:.*KeyError"):
+            policy.act(observation())
+        server.answer = acting(CHUNK)
+        policy.reset("Do it.", 1)
+        np.testing.assert_array_equal(policy.act(observation())[0], OURS)
+
+
+@pytest.mark.parametrize("off", [-2, 1, 1000])
+def test_answer_to_another_question_throws_the_connection_away(remote: Connect, off: int) -> None:
+    answers = iter([off, 0])
+    server = ModelServer(
+        lambda message: frame("action", {"actions": CHUNK}, message["seq"] + next(answers))
+    )
+    with server.running() as port:
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        with pytest.raises(MachineryError, match="the answer is to"):
+            policy.act(observation())
+        with pytest.raises(MachineryError, match="is lost"):
+            policy.act(observation())
+        policy.reset("Do it.", 0)
+        np.testing.assert_array_equal(policy.act(observation())[0], OURS)
+        assert server.connections == 2
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        "text",
+        b"",
+        b"\xc1",
+        msgpack.packb([1, 2]),
+        msgpack.packb({"type": "action", "payload": {}}),
+        frame("action", [1], 1),
+        frame("hello", {}, 1),
+        frame("action", {"actions": {"__ndarray__": True, "data": bytes(8)}}, 1),
+    ],
+)
+def test_reply_that_is_no_message_is_the_machinerys_fault(
+    remote: Connect, reply: bytes | str
+) -> None:
+    with ModelServer(lambda _message: reply).running() as port:
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        with pytest.raises(MachineryError, match="cannot be understood"):
+            policy.act(observation())
+
+
+@pytest.mark.parametrize("lives", [True, False])
+def test_late_answer_is_never_taken_for_the_next_one(remote: Connect, *, lives: bool) -> None:
+    may = threading.Event()
+
+    def answer(message: Message) -> bytes:
+        assert may.wait(TIMEOUT_S)
+        return frame("action", {"actions": CHUNK + len(server.received)}, message["seq"])
+
+    server = ModelServer(answer, lives=lives)
+    with server.running() as port:
+        policy = remote(port, answer_s=0.5)
+        policy.reset("Do it.", 0)
+        with pytest.raises(PolicyTimeoutError if lives else MachineryError, match=r"0\.5 s"):
+            policy.act(observation())
+        may.set()
+        server.answer = acting(CHUNK)
+        policy.reset("Do it.", 1)
+        np.testing.assert_array_equal(policy.act(observation())[0], OURS)
+
+
+def test_connection_that_is_lost_is_made_again_for_the_next_episode(remote: Connect) -> None:
+    port = free_port()
+    server = ModelServer(acting(CHUNK))
+    with server.running(port):
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        policy.act(observation())
+    with pytest.raises(MachineryError, match="is lost"):
+        policy.act(observation())
+    with pytest.raises(MachineryError, match="cannot be reached"):
+        policy.reset("Do it.", 0)
+    with server.running(port):
+        policy.reset("Do it.", 0)
+        np.testing.assert_array_equal(policy.act(observation())[0], OURS)
+
+
+def test_connection_that_is_lost_between_episodes_costs_nothing(remote: Connect) -> None:
+    port = free_port()
+    server = ModelServer(acting(CHUNK))
+    with server.running(port):
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        policy.act(observation())
+    with server.running(port):
+        policy.reset("Do it.", 1)
+        np.testing.assert_array_equal(policy.act(observation())[0], OURS)
+
+
+def test_other_policy_at_the_same_address_does_not_go_on(remote: Connect) -> None:
+    port = free_port()
+    with ModelServer(acting(CHUNK)).running(port):
+        policy = remote(port)
+    other = ModelServer(acting(CHUNK), {"model_server": "Other"})
+    with other.running(port), pytest.raises(MachineryError, match="another policy now"):
+        policy.reset("Do it.", 0)
+
+
+def test_server_that_speaks_openpi_is_told_apart(remote: Connect, serve: Serve) -> None:
+    with pytest.raises(MachineryError, match="no model server of vla-eval"):
+        remote(serve(Network()))
+
+
+def test_nobody_is_told_without_the_address(remote: Connect) -> None:
+    port = free_port()
+    with pytest.raises(MachineryError, match="cannot be reached") as told:
+        remote(port)
+    assert str(port) not in str(told.value)
+
+
+def test_plain_addresses_belong_to_kinds_without_schemes() -> None:
+    assert RemoteServer(url="localhost:8080", schemes=()).parts.port == 8080
+    for url in ("ws://localhost:1", "localhost:x", ":1", "a:b@localhost:1"):
+        with pytest.raises(ServingError) as told:
+            RemoteServer(url=url, schemes=())
+        assert url not in str(told.value)
+
+
+def test_too_large_a_reply_is_refused_unread(
+    remote: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(limits, "MAX_REPLY", 10_000)
+    with ModelServer(acting(np.zeros((1000, 16)))).running() as port:
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        with pytest.raises(MachineryError, match=r"is lost: .*1009"):
+            policy.act(observation())
