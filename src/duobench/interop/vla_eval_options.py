@@ -9,8 +9,8 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import OptionError, UnknownNameError
 from duobench.policy.serving.layout import Layout, read_layout
 from duobench.policy.serving.vla_eval_specs import MODES
-from duobench.scene.cameras import HEAD, POLICY_CAMERAS
 from duobench.tasks import catalog
+from duobench.types import HEAD, POLICY_CAMERAS
 
 Size = Sequence[int] | int
 Resolution = Mapping[str, Size] | Size
