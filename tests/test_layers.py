@@ -25,7 +25,7 @@ FLOORS = (
     ("tasks",),
     ("envs",),
     ("experts", "data", "policy", "hardware", "fabrication"),
-    ("evaluation", "teleop"),
+    ("evaluation", "teleop", "interop"),
     ("cli",),
     ("__main__",),
 )

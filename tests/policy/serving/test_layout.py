@@ -33,7 +33,7 @@ def test_layout_of_the_package_asks_and_understands(name: str) -> None:
     assert metadata.image_size == (224, 224)
     assert "head" in metadata.cameras
     request = layout.request(observation(), "Do it.")
-    assert request["prompt"] == "Do it."
+    assert request[layout.prompt] == "Do it."
     assert layout.chunk(np.zeros((50, 16))).shape == (50, 16)
 
 
