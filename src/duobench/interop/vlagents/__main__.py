@@ -52,7 +52,7 @@ def start_server(
 
 def _app() -> Any:
     """VLAgents' command line, whose server is ours."""
-    evaluation = import_module("vlagents.eval")
+    evaluation: Any = import_module("vlagents.eval")
     main_app = import_module("vlagents.__main__").main_app
     main_app.command("start-server")(start_server)
     theirs = evaluation.start_server
