@@ -5,6 +5,7 @@ import os
 import signal
 import socket
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,13 +23,17 @@ from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Episode, find_tasks
 from duobench.policy import Policy
 from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.calls import CallConnection, CallError
+from duobench.policy.serving.layout import read_layout
 from duobench.policy.serving.vlagents import VLAgentsPolicy
+from duobench.policy.serving.vlagents_messages import observation_text
 from tests.evaluation import toy_tasks
 from tests.interop.conftest import VLAGENTS_PYTHON
 
 ROOT = Path(__file__).parents[2]
 PEER = Path(__file__).with_name("vlagents_peer.py")
 BATCHED = "tests.evaluation.toy_batches:Wanders"
+SEEING = "tests.interop.seeing:Looks"
 TIMEOUT_S = 60
 EXECUTED = 6
 
@@ -173,11 +178,17 @@ def test_server_that_dies_or_freezes_is_no_fault_of_the_agent(
     process.send_signal(signal.SIGCONT)
 
 
-@pytest.mark.parametrize("policy", ["hold", BATCHED])
-def test_their_evaluation_plays_our_episodes(serve: Serve, policy: str) -> None:
+@pytest.mark.parametrize(
+    ("policy", "options"),
+    [("hold", {"cameras": False}), (BATCHED, {"cameras": False}), (SEEING, {"cameras": ["head"]})],
+)
+def test_their_evaluation_plays_our_episodes(
+    serve: Serve, policy: str, options: dict[str, Any]
+) -> None:
     _, port = serve(*ours(policy))
     wait_for(port)
-    peer = started(str(PEER), "evaluate", str(port), "bin_sort", "2", stdout=subprocess.PIPE)
+    words = ("evaluate", str(port), "bin_sort", json.dumps(options))
+    peer = started(str(PEER), *words, stdout=subprocess.PIPE)
     told = json.loads(peer.communicate(timeout=10 * TIMEOUT_S)[0])
     records = played(policies.source(policy), "bin_sort", 2)
     assert told["ends"] == [record.state_hash for record in records]
@@ -198,6 +209,31 @@ def test_our_client_gets_from_their_server_what_our_policy_gives(
         expected = np.full((1, 16), len(instruction), np.float32)
         expected[:, [7, 15]] = 1
         np.testing.assert_array_equal(policy.act(seen), expected)
+
+
+def test_policy_plays_one_episode_at_a_time_and_repeats_its_answers(serve: Serve) -> None:
+    _, port = serve(*ours("random"))
+    wait_for(port)
+    connection = CallConnection("localhost", port, time.monotonic() + TIMEOUT_S)
+    message = read_layout("vlagents").request(observation(), "Do it.")
+    for arm in message["obs"].values():
+        arm["gripper"] = 0.0
+
+    def asked(seed: int, step: int) -> Any:
+        message["obs"]["left"]["info"] = {"episode_seed": seed, "episode_step": step}
+        text = observation_text(message)
+        return connection.call("act", text, deadline=time.monotonic() + TIMEOUT_S)
+
+    first, second = asked(1, 0), asked(1, 1)
+    assert first != second
+    assert asked(1, 1) == second
+    with pytest.raises(CallError, match="one episode at a time"):
+        asked(2, 1)
+    assert asked(2, 0) != first
+    assert asked(1, 0) == first
+    with pytest.raises(CallError, match="AttributeError"):  # public attributes are not reached
+        connection.call("agent", deadline=time.monotonic() + TIMEOUT_S)
+    connection.close()
 
 
 def test_their_program_runs_through_our_launcher(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Run by the environment of VLAgents: `serve PORT AGENT` and `evaluate PORT TASK EPISODES`.
+"""Run by the environment of VLAgents: `serve PORT AGENT` and `evaluate PORT TASK OPTIONS`.
 
 `serve` is VLAgents' own server, with its own settings, and needs nothing of DuoBench. `evaluate`
 plays the tasks of DuoBench in VLAgents' own evaluation, and prints one JSON object.
@@ -15,6 +15,8 @@ from vlagents.__main__ import start_server
 from vlagents.envs.interface import AgentConfig, EvalConfig
 from vlagents.eval import multi_eval
 from vlagents.policies.interface import Act, Agent, Obs, SingleAct
+
+EPISODES = 2
 
 
 class Leans(Agent):
@@ -54,8 +56,7 @@ class Fails(Leans):
         sys.exit(f"will not {obs.language_instruction}")
 
 
-def evaluate(port: int, task: str, episodes: int) -> None:
-    from duobench.envs import sim_of
+def evaluate(port: int, task: str, options: dict[str, Any]) -> None:
     from duobench.interop.vlagents import register
     from duobench.interop.vlagents.environment import TaskEnv
 
@@ -67,16 +68,14 @@ def evaluate(port: int, task: str, episodes: int) -> None:
         def step(self, action: Any) -> Any:
             result = super().step(action)
             if result[2] or result[3]:
-                ends.append(sim_of(self.env).state_hash())
+                ends.append(self.env.get_wrapper_attr("state_hash")())
             return result
 
     register()
     register_env(f"duobench/{task}", Watched)
-    horizon = TaskEnv(f"duobench/{task}", cameras=False).env.get_wrapper_attr("_max_episode_steps")
-    config = EvalConfig(
-        f"duobench/{task}", {"cameras": False}, max_steps_per_episode=horizon, seed=0
-    )
-    results, _ = multi_eval(AgentConfig("localhost", "duobench", {}, port=port), [config], episodes)
+    config = EvalConfig(f"duobench/{task}", options, max_steps_per_episode=10_000, seed=0)
+    agent = AgentConfig("localhost", "duobench", {}, port=port)
+    results, _ = multi_eval(agent, [config], EPISODES)
     json.dump({"results": results[0].tolist(), "ends": ends}, sys.stdout)
 
 
@@ -87,4 +86,4 @@ if __name__ == "__main__":
             register_agent(agent.__name__, agent)
         start_server(name, port=int(where))
     else:
-        evaluate(int(where), name, int(rest[0]))
+        evaluate(int(where), name, json.loads(rest[0]))
