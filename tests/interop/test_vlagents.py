@@ -236,6 +236,11 @@ def test_policy_plays_one_episode_at_a_time_and_repeats_its_answers(serve: Serve
     connection.close()
 
 
+def test_server_without_a_policy_ends(serve: Serve) -> None:
+    process, _ = serve(*ours("hodl"))
+    process.wait(TIMEOUT_S)
+
+
 def test_their_program_runs_through_our_launcher(tmp_path: Path) -> None:
     agent = {"host": "localhost", "agent_name": "duobench", "agent_kwargs": {"policy": "hold"}}
     agent |= {"python_path": os.environ[VLAGENTS_PYTHON], "port": free_port()}

@@ -1,4 +1,4 @@
-"""DuoBench inside other benchmarks' programs: each module needs the package that it is named after.
+"""DuoBench inside the programs of other benchmarks.
 
-Nothing here is imported by the rest of DuoBench.
+Each module needs the package that it is named after; nothing of the rest of DuoBench imports it.
 """

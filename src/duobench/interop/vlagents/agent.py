@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+from _thread import interrupt_main
 from collections.abc import Mapping
 from concurrent.futures import Future
 from threading import Lock
@@ -52,12 +53,16 @@ class PolicyAgent(Agent):
         self._answer: Future[Act] | None = None
 
     def initialize(self) -> None:
-        """Make the policy.
+        """Make the policy, or end the server, for which an evaluation would wait without end.
 
         Raises:
             DuoBenchError: If there is none of that name, or it cannot be made.
         """
-        self._policy = make(self._name)
+        try:
+            self._policy = make(self._name)
+        except BaseException:
+            interrupt_main()  # the server calls this in a thread beside the main one
+            raise
         atexit.register(getattr(self._policy, "close", lambda: None))
 
     def act(self, obs: Obs) -> Act:

@@ -42,6 +42,8 @@ class RemoteServer:
         parts = self.parts
         if parts.scheme not in (self.schemes or ("",)) or not parts.hostname:
             raise ServingError(f"The address of a server is {self._form}.")
+        if not self.schemes and (parts.path or parts.port is None):
+            raise ServingError(f"The address of this kind of server is {self._form}.")
         if parts.username is not None or parts.query or parts.fragment:
             raise ServingError(
                 "The address of a server holds no key: put it into the environment variable "

@@ -59,8 +59,6 @@ class VLAgentsPolicy:
         """
         self._layout = server.layout or read_layout(LAYOUT)
         _check(self._layout)
-        if server.parts.port is None or server.parts.path.strip("/"):
-            raise ServingError("The address of a VLAgents server is HOST:PORT, as 127.0.0.1:8080.")
         self._server = server
         self._connection: CallConnection | None = None
         self._agent: str | None = None
