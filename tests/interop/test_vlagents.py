@@ -40,7 +40,7 @@ EXECUTED = 6
 Serve = Callable[..., tuple[subprocess.Popen[bytes], int]]
 
 
-def started(*words: str, **options: Any) -> subprocess.Popen[bytes]:
+def started(*words: str, **options: Any) -> subprocess.Popen[Any]:
     """A program in the environment of VLAgents, which finds the tests of this folder."""
     path = os.pathsep.join([str(ROOT), str(ROOT / "src")])
     env = {**os.environ, "PYTHONPATH": path}
@@ -173,6 +173,7 @@ def test_server_that_dies_or_freezes_is_no_fault_of_the_agent(
     policy = remote(port, answer_s=1.0)
     policy.reset("Do it.", 0)
     process.send_signal(signal.SIGSTOP)
+    os.waitpid(process.pid, os.WUNTRACED)  # until all of it stands still
     with pytest.raises(MachineryError, match="nor does it answer anything else"):
         policy.act(observation())
     process.send_signal(signal.SIGCONT)
@@ -231,6 +232,10 @@ def test_policy_plays_one_episode_at_a_time_and_repeats_its_answers(serve: Serve
         asked(2, 1)
     assert asked(2, 0) != first
     assert asked(1, 0) == first
+    message["obs"]["left"]["info"] = {"episode_step": 0, "action_mode": "cartesian"}
+    text = observation_text(message)
+    with pytest.raises(CallError, match="the environment's 'cartesian'"):
+        connection.call("act", text, deadline=time.monotonic() + TIMEOUT_S)
     with pytest.raises(CallError, match="AttributeError"):  # public attributes are not reached
         connection.call("agent", deadline=time.monotonic() + TIMEOUT_S)
     connection.close()

@@ -12,7 +12,7 @@ from typing import Any
 from vlagents.policies.interface import Act, Agent, Obs  # pyright: ignore[reportMissingImports]
 
 from duobench.errors import PolicyError
-from duobench.interop.vlagents.environment import SEED, STEP
+from duobench.interop.vlagents.environment import MODE, SEED, STEP
 from duobench.interop.vlagents.messages import LEFT, as_act, as_observation
 from duobench.policy import Policy, PolicyMetadata, as_chunk
 from duobench.policy.registry import make
@@ -82,7 +82,7 @@ class PolicyAgent(Agent):
             if self._answer and step is not None and (seed, step) == self._at:
                 return self._answer.result()  # VLAgents' client asks again after any error
             observation = as_observation(obs)
-            _check(self._policy.metadata, observation)
+            _check(self._policy.metadata, observation, told.get(MODE))
             if step == 0 or (step is None and (not self._answer or instruction != before)):
                 self._policy.reset(instruction, _NO_SEED if seed is None else seed)
             elif not self._answer or seed != self._at[0]:
@@ -106,12 +106,17 @@ class PolicyAgent(Agent):
             self._answer = None
 
 
-def _check(metadata: PolicyMetadata, observation: Mapping[str, Any]) -> None:
-    """Reject an observation without the images that the policy expects.
+def _check(metadata: PolicyMetadata, observation: Mapping[str, Any], mode: str | None) -> None:
+    """Reject an environment that the policy was not made for, as far as it tells.
 
     Raises:
-        PolicyError: If an image is missing, or is of another size.
+        PolicyError: If an image is missing, or is of another size, or the action mode is another.
     """
+    if mode not in (None, metadata.action_mode):
+        raise PolicyError(
+            f"The policy's actions are {metadata.action_mode!r}, the environment's {mode!r}. Set "
+            "`action_mode` in env_kwargs."
+        )
     images = observation.get("pixels", {})
     for camera in metadata.cameras:
         if camera not in images:

@@ -22,9 +22,10 @@ from duobench.interop.vlagents.messages import as_action, as_obs
 from duobench.randomness import EVAL, episode_seed
 from duobench.tasks import catalog
 
-SEED, STEP = "episode_seed", "episode_step"
-"""Keys in the info of the left arm: the seed of the episode, and how many control steps it had.
-With them a policy of ours is seeded, and knows where an episode begins."""
+SEED, STEP, MODE = "episode_seed", "episode_step", "action_mode"
+"""Keys in the info of the left arm: the seed of the episode, how many control steps it had, and the
+environment's action mode. With them a policy of ours is seeded, knows where an episode begins, and
+refuses an environment that would take its actions for something else."""
 _PREFIX = "duobench/"
 
 
@@ -141,5 +142,8 @@ class TaskEnv(EvalEnv):
         return {**observation, PIXELS: images}
 
     def _obs(self, observation: Mapping[str, Any]) -> Obs:
-        info = {STEP: self._steps} if self._seed is None else {SEED: self._seed, STEP: self._steps}
+        mode = self.env.get_wrapper_attr("config").action_mode
+        info: dict[str, Any] = {STEP: self._steps, MODE: mode}
+        if self._seed is not None:
+            info[SEED] = self._seed
         return as_obs(observation, self._instruction, info)

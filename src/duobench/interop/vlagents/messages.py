@@ -21,7 +21,7 @@ from duobench.types import ARM_JOINTS, SIDES, Side
 LEFT, RIGHT = map(str, SIDES)
 
 
-def as_obs(observation: Mapping[str, Any], instruction: str, info: Mapping[str, int]) -> Obs:
+def as_obs(observation: Mapping[str, Any], instruction: str, info: Mapping[str, Any]) -> Obs:
     """One of our observations as theirs.
 
     Args:
