@@ -12,6 +12,7 @@ LEROBOT_PYTHON ?= python3.12
 LEROBOT_VENV := .venv-lerobot
 OPENPI_VENV := .venv-openpi
 VLA_EVAL_VENV := .venv-vla-eval
+VLAGENTS_VENV := .venv-vlagents
 STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
 TEST_WORKERS ?= 2
@@ -37,9 +38,10 @@ test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policie
 	HF_HUB_OFFLINE=1 OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m pytest -W default tests/lerobot
 
 # openpi-client asks for an older NumPy than DuoBench does.
-test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed  ## Test with openpi and vla-eval.
+test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $(VLAGENTS_VENV)/.installed  ## Test with openpi, vla-eval and VLAgents.
 	DUOBENCH_OPENPI_PYTHON=$(OPENPI_VENV)/bin/python \
 	DUOBENCH_VLA_EVAL_PYTHON=$(VLA_EVAL_VENV)/bin/python \
+	DUOBENCH_VLAGENTS_PYTHON=$(VLAGENTS_VENV)/bin/python \
 		$(BIN)/python -m pytest tests/interop
 
 check: setup-test  ## Check format, lint and types.
@@ -104,6 +106,12 @@ $(OPENPI_VENV)/.installed:
 $(VLA_EVAL_VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VLA_EVAL_VENV)
 	$(VLA_EVAL_VENV)/bin/python -m pip install --disable-pip-version-check -e . vla-eval==0.8.0
+	@touch $@
+
+$(VLAGENTS_VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VLAGENTS_VENV)
+	$(VLAGENTS_VENV)/bin/python -m pip install --disable-pip-version-check -e . \
+		vlagents==0.3.0 'rpyc>=6,<7'
 	@touch $@
 
 # Their types are those of the installed version, which only the two files above can change.

@@ -33,11 +33,15 @@ RANK = {room: rank for rank, rooms in enumerate(FLOORS) for room in rooms}
 BASE = tuple(room for rooms in FLOORS[:3] for room in rooms)
 
 # Modules that a room may not name, apart from what the floors already say.
-EVERYWHERE = ("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy", "vla_eval")
+EVERYWHERE = (
+    *("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy"),
+    *("vla_eval", "vlagents", "rpyc"),
+)
 # Rooms inside rooms that exist for the sake of one of them; they are imported when it is asked for.
 AT_HOME = {
     "duobench.policy.lerobot": ("torch", "lerobot"),
-    "duobench.interop": ("vla_eval",),
+    "duobench.interop.vla_eval": ("vla_eval",),
+    "duobench.interop.vlagents": ("vlagents", "rpyc"),
 }
 GYMNASIUM = ("gymnasium", "gym")
 FORBIDDEN = {
@@ -172,6 +176,7 @@ def test_imports_of_the_package_point_down() -> None:
         ("policy/a.py", "import lerobot", "lerobot is no dependency of the core"),
         ("policy/lerobot/a.py", "import jax", "jax is no dependency of the core"),
         ("policy/a.py", "import vla_eval.specs", "vla_eval.specs is no dependency of the core"),
+        ("policy/a.py", "import rpyc", "rpyc is no dependency of the core"),
         ("interop/a.py", "from duobench.evaluation import x", "is a sibling of interop"),
         ("sim/a.py", "import duobench", "duobench is no room"),
         ("sim/a.py", "from duobench import make", "duobench.make is no room"),
@@ -199,6 +204,7 @@ def test_a_violation_is_found(tmp_path: Path, path: str, source: str, complaint:
         ("stages/a.py", "import numpy as np\nnp.randomly"),
         ("policy/lerobot/a.py", "import torch\nfrom lerobot import policies"),
         ("interop/vla_eval.py", "from vla_eval.specs import x\nfrom duobench.policy import y"),
+        ("interop/vlagents/a.py", "import rpyc\nfrom duobench.policy import y"),
     ],
 )
 def test_what_is_allowed_is_not_reported(tmp_path: Path, path: str, source: str) -> None:

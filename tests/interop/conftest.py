@@ -6,7 +6,13 @@ OPENPI_PYTHON = "DUOBENCH_OPENPI_PYTHON"
 """Environment variable: the interpreter of an environment with openpi-client."""
 VLA_EVAL_PYTHON = "DUOBENCH_VLA_EVAL_PYTHON"
 """Environment variable: the interpreter of an environment with vla-eval and DuoBench."""
+VLAGENTS_PYTHON = "DUOBENCH_VLAGENTS_PYTHON"
+"""Environment variable: the interpreter of an environment with VLAgents and DuoBench."""
 
-NEEDS = {"test_openpi.py": OPENPI_PYTHON, "test_vla_eval.py": VLA_EVAL_PYTHON}
+NEEDS = {
+    "test_openpi.py": OPENPI_PYTHON,
+    "test_vla_eval.py": VLA_EVAL_PYTHON,
+    "test_vlagents.py": VLAGENTS_PYTHON,
+}
 
 collect_ignore = [file for file, variable in NEEDS.items() if variable not in os.environ]

@@ -40,7 +40,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     Args:
         policy: expert (also expert:human or expert:wide, which vary what it does), hold, random,
             zero, lerobot:PATH_OR_ID for a checkpoint of LeRobot, module:attribute for a policy of
-            your own, or for one that is served openpi or vla-eval, whichever it speaks.
+            your own, or openpi, vla-eval or vlagents for one that is served, whichever it speaks.
         out: Folder of the run.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.
@@ -58,9 +58,10 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             batch up, so that results do not depend on the workers; dynamic takes what waits, which
             is faster. Fixed if not given.
         max_batch: Observations that such a policy answers together, at most; 8 if not given.
-        server: Address of a policy that is served, such as ws://127.0.0.1:8000.
-        layout: How a server that is not of DuoBench is asked: aloha, droid, libero, vla_eval, or
-            FILE.toml.
+        server: Address of a policy that is served, such as ws://127.0.0.1:8000 (for vlagents,
+            127.0.0.1:8080).
+        layout: How a server that is not of DuoBench is asked: aloha, droid, libero, vla_eval,
+            vlagents, or FILE.toml.
         execute: Actions of a chunk of a served policy that are executed before it is asked again.
         wait: Seconds to wait for a server that is not there.
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.

@@ -54,6 +54,9 @@ SERVED: Mapping[str, ServerKind] = MappingProxyType(
     {
         "openpi": OPENPI,
         "vla-eval": ServerKind(client="duobench.policy.serving.vla_eval:VlaEvalPolicy"),
+        "vlagents": ServerKind(
+            client="duobench.policy.serving.vlagents:VLAgentsPolicy", schemes=()
+        ),
     }
 )
 """Names of policies that somebody else serves."""

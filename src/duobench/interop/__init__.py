@@ -1,4 +1,4 @@
 """DuoBench inside the programs of other benchmarks.
 
-`vla_eval` needs the package vla-eval; nothing of the rest of DuoBench imports it.
+Each module needs the package that it is named after; nothing of the rest of DuoBench imports it.
 """

@@ -23,7 +23,7 @@ from duobench.policy.protocol import PolicyMetadata, as_chunk
 from duobench.types import ARM_JOINTS, SIDE_SIZE
 
 _PACKAGE = "duobench.policy.serving"
-LAYOUTS = ("aloha", "droid", "libero", "vla_eval")
+LAYOUTS = ("aloha", "droid", "libero", "vla_eval", "vlagents")
 """Layouts that come with the package."""
 _PARTS: tuple[str, ...] = ("left_arm", "left_gripper", "right_arm", "right_gripper")
 """Parts of a state and of an action, in our order."""

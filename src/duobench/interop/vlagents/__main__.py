@@ -1,0 +1,94 @@
+"""VLAgents' programs, with the tasks and policies of DuoBench: `python -m` and this package.
+
+The verbs and options are VLAgents' own. A server that is started here lets clients reach nothing
+but the methods that it offers, and unpickles nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from typing import Any
+
+from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.interop.vlagents import AGENT, register
+
+_END_S = 10.0
+"""Seconds that a server may take to end."""
+
+
+def main() -> None:
+    """Register everything, and run a verb of VLAgents."""
+    try:
+        register()
+        _app()()
+    except DuoBenchError as error:
+        sys.exit(f"error: {error}")
+
+
+def start_server(
+    agent_name: str, kwargs: str = "{}", port: int = 8080, host: str = "localhost"
+) -> None:
+    """Serve an agent until Ctrl-C.
+
+    The agent "duobench" answers with a policy of DuoBench: --kwargs='{"policy": "hold"}'. Whoever
+    reaches the host may ask, so stay on this machine, or in a network that you trust.
+    """
+    import rpyc  # pyright: ignore[reportMissingImports]
+    from vlagents.server import AgentService  # pyright: ignore[reportMissingImports]
+
+    agents = import_module("vlagents").AGENTS
+    if agent_name not in agents:
+        raise UnknownNameError("agent", agent_name, agents)
+    service = AgentService(agents[agent_name](**json.loads(kwargs)), agent_name)
+    with service:
+        rpyc.ThreadedServer(service, hostname=host, port=port).start()
+
+
+def _app() -> Any:
+    """VLAgents' command line, whose server is ours."""
+    evaluation: Any = import_module("vlagents.eval")
+    main_app = import_module("vlagents.__main__").main_app
+    main_app.command("start-server")(start_server)
+    theirs = evaluation.start_server
+
+    @contextmanager
+    def started(agent_name: str, kwargs: dict[str, Any], *where: Any) -> Iterator[Any]:
+        """The server that an evaluation asks; theirs would not know our agent."""
+        server = _server if agent_name == AGENT else theirs
+        with server(agent_name, kwargs, *where) as process:
+            yield process
+
+    evaluation.start_server = started
+    return main_app
+
+
+@contextmanager
+def _server(
+    agent_name: str,
+    kwargs: dict[str, Any],
+    port: int = 8080,
+    host: str = "localhost",
+    python_path: str = sys.executable,
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A server in a process of its own, as long as the block lasts."""
+    command = [python_path.format(agent_name=agent_name), "-m", __package__ or "", "start-server"]
+    options = [f"--port={port}", f"--host={host}", f"--kwargs={json.dumps(kwargs)}"]
+    process = subprocess.Popen([*command, agent_name, *options])
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_END_S)
+        process.kill()
+        process.wait()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""A task as an environment of VLAgents' evaluation, whose seeds are our episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+import gymnasium as gym
+from vlagents.envs.interface import EvalEnv  # pyright: ignore[reportMissingImports]
+from vlagents.policies.interface import (  # pyright: ignore[reportMissingImports]
+    Act,
+    Obs,
+    SingleAct,
+)
+
+from duobench.envs import base_of
+from duobench.envs.registration import make
+from duobench.envs.wrappers.cameras import PIXELS
+from duobench.errors import OptionError
+from duobench.interop.vlagents.messages import as_action, as_obs
+from duobench.randomness import EVAL, episode_seed
+from duobench.tasks import catalog
+
+SEED, STEP, MODE = "episode_seed", "episode_step", "action_mode"
+"""Keys in the info of the left arm: the seed of the episode, how many control steps it had, and the
+environment's action mode. With them a policy of ours is seeded, knows where an episode begins, and
+refuses an environment that would take its actions for something else."""
+_PREFIX = "duobench/"
+
+
+class TaskEnv(EvalEnv):
+    """A task whose episode n is the n-th of our evaluation; success is its termination."""
+
+    def __init__(
+        self, env_id: str, execution_horizon: int | None = None, **env_kwargs: Any
+    ) -> None:
+        """Make the environment.
+
+        Args:
+            env_id: `duobench/<task>`; a task of one's own, after `register_env`, is
+                `duobench/module:ATTRIBUTE`.
+            execution_horizon: Actions of a chunk that are executed; None takes all.
+            env_kwargs: As `duobench.make` takes them: cameras, image_size, horizon, look, ...
+        """
+        if env_kwargs.get("chunk") is not None:
+            raise OptionError("VLAgents executes the actions of a chunk one by one: no `chunk`.")
+        self._reference = env_id.removeprefix(_PREFIX)
+        self._task = catalog.get(self._reference)
+        self._seed: int | None = None
+        self._steps = 0
+        self._instruction = ""
+        self._left_of_chunk = 0
+        super().__init__(env_id, execution_horizon=execution_horizon, **env_kwargs)
+
+    def do_import(self) -> None:
+        """Nothing has to be imported first."""
+
+    def make_gym(self) -> gym.Env:
+        """The environment itself.
+
+        Raises:
+            DuoBenchError: If there is no such task, option or value.
+        """
+        return make(self._reference, **self.env_kwargs)
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Obs, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: Index of the episode in the evaluation; None samples any layout.
+            options: As the environment takes them.
+
+        Raises:
+            OptionError: If the index is negative.
+        """
+        if seed is not None and seed < 0:
+            raise OptionError(f"Episodes are counted from 0, got {seed}.")
+        split = self.env_kwargs.get("split", EVAL)
+        self._seed = None if seed is None else episode_seed(self._task.id, seed, split)
+        self._steps = 0
+        observation, info = self.env.reset(seed=self._seed, options=options)
+        self._instruction = info["instruction"]
+        return self._obs(observation), info
+
+    def chunk_step(
+        self, actions: Act, max_steps: int | None = None
+    ) -> tuple[Obs, float, bool, bool, dict[str, Any]]:
+        """Execute a chunk; images are rendered after its last action, and at the end.
+
+        Raises:
+            OptionError: If the evaluation would cut the episode before its horizon.
+        """
+        horizon = self.env.get_wrapper_attr("_max_episode_steps")
+        if max_steps is not None and self._steps + max_steps < horizon:
+            raise OptionError(
+                f"An episode of {self._task.id} has up to {horizon} control steps, but "
+                f"max_steps_per_episode is {self._steps + max_steps}. Set it to {horizon}; for "
+                "shorter episodes, whose scores are no others', also set horizon in env_kwargs."
+            )
+        counts = (len(actions.acts), max_steps, self.execution_horizon)
+        self._left_of_chunk = min(count for count in counts if count is not None)
+        return super().chunk_step(actions, max_steps)
+
+    def step(
+        self, action: Mapping[str, SingleAct]
+    ) -> tuple[Obs, float, bool, bool, dict[str, Any]]:
+        """Execute one action.
+
+        Raises:
+            PolicyError: If it is no action of both arms.
+        """
+        (size,) = self.env.action_space.shape or (0,)
+        self._left_of_chunk -= 1
+        self._set_rendering(self._left_of_chunk <= 0)
+        try:
+            seen, reward, terminated, truncated, info = self.env.step(as_action(action, size))
+        finally:
+            self._set_rendering(True)
+        self._steps += 1
+        if terminated or truncated:
+            seen = self._with_images(seen)
+        return self._obs(seen), float(reward), terminated, truncated, info
+
+    @property
+    def language_instruction(self) -> str:
+        """The instruction of the running episode."""
+        return self._instruction
+
+    def _set_rendering(self, is_on: bool) -> None:
+        with suppress(AttributeError):  # without cameras there is nobody to tell
+            self.env.get_wrapper_attr("set_rendering")(is_on)
+
+    def _with_images(self, observation: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The last observation of an episode, for VLAgents' videos; it may end within a chunk."""
+        config = self.env.get_wrapper_attr("config")
+        if PIXELS in observation or not config.cameras:
+            return observation
+        images = base_of(self.env).backend.images(config.cameras, config.image_size)
+        return {**observation, PIXELS: images}
+
+    def _obs(self, observation: Mapping[str, Any]) -> Obs:
+        mode = self.env.get_wrapper_attr("config").action_mode
+        info: dict[str, Any] = {STEP: self._steps, MODE: mode}
+        if self._seed is not None:
+            info[SEED] = self._seed
+        return as_obs(observation, self._instruction, info)

@@ -1,0 +1,89 @@
+"""Run by the environment of VLAgents: `serve PORT AGENT` and `evaluate PORT TASK OPTIONS`.
+
+`serve` is VLAgents' own server, with its own settings, and needs nothing of DuoBench. `evaluate`
+plays the tasks of DuoBench in VLAgents' own evaluation, and prints one JSON object.
+"""
+
+import json
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from vlagents import register_agent, register_env
+from vlagents.__main__ import start_server
+from vlagents.envs.interface import AgentConfig, EvalConfig
+from vlagents.eval import multi_eval
+from vlagents.policies.interface import Act, Agent, Obs, SingleAct
+
+EPISODES = 2
+
+
+class Leans(Agent):
+    """Moves both arms by what it sees in one pixel and in the instruction."""
+
+    def __init__(self) -> None:
+        super().__init__("")
+
+    def act(self, obs: Obs) -> Act:
+        super().act(obs)
+        pixel = obs.obs["left"].cameras["head"][100, 100, 0]
+        step = np.float32(0.0001) * np.float32(pixel) + np.float32(0.001) * len(self.instruction)
+        steps = np.arange(1, 9, dtype=np.float32)
+        return Act(
+            acts=[
+                {
+                    side: SingleAct(action=arm.joints + step * n, gripper=1.0)
+                    for side, arm in obs.obs.items()
+                }
+                for n in steps
+            ]
+        )
+
+
+class Sleeps(Leans):
+    """Takes too long."""
+
+    def act(self, obs: Obs) -> Act:
+        time.sleep(3)
+        return super().act(obs)
+
+
+class Fails(Leans):
+    """Leaves the process, or tries to."""
+
+    def act(self, obs: Obs) -> Act:
+        sys.exit(f"will not {obs.language_instruction}")
+
+
+def evaluate(port: int, task: str, options: dict[str, Any]) -> None:
+    from duobench.interop.vlagents import register
+    from duobench.interop.vlagents.environment import TaskEnv
+
+    ends: list[str] = []
+
+    class Watched(TaskEnv):
+        """Notes what every episode ends in."""
+
+        def step(self, action: Any) -> Any:
+            result = super().step(action)
+            if result[2] or result[3]:
+                ends.append(self.env.get_wrapper_attr("state_hash")())
+            return result
+
+    register()
+    register_env(f"duobench/{task}", Watched)
+    config = EvalConfig(f"duobench/{task}", options, max_steps_per_episode=10_000, seed=0)
+    agent = AgentConfig("localhost", "duobench", {}, port=port)
+    results, _ = multi_eval(agent, [config], EPISODES)
+    json.dump({"results": results[0].tolist(), "ends": ends}, sys.stdout)
+
+
+if __name__ == "__main__":
+    verb, where, name, *rest = sys.argv[1:]
+    if verb == "serve":
+        for agent in (Leans, Sleeps, Fails):
+            register_agent(agent.__name__, agent)
+        start_server(name, port=int(where))
+    else:
+        evaluate(int(where), name, json.loads(rest[0]))
