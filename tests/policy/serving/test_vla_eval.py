@@ -227,6 +227,7 @@ def test_answer_to_another_question_throws_the_connection_away(remote: Connect, 
         frame("hello", {}, 1),
         frame("action", {"actions": {"__ndarray__": True, "data": bytes(8)}}, 1),
     ],
+    ids=range(8),  # some hold the time, which no name may
 )
 def test_reply_that_is_no_message_is_the_machinerys_fault(
     remote: Connect, reply: bytes | str
