@@ -194,14 +194,25 @@ class Look:
         Raises:
             OptionError: A field is unknown or of a wrong type, or a value is invalid.
         """
-        known = [one.name for one in fields(Look)]
-        for name in data:
-            if name not in known:
-                raise UnknownNameError("field of a look", name, known)
+        _check_known(data, {one.name: None for one in fields(Look)})
         try:
-            return msgspec.convert(dict(data), Look)
+            look = msgspec.convert(dict(data), Look)
         except msgspec.ValidationError as error:
             raise OptionError(f"This is no look: {error}.".replace("`$.", "`")) from error
+        _check_known(data, msgspec.to_builtins(look))
+        return look
+
+
+def _check_known(data: Any, look: Any) -> None:
+    """Reject fields that a look has not, at any depth; they would be passed over."""
+    if isinstance(data, Mapping) and isinstance(look, Mapping):
+        for name, value in data.items():
+            if name not in look:
+                raise UnknownNameError("field of a look", name, look)
+            _check_known(value, look[name])
+    elif isinstance(data, (list, tuple)) and isinstance(look, (list, tuple)):
+        for value, part in zip(data, look, strict=True):
+            _check_known(value, part)
 
 
 def _check_lights(lights: tuple[Light, ...]) -> None:
@@ -214,7 +225,7 @@ def _check_lights(lights: tuple[Light, ...]) -> None:
 
 
 def _check_colour(name: str, colour: RGB) -> None:
-    if not all(0.0 <= part <= 1.0 for part in colour):
+    if len(colour) != 3 or not all(0.0 <= part <= 1.0 for part in colour):  # noqa: PLR2004
         raise OptionError(f"{name} is red, green and blue from 0 to 1, got {colour}.")
 
 

@@ -112,7 +112,6 @@ def rows(recording: Recording, actions: Array, job: Job) -> dict[str, NDArray[An
     """
     length, offset = len(recording), _offset(job.options)
     number = np.arange(length)
-    is_real = recording.state.shape[1] == 0
     return {
         STATE: recording.agent_pos[offset : offset + length],
         ACTION: actions.astype(np.float32),
@@ -120,7 +119,7 @@ def rows(recording: Recording, actions: Array, job: Job) -> dict[str, NDArray[An
         "next.done": number == length - 1,
         "next.success": recording.success[1:],
         "stage": recording.stage[offset : offset + length],
-        "domain": np.full(length, DOMAINS.index("real" if is_real else "sim")),
+        "domain": np.full(length, DOMAINS.index("sim")),
         "timestamp": (number / CONTROL_HZ).astype(np.float32),
         "frame_index": number,
         "episode_index": np.full(length, job.index),
