@@ -243,6 +243,19 @@ def test_a_damaged_recording_stops_before_anything_is_written(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_recording_that_changes_meanwhile_stops_the_export(copy: DataSet, tmp_path: Path) -> None:
+    first, second, _ = copy.episodes()
+
+    def change(done: int, _total: int) -> None:
+        if done == HORIZON:
+            second.write_bytes(first.read_bytes())
+
+    with pytest.raises(DataError, match=f"{second.name} has changed"):
+        export_lerobot(
+            copy, tmp_path / "out", replace(SMALL, cameras=()), workers=0, progress=change
+        )
+
+
 def test_only_kept_episodes_are_exported(copy: DataSet, tmp_path: Path) -> None:
     path = copy.episodes()[0]
     recording = Recording.read(path)

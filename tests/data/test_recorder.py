@@ -212,7 +212,9 @@ def test_actions_are_named_by_the_wrapper_that_takes_them(tmp_path: Path) -> Non
     (rows,) = DataSet(tmp_path).recordings()
     assert rows.info.action_names[:3] == ("left_x", "left_y", "left_z")
     assert action_mode(rows.info) == "cartesian"
-    scaled = gym.wrappers.RescaleAction(duobench.make(TASK, cameras=False), -1, 1)
+    scaled = gym.wrappers.RescaleAction(
+        duobench.make(TASK, cameras=False), np.float32(-1), np.float32(1)
+    )
     with pytest.raises(DataError, match="inside wrappers that scale"):
         Recorder(scaled, tmp_path)
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from duobench.data.dataset import DataSet
 from duobench.data.lerobot.actions import Residual
-from duobench.data.lerobot.episode import EpisodeExporter, Job
+from duobench.data.lerobot.episode import EpisodeExporter, Job, hash_of
 from duobench.data.lerobot.folder import Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions
@@ -107,7 +106,7 @@ def _plan(data: DataSet, options: ExportOptions) -> tuple[Export, int]:
             episodes.append(
                 SourceEpisode(
                     file=path.relative_to(data.path).as_posix(),
-                    sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+                    sha256=hash_of(path),
                     length=len(recording),
                     instruction=recording.info.instruction,
                 )
@@ -149,6 +148,7 @@ def _jobs(data: DataSet, export: Export, folder: ExportFolder) -> list[Job]:
         jobs.append(
             Job(
                 source=data.path / episode.file,
+                sha256=episode.sha256,
                 folder=folder.path,
                 options=export.options,
                 index=index,
