@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
-from duobench.errors import EvaluationError, OutputError
+from duobench.errors import DuoBenchError, EvaluationError, OutputError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -79,18 +79,22 @@ def locked(folder: Path) -> Iterator[None]:
     # A child that a policy forks would keep the lock for as long as it lives.
     os.register_at_fork(after_in_child=release)
     try:
-        _lock(handles[0], folder)
+        lock(handles[0], folder)
         yield
     finally:
         release()
 
 
-def _lock(handle: int, folder: Path) -> None:
-    """Lock an open folder; the operating system drops the lock with the process."""
+def lock(handle: int, path: Path) -> None:
+    """Lock an open file or folder; the operating system drops the lock with the process.
+
+    Raises:
+        OutputError: If another process has locked it.
+    """
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise OutputError(f"Another process is writing into {folder}. Wait for its end.") from error
+        raise OutputError(f"Another process is writing into {path}. Wait for its end.") from error
     except OSError as error:
         if error.errno not in _NO_LOCKS:
             raise
@@ -160,6 +164,8 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
         raise EvaluationError(f"{error}.".replace("`$.", "`")) from error
+    except DuoBenchError as error:  # of a value that names what does not exist
+        raise EvaluationError(str(error)) from error
 
 
 def read(path: Path, kind: type[T], schema: int) -> T:

@@ -12,11 +12,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from duobench.data import DataSet, Recording
+from duobench.data import Actor, DataSet, Recording, stream
 from duobench.data.schema import INFO_KEY
 from duobench.data.stream import BATCH_ROWS, recover
-from duobench.errors import DataError
-from tests.data.tools import TASK, equal, play, recorded, recorder
+from duobench.errors import DataError, OutputError
+from tests.data.tools import TASK, equal, play, recorded, recorder, room
+from tests.envs.tools import wave
 
 CHILD = """
 import sys
@@ -187,3 +188,171 @@ def test_a_killed_recording_loses_half_a_second_and_no_finished_episode(tmp_path
                 recovered.append(Recording.read(data.recover(partial)))
         assert all(rows.info.outcome and rows.info.outcome.cut for rows in recovered)
         assert all(len(rows) >= BATCH_ROWS - 1 for rows in recovered)
+
+
+def test_what_a_newer_version_names_is_said_with_the_file(
+    tmp_path: Path, example: tuple[Path, Recording]
+) -> None:
+    (good,) = DataSet.open(example[0]).episodes()
+    table = pq.read_table(good)
+    text = table.schema.metadata[INFO_KEY].replace(b'"look": "default"', b'"look": "neon"')
+    path = tmp_path / "x.parquet"
+    pq.write_table(table.replace_schema_metadata({INFO_KEY: text}), path)
+    with pytest.raises(DataError, match=r"x\.parquet.*Unknown look 'neon'"):
+        Recording.read_info(path)
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        {"agent_pos": np.zeros(41, np.float32)},
+        {"state": np.zeros((41, 0))},
+        {"action": np.zeros((40, 16), np.int64)},
+    ],
+)
+def test_columns_that_could_not_be_read_again_are_refused(
+    example: tuple[Path, Recording], column: dict[str, np.ndarray]
+) -> None:
+    with pytest.raises(DataError, match=f"{next(iter(column))!r} has shape"):
+        replace(example[1], **column)
+
+
+def test_any_text_can_be_recorded(tmp_path: Path, example: tuple[Path, Recording]) -> None:
+    strange = replace(example[1], info=replace(example[1].info, actor=Actor(name="P\udcff")))
+    strange.write(tmp_path / "x.parquet")
+    assert Recording.read_info(tmp_path / "x.parquet").actor.name == "P?"
+
+
+def test_a_data_set_whose_making_was_killed_is_made(tmp_path: Path) -> None:
+    (tmp_path / ".dataset.json.123.tmp").write_text("{")
+    assert DataSet.open(tmp_path).description.exists()
+
+
+def test_what_a_full_disk_interrupts_is_recovered_in_order(tmp_path: Path) -> None:
+    expected = recorded(tmp_path / "whole", steps=60, horizon=80)
+    env = recorder(tmp_path / "full", horizon=80)
+    env.reset(seed=0)
+    failures = 0
+    for number in range(60):
+        try:
+            with room(40_000 if 20 <= number < 40 else -1):
+                env.step(wave(number))
+        except OutputError:
+            failures += 1
+    assert failures
+    data = DataSet(tmp_path / "full")
+    rows = recover(data.partials()[0])
+    assert len(rows) >= 60 - BATCH_ROWS
+    np.testing.assert_array_equal(rows.state, expected.state[: len(rows) + 1])
+    np.testing.assert_array_equal(rows.sent[:20], expected.sent[:20])
+    env.close()
+    assert np.array_equal(Recording.read(data.episodes()[0]).state, expected.state)
+
+
+def test_an_episode_that_cannot_be_written_is_recovered_whole(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    seen = play(env, steps=7)
+    with room(0), pytest.raises(OutputError, match=r"00000\.parquet"):
+        env.finish()
+    env.close()
+    data = DataSet(tmp_path)
+    assert not data.episodes()  # nothing but the head could be written
+    env = recorder(tmp_path)
+    play(env, steps=7)
+    (tmp_path / "episodes" / TASK / "00001.parquet").mkdir()
+    with pytest.raises(DataError, match="exists already"):
+        env.finish()
+    (tmp_path / "episodes" / TASK / "00001.parquet").rmdir()
+    rows = Recording.read(data.recover(data.partial(TASK, "00001")))
+    np.testing.assert_array_equal(rows.sent, [step["sent"] for step in seen])
+    env.close()
+
+
+def test_an_episode_is_not_recovered_while_it_is_recorded(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    play(env, steps=30)
+    data = DataSet(tmp_path)
+    with pytest.raises(OutputError, match=r"Another process is writing into .*00000\.part"):
+        data.recover(data.partials()[0])
+    env.close()
+    assert len(Recording.read(data.episodes()[0])) == 30
+
+
+def test_what_was_left_is_not_thrown_away_for_another_episode(
+    tmp_path: Path, example: tuple[Path, Recording]
+) -> None:
+    env = recorder(tmp_path)
+    play(env, steps=30, seed=1)
+    data = DataSet(tmp_path)
+    (partial,) = data.partials()
+    left = partial.read_bytes()
+    env.discard()
+    for recording, is_same in ((example[1], False), (recover_from(partial, left), True)):
+        partial.write_bytes(left)
+        recording.write(data.episode(TASK, "00000"))
+        if is_same:
+            data.recover(partial)
+        else:
+            with pytest.raises(DataError, match="is another episode"):
+                data.recover(partial)
+        assert partial.exists() is not is_same
+    env.close()
+
+
+def recover_from(partial: Path, left: bytes) -> Recording:
+    partial.write_bytes(left)
+    return recover(partial)
+
+
+def test_no_recording_overwrites_what_was_put_in_its_place(
+    tmp_path: Path, example: tuple[Path, Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = DataSet.open(tmp_path)
+    env = recorder(tmp_path)
+    play(env, steps=3)
+    example[1].write(data.episode(TASK, "00000"))
+    with pytest.raises(DataError, match="never overwritten"):
+        env.finish()
+    assert len(recover(data.partial(TASK, "00000"))) == 3
+    # Another process finishes an episode just before this one begins one of that name.
+    taken = data.episode(TASK, "00001")
+    monkeypatch.setattr(stream, "make_folder", lambda _: example[1].write(taken))
+    env.reset(seed=0)
+    env.step(wave(0))
+    monkeypatch.undo()
+    env.close()
+    assert [path.stem for path in data.episodes()] == ["00000", "00001", "00002"]
+    assert equal(Recording.read(taken), example[1])
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"\xff" * 8,
+        (3).to_bytes(8, "little") + b"[1]",
+        (12).to_bytes(8, "little") + b'{"schema": 1}',
+    ],
+)
+def test_a_hostile_head_is_named(tmp_path: Path, head: bytes) -> None:
+    path = tmp_path / "x.part"
+    path.write_bytes(head + b"\0" * 1000)
+    with pytest.raises(DataError, match=r"x\.part"):
+        recover(path)
+    with pytest.raises(DataError, match=r"x\.part"):
+        stream.read_info(path)
+
+
+@pytest.mark.parametrize("size", [-1, 0, 2**27, 2**62, 10**400])
+def test_hostile_sizes_cost_nothing(tmp_path: Path, size: int) -> None:
+    env = recorder(tmp_path)
+    play(env, steps=20)
+    (partial,) = DataSet(tmp_path).partials()
+    data = partial.read_bytes()
+    end = 8 + int.from_bytes(data[:8], "little")
+    text = data[8:end].replace(b'"action": 16', b'"action": %d' % size)
+    assert text != data[8:end]
+    other = tmp_path / "x.part"
+    other.write_bytes(len(text).to_bytes(8, "little") + text + data[end:])
+    with pytest.raises(DataError):
+        recover(other)
+    env.close()

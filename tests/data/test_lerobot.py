@@ -5,13 +5,14 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from duobench.data import DataSet, ImageSource, Recording
+from duobench.data import DataSet, ImageSource, Recording, processes
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.features import COLUMNS
@@ -242,6 +243,19 @@ def test_a_damaged_recording_stops_before_anything_is_written(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_recording_that_changes_meanwhile_stops_the_export(copy: DataSet, tmp_path: Path) -> None:
+    first, second, _ = copy.episodes()
+
+    def change(done: int, _total: int) -> None:
+        if done == HORIZON:
+            second.write_bytes(first.read_bytes())
+
+    with pytest.raises(DataError, match=f"{second.name} has changed"):
+        export_lerobot(
+            copy, tmp_path / "out", replace(SMALL, cameras=()), workers=0, progress=change
+        )
+
+
 def test_only_kept_episodes_are_exported(copy: DataSet, tmp_path: Path) -> None:
     path = copy.episodes()[0]
     recording = Recording.read(path)
@@ -327,3 +341,60 @@ def test_the_export_needs_no_torch(data: DataSet, tmp_path: Path) -> None:
         "assert not {'torch', 'lerobot', 'datasets', 'pandas'} & set(sys.modules)\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, cwd=tmp_path)
+
+
+FULL_DISK = """
+import sys
+from pathlib import Path
+import numpy as np
+from duobench.data.lerobot.video import write_videos
+from duobench.errors import OutputError
+from tests.data.tools import room
+paths = {name: Path(sys.argv[1]) / f"{name}.mp4" for name in "ab"}
+frame = np.random.default_rng(0).integers(0, 255, (128, 128, 3), dtype=np.uint8)
+try:
+    with room(int(sys.argv[2])):
+        write_videos((dict.fromkeys("ab", frame) for _ in range(40)), paths, (128, 128), 30)
+except OutputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("size", [20, 1000, 40_000])
+def test_a_full_disk_is_said_and_crashes_nothing(tmp_path: Path, size: int) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path), str(size)],
+        env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{ROOT}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Cannot write" in done.stdout
+    assert not list(tmp_path.iterdir())
+
+
+class Vanishing:
+    """A worker that ends by itself before it takes a job."""
+
+    def __init__(self) -> None:
+        os._exit(3)
+
+    def __call__(self, job: int) -> int:
+        return job
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def test_a_worker_that_vanishes_between_jobs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    start_process = processes._start
+
+    def late(make: Any) -> Any:
+        connection, process = start_process(make)
+        process.join(60)
+        return connection, process
+
+    monkeypatch.setattr(processes, "_start", late)
+    with pytest.raises(DataError, match="exit code 3"):
+        list(processes.run_all(Vanishing, [1, 2], 1))

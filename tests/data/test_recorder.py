@@ -6,9 +6,13 @@ import pytest
 
 import duobench
 from duobench.data import Actor, DataSet, Recorder, Recording
+from duobench.data.schema import action_mode
 from duobench.envs.episode_state import EpisodeState
-from duobench.errors import ActionError, DataError
+from duobench.envs.wrappers.cartesian import CartesianActions
+from duobench.errors import ActionError, DataError, OutputError, SimulationError
+from duobench.types import DuoCommand
 from tests.data.tools import HORIZON, TASK, play, recorded, recorder
+from tests.envs.tools import wave
 
 
 def test_rows_hold_what_was_seen_before_each_action_and_what_the_step_gave(tmp_path: Path) -> None:
@@ -173,3 +177,76 @@ def test_recorders_say_where_they_belong(tmp_path: Path) -> None:
         Recorder(gym.wrappers.FlattenObservation(plain), tmp_path)
     with pytest.raises(TypeError):
         Recorder(gym.make("CartPole-v1"), tmp_path)
+
+
+def test_a_restored_state_is_not_recorded_as_if_actions_led_there(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    env.reset(seed=0)
+    state = env.save_state()
+    for number in range(5):
+        env.step(wave(number))
+    env.restore_state(state)
+    env.step(wave(0))
+    env.close()
+    (rows,) = DataSet(tmp_path).recordings()
+    assert len(rows) == 5
+    assert rows.info.outcome is not None
+    assert "restored" in str(rows.info.outcome.reason)
+
+
+@pytest.mark.parametrize("wanted", [0.5, [1.0, 2.0], np.full(16, np.nan)])
+def test_what_cannot_have_been_wanted_is_refused(tmp_path: Path, wanted: object) -> None:
+    env = recorder(tmp_path)
+    env.reset(seed=0)
+    with pytest.raises(ActionError):
+        env.intend(wanted)  # pyright: ignore[reportArgumentType]
+    env.close()
+
+
+def test_actions_are_named_by_the_wrapper_that_takes_them(tmp_path: Path) -> None:
+    env = Recorder(CartesianActions(duobench.make(TASK, cameras=False)), tmp_path)
+    observation, _ = env.reset(seed=0)
+    poses = observation["tcp_pose"].reshape(2, 7)
+    env.step(np.hstack([poses, np.ones((2, 1))]).ravel())
+    env.close()
+    (rows,) = DataSet(tmp_path).recordings()
+    assert rows.info.action_names[:3] == ("left_x", "left_y", "left_z")
+    assert action_mode(rows.info) == "cartesian"
+    scaled = gym.wrappers.RescaleAction(
+        duobench.make(TASK, cameras=False), np.float32(-1), np.float32(1)
+    )
+    with pytest.raises(DataError, match="inside wrappers that scale"):
+        Recorder(scaled, tmp_path)
+
+
+def test_a_step_that_broke_has_no_last_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = recorder(tmp_path)
+    play(env, steps=3)
+
+    def diverge(command: DuoCommand) -> None:
+        env.base.backend.simulation.data.qpos[0] += 1.0  # pyright: ignore[reportAttributeAccessIssue]
+        raise SimulationError(f"It diverged at {command.flat[0]}.")
+
+    monkeypatch.setattr(env.base.backend, "command", diverge)
+    with pytest.raises(SimulationError):
+        env.step(wave(3))
+    env.close()
+    (rows,) = DataSet(tmp_path).recordings()
+    assert len(rows) == 3
+    assert rows.info.last_hash is None
+    assert rows.info.outcome is not None
+    assert "diverged" in str(rows.info.outcome.reason)
+
+
+@pytest.mark.parametrize("name", ["", "../../x", "a/b", ".x"])
+def test_a_name_stays_in_the_folder(tmp_path: Path, name: str) -> None:
+    env = recorder(tmp_path)
+    env.next_name = name
+    with pytest.raises(DataError, match="cannot be named"):
+        env.reset(seed=0)
+    env.next_name = "x" * 300
+    with pytest.raises(OutputError, match="too long"):
+        env.reset(seed=0)
+    env.close()

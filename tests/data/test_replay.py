@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.cli import main
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.replay import Replayer, replay_all
 from duobench.errors import DataError
 from duobench.evaluation.demonstrations import record
 from duobench.evaluation.suite import find_tasks
+from duobench.tasks import catalog
 from tests.data.tools import TASK, recorded
 
 
@@ -96,3 +98,59 @@ def test_images_of_states_are_those_of_the_environment(expert: Recording) -> Non
         source.images(foreign, 3)
     source.close()
     env.close()
+
+
+def test_an_episode_longer_than_the_horizon_is_replayed(tmp_path: Path) -> None:
+    rows = recorded(tmp_path, steps=230, horizon=230)
+    assert len(rows) > catalog.get(TASK).horizon
+    by_hand = replace(rows, info=replace(rows.info, config=None))
+    assert Replayer(TASK).replay(by_hand).is_exact
+
+
+def test_commands_that_are_no_numbers_are_said(expert: Recording) -> None:
+    with pytest.raises(DataError, match="cannot be replayed"):
+        Replayer(TASK).replay(replace(expert, sent=np.full_like(expert.sent, np.nan)))
+
+
+@pytest.fixture
+def folder(expert: Recording, tmp_path: Path) -> Path:
+    data = DataSet.open(tmp_path / "demos")
+    expert.write(data.episode(TASK, "00000"))
+    return data.path
+
+
+@pytest.mark.parametrize("task", [TASK, "duobench.tasks.bin_sort:TASK"])
+def test_the_command_replays_a_task_by_any_of_its_names(
+    folder: Path, task: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["replay", str(folder), "--mode", "actions", "--tasks", task])
+    assert capsys.readouterr().out.splitlines()[3].split("│")[2].strip() == "1"
+    out = folder.parent / "videos"
+    words = ["--tasks", task, "--out", str(out), "--cameras", "head", "--size", "16", "16"]
+    main(["replay", str(folder), *words])
+    assert [path.relative_to(out).as_posix() for path in out.rglob("*.webm")] == [
+        f"{TASK}/00000.webm"
+    ]
+
+
+@pytest.mark.parametrize("mode", ["states", "actions"])
+def test_the_command_says_that_a_task_has_no_episode(folder: Path, mode: str) -> None:
+    with pytest.raises(SystemExit, match="Unknown task in the data set 'ball_maze'"):
+        main(["replay", str(folder), "--mode", mode, "--tasks", "ball_maze"])
+
+
+def test_a_video_of_no_camera_is_refused(folder: Path) -> None:
+    with pytest.raises(SystemExit, match="at least one camera"):
+        main(["replay", str(folder), "--cameras"])
+
+
+def test_a_layout_that_cannot_be_shown_does_not_spoil_the_next_images(expert: Recording) -> None:
+    source = ImageSource(TASK, cameras=("head",), size=(48, 64))
+    before = source.images(expert, 0)["head"]
+    poses = dict(expert.info.layout["poses"])
+    poses["white_bowl"] = [float("nan")] * 7
+    broken = replace(expert, info=replace(expert.info, layout={"poses": poses, "variants": {}}))
+    with pytest.raises(DataError, match="cannot be shown"):
+        source.images(broken, 0)
+    np.testing.assert_array_equal(source.images(expert, 0)["head"], before)
+    source.close()

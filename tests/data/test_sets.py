@@ -1,6 +1,7 @@
 """Data sets as a whole: looked at, checked, merged and split, in Python and by their commands."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,9 +16,10 @@ from duobench.data.arrange import merge, split
 from duobench.data.check import find_problems
 from duobench.data.page import write_page
 from duobench.data.summary import summarize
-from duobench.errors import DataError, UnknownNameError
+from duobench.errors import DataError, OutputError, UnknownNameError
+from duobench.files import locked
 from duobench.tasks import catalog
-from tests.data.tools import HORIZON, TASK, play, recorder
+from tests.data.tools import HORIZON, TASK, play, recorded, recorder
 
 EPISODES = 4
 
@@ -186,6 +188,33 @@ def test_commands_merge_and_split(
         main(["data", "merge", one, str(tmp_path / "three"), "--out", whole])
 
 
+def test_parts_of_a_split_never_overlap(original: DataSet, tmp_path: Path) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    with pytest.raises(DataError, match="a folder each"):
+        split(original, one, tmp_path / "x" / ".." / "one", fraction=0.5)
+    with pytest.raises(DataError, match="no episode of this part"):
+        split(original, original.path, two, fraction=0.5)
+    split(original, one, two, fraction=0.5, seed=0)
+    before = contents(DataSet.open(one))
+    split(original, one, two, fraction=0.5, seed=0)
+    for seed in range(1, 9):
+        with suppress(DataError):  # unless the seed chooses the same ones
+            split(original, one, two, fraction=0.5, seed=seed)
+        assert contents(DataSet.open(one)) == before
+        assert sorted([*before, *contents(DataSet.open(two))]) == contents(original)
+
+
+def test_a_folder_takes_one_writer_and_at_least_one_source(
+    original: DataSet, tmp_path: Path
+) -> None:
+    with pytest.raises(DataError, match="at least one"):
+        merge([], tmp_path / "out")
+    with locked(tmp_path / "out"), pytest.raises(OutputError, match="Another process"):
+        merge([original], tmp_path / "out")
+    with locked(tmp_path / "two"), pytest.raises(OutputError, match="Another process"):
+        split(original, tmp_path / "one", tmp_path / "two", fraction=0.5)
+
+
 # --- info ----------------------------------------------------------------------------------------
 
 
@@ -249,3 +278,10 @@ def test_an_empty_data_set_is_no_page(tmp_path: Path) -> None:
     DataSet.open(tmp_path / "empty")
     with pytest.raises(SystemExit, match="holds no episode"):
         main(["data", "info", str(tmp_path / "empty")])
+
+
+def test_an_episode_without_actions_adds_up_to_nothing(tmp_path: Path) -> None:
+    recorded(tmp_path / "zero", steps=0)
+    summary = summarize(DataSet.open(tmp_path / "zero"))
+    assert (summary.episodes, summary.frames, summary.joints) == (1, 0, ())
+    write_page(DataSet.open(tmp_path / "zero"), summary, images=False)

@@ -1,5 +1,8 @@
 """Small recordings for tests: a short episode of one task, in whatever way it is to end."""
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -44,3 +47,14 @@ def equal(one: Recording, other: Recording) -> bool:
     names = [name for name in Recording.__slots__ if name != "info"]
     arrays = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
     return arrays and one.info == other.info
+
+
+@contextmanager
+def room(size: int) -> Iterator[None]:
+    """A disk that is full: no file grows beyond a number of bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

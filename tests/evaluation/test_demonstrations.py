@@ -3,15 +3,19 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from duobench.data import ActorKind, DataSet, Recording
-from duobench.errors import DataError, EvaluationError, OtherRunError, OutputError
+from duobench.data import ActorKind, DataSet, Outcome, Recording
+from duobench.data.stream import INTERRUPTED
+from duobench.errors import DataError, EvaluationError, MachineryError, OtherRunError, OutputError
 from duobench.evaluation.demonstrations import ATTEMPTS, record
 from duobench.evaluation.suite import find_tasks
 from duobench.files import locked
+from tests.data.tools import room
 
 TASKS = ("bin_sort",)
 SOMETIMES = "tests.evaluation.test_demonstrations:Sometimes"
@@ -149,3 +153,47 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     time.sleep(2.0)  # workers notice that their parent is gone
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
     assert contents(killed) == contents(whole)
+
+
+def renamed(data: DataSet) -> None:
+    data.episodes()[0].rename(data.episode("bin_sort", "00007"))
+
+
+def unpadded(data: DataSet) -> None:
+    data.episodes()[0].rename(data.episode("bin_sort", "0"))
+
+
+def recovered(data: DataSet) -> None:
+    path = data.episodes()[0]
+    recording = Recording.read(path)
+    outcome = Outcome(success=False, stage=0, max_stage=5, kept=False, reason=INTERRUPTED, cut=True)
+    replace(recording, info=replace(recording.info, outcome=outcome)).write(path)
+
+
+@pytest.mark.parametrize("change", [renamed, unpadded, recovered])
+@pytest.mark.parametrize("keep_failures", [False, True])
+def test_episodes_that_are_not_what_their_number_says_are_not_counted(
+    tmp_path: Path, change: Callable[[DataSet], None], keep_failures: bool
+) -> None:
+    data = DataSet.open(tmp_path)
+    played(data, episodes=1, keep_failures=keep_failures)
+    change(data)
+    with pytest.raises(OtherRunError, match="was not recorded here under this name"):
+        played(data, episodes=1, keep_failures=keep_failures)
+
+
+def test_failures_that_were_kept_do_not_count_as_successes(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path)
+    played(data, SOMETIMES, episodes=1, keep_failures=True)
+    with pytest.raises(OtherRunError, match="with other options"):
+        played(data, SOMETIMES, episodes=1)
+
+
+def test_a_full_disk_is_no_failure_of_the_policy(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path / "full")
+    with room(30_000), pytest.raises(MachineryError, match="File too large"):
+        played(data, episodes=1)
+    assert not (data.path / ATTEMPTS).exists()
+    whole = DataSet.open(tmp_path / "whole")
+    assert played(data, episodes=1) == played(whole, episodes=1)
+    assert contents(data) == contents(whole)

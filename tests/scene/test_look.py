@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict
 from typing import Any
 
@@ -61,6 +62,8 @@ def test_an_unknown_look_is_told_with_near_misses() -> None:
         ({"seed": -1}, "from 0 on"),
         ({"clutter": 1000}, "0 to 40 pieces"),
         ({"ambient": (1.0, 2.0, 0.0)}, "ambient is red, green and blue"),
+        ({"ambient": (1.0, 0.5)}, "ambient is red, green and blue"),
+        ({"seed": 1.5}, "a whole number"),
     ],
 )
 def test_an_impossible_look_is_rejected(fields: dict[str, Any], told: str) -> None:
@@ -83,11 +86,27 @@ def test_an_impossible_material_is_rejected(fields: dict[str, Any], told: str) -
 
 
 @pytest.mark.parametrize(
+    ("make", "fields", "told"),
+    [
+        (Light, {"position": (0.0, 2.0)}, "x y z"),
+        (CameraOffset, {"position": (0.0, 2.0)}, "three finite numbers"),
+        (CameraOffset, {"rotation": (0.0, 2.0, math.inf)}, "three finite numbers"),
+    ],
+)
+def test_a_place_is_three_numbers(make: type, fields: dict[str, Any], told: str) -> None:
+    with pytest.raises(OptionError, match=told):
+        make(**fields)
+
+
+@pytest.mark.parametrize(
     ("value", "told"),
     [
         ({"nose": 0.1}, "'noise'"),
         ({"noise": "much"}, "noise"),
         ({"lights": [{"position": [0, 0]}]}, "position"),
+        ({"parts": {"table": {"color": [1, 0, 0]}}}, "Did you mean 'colour'"),
+        ({"lights": [{"position": [0, 0, 2]}, {"position": [0, 0, 2], "shade": 1}]}, "'shadow'"),
+        ("random:" + "9" * 5000, "random:7"),
         (7, "a name, a Look or its JSON form"),
     ],
 )

@@ -9,7 +9,7 @@ import tyro
 
 from duobench.cli.console import console, counted
 from duobench.cli.engine import load_engine
-from duobench.errors import DataError
+from duobench.errors import DataError, OutputError
 
 
 def verbs() -> None:
@@ -76,7 +76,7 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
 def recover(data: tyro.conf.Positional[Path]) -> None:
     """Turn what killed recordings have left into episodes that say that they were cut.
 
-    Nobody may be recording into the data set.
+    Episodes that another process is recording at this moment are left alone.
 
     Args:
         data: Folder of the data set.
@@ -91,7 +91,7 @@ def recover(data: tyro.conf.Positional[Path]) -> None:
         for partial in source.partials():
             try:
                 path = source.recover(partial)
-            except DataError as error:
+            except (DataError, OutputError) as error:
                 lost += 1
                 screen.print(str(error), soft_wrap=True)
             else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -12,6 +13,7 @@ from tyro.conf import Positional
 
 from duobench.cli.console import console, counted
 from duobench.cli.engine import load_engine
+from duobench.errors import DataError
 
 if TYPE_CHECKING:
     from duobench.backend import Image
@@ -55,12 +57,13 @@ def replay(
 def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
     from duobench.data import Recording
     from duobench.data.replay import replay_all
+    from duobench.tasks import catalog
 
     screen = console()
     table = rich.table.Table("task", "episodes", "bit-exact", "same stages", "largest difference")
     wrong = 0
     for task in tasks or data.tasks:
-        paths = data.episodes(task)
+        paths = data.episodes_of([catalog.get(task).id])
         results = []
         for path, result in zip(paths, replay_all(task, map(Recording.read, paths)), strict=True):
             results.append(result)
@@ -100,17 +103,20 @@ def _by_states(
     from duobench.evaluation.folder import VIDEO_SUFFIX
     from duobench.evaluation.video import encode_video
     from duobench.files import write
+    from duobench.tasks import catalog
 
+    if not cameras:
+        raise DataError("A video shows at least one camera; --cameras names none.")
     screen = console()
     for task in tasks or data.tasks:
-        source = ImageSource(task, cameras=cameras, size=size, look=look)
-        for path in data.episodes(task):
-            recording = Recording.read(path)
-            target = out / task / f"{path.stem}{VIDEO_SUFFIX}"
-            if (video := encode_video(_frames(source, recording))) is not None:
-                write(target, video)
-                screen.print(str(target), soft_wrap=True)
-        source.close()
+        paths = data.episodes_of([catalog.get(task).id])
+        with closing(ImageSource(task, cameras=cameras, size=size, look=look)) as source:
+            for path in paths:
+                recording = Recording.read(path)
+                target = out / path.parent.name / f"{path.stem}{VIDEO_SUFFIX}"
+                if (video := encode_video(_frames(source, recording))) is not None:
+                    write(target, video)
+                    screen.print(str(target), soft_wrap=True)
 
 
 def _frames(source: ImageSource, recording: Recording) -> Iterator[Image]:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import ExitStack
 from itertools import count
 from pathlib import Path
 
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.recording import Recording
-from duobench.errors import DataError, UnknownNameError
-from duobench.files import write
+from duobench.errors import DataError
+from duobench.files import locked, write
 
 
 def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int:
@@ -29,11 +30,21 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
         How many episodes the sources have together, the same one counted once.
 
     Raises:
-        DataError: Two different episodes have the same name, a file cannot be read, or the folder
-            holds something else.
-        OutputError: A file cannot be written.
+        DataError: Two different episodes have the same name, there is no data set, a file cannot be
+            read, or the folder holds something else.
+        OutputError: A file cannot be written, or another process is writing into the folder.
     """
+    if not sources:
+        raise DataError("There is nothing to merge; name at least one data set.")
     target = DataSet.open(out, how=f"merged from {len(sources)} data sets")
+    with locked(target.path):
+        plan = _merged(sources, target, rename=rename)
+        _copy(plan)
+    return len(plan)
+
+
+def _merged(sources: Sequence[DataSet], target: DataSet, *, rename: bool) -> dict[Path, Path]:
+    """Episodes of data sets by their place in the one."""
     plan: dict[Path, Path] = {}
     clashes = []
     for source in sources:
@@ -50,8 +61,7 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
             f"{len(clashes)} names stand for different episodes, such as {clashes[0]}; merge with "
             "new names for them."
         )
-    _copy(plan)
-    return len(plan)
+    return plan
 
 
 def split(
@@ -67,8 +77,8 @@ def split(
 
     Args:
         data: The data set.
-        first: Folder of the first one.
-        second: Folder of the second one.
+        first: Folder of the first one; new, empty, or with nothing but episodes of this part.
+        second: Folder of the second one, likewise.
         fraction: Share of each task's episodes that go into the first, rounded; which ones follows
             from the seed alone.
         tasks: Tasks that go into the first as a whole, if no fraction is given.
@@ -79,40 +89,51 @@ def split(
 
     Raises:
         DataError: Neither or both of fraction and tasks are given, the fraction is no share, a
-            file cannot be read, or a folder holds something else.
+            file cannot be read, or a folder holds something else, such as the other part.
         UnknownNameError: The data set has no episode of a task.
-        OutputError: A file cannot be written.
+        OutputError: A file cannot be written, or another process is writing into a folder.
     """
     if (fraction is None) == (not tasks):
         raise DataError("A data set is split by a fraction or by tasks; exactly one is needed.")
     if fraction is not None and not 0.0 < fraction < 1.0:
         raise DataError(f"The fraction is between 0 and 1, got {fraction}.")
-    for task in tasks:
-        if task not in data.tasks:
-            raise UnknownNameError("task in the data set", task, data.tasks)
+    if first.resolve() == second.resolve():
+        raise DataError(f"The two parts need a folder each, got {first} for both.")
+    chosen = set(data.episodes_of(tasks)) if fraction is None else _share(data, fraction, seed)
+    how = f"split by {'tasks' if fraction is None else f'fraction {fraction}, seed {seed}'}"
+    plans: list[dict[Path, Path]] = []
+    with ExitStack() as stack:
+        for folder, is_first in ((first, True), (second, False)):
+            target = DataSet.open(folder, how=how)
+            stack.enter_context(locked(target.path))
+            paths = [path for path in data.episodes() if (path in chosen) is is_first]
+            plans.append(_part(paths, target))
+        for plan in plans:
+            _copy(plan)
+    return len(plans[0]), len(plans[1])
+
+
+def _share(data: DataSet, fraction: float, seed: int) -> set[Path]:
+    """A share of each task's episodes, at random."""
     chosen: set[Path] = set()
     for task in data.tasks:
-        paths = data.episodes(task)
-        if fraction is None:
-            chosen |= set(paths) if task in tasks else set()
-        else:
-            shuffled = sorted(paths, key=lambda path: _shuffled(path, seed))
-            chosen |= set(shuffled[: round(fraction * len(paths))])
-    parts = [
-        [path for path in data.episodes() if (path in chosen) is wanted] for wanted in (True, False)
-    ]
-    how = f"split by {'tasks' if fraction is None else f'fraction {fraction}, seed {seed}'}"
-    plan: dict[Path, Path] = {}
-    for folder, paths in zip((first, second), parts, strict=True):
-        target = DataSet.open(folder, how=how)
-        for path in paths:
-            Recording.read_info(path)
-            plan[target.episode(path.parent.name, path.stem)] = path
-    taken = [place for place, path in plan.items() if not _may_be(path, place, {})]
-    if taken:
-        raise DataError(f"{taken[0]} exists already and is another episode.")
-    _copy(plan)
-    return len(parts[0]), len(parts[1])
+        shuffled = sorted(data.episodes(task), key=lambda path: _shuffled(path, seed))
+        chosen |= set(shuffled[: round(fraction * len(shuffled))])
+    return chosen
+
+
+def _part(paths: Sequence[Path], target: DataSet) -> dict[Path, Path]:
+    """Episodes by their place in a part, which holds no other ones."""
+    plan = {target.episode(path.parent.name, path.stem): path for path in paths}
+    for path in paths:
+        Recording.read_info(path)
+    for place in target.episodes():
+        if place not in plan or not _may_be(plan[place], place, {}):
+            raise DataError(
+                f"{place} is no episode of this part; split into folders of their own, or delete "
+                "what an earlier split has left."
+            )
+    return plan
 
 
 def _shuffled(path: Path, seed: int) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from duobench.data.dataset import DataSet
 from duobench.data.processes import run_all
 from duobench.data.recording import Recording
-from duobench.data.schema import COLUMNS, EpisodeInfo
+from duobench.data.schema import COLUMNS, EpisodeInfo, action_mode
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import LAYOUT, SPLIT, sim_of
 from duobench.errors import DuoBenchError
@@ -89,8 +89,6 @@ class EpisodeChecker:
     def _beginning(self, recording: Recording) -> list[str]:
         """What is wrong with the layout and the first state."""
         info = recording.info
-        if not recording.state.shape[1]:
-            return []
         env = self._environment(info)
         options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
         _, seen = env.reset(seed=info.seed, options=options)
@@ -100,13 +98,13 @@ class EpisodeChecker:
             return []  # another engine comes to rest elsewhere
         if not np.array_equal(sim_of(env).simulation.get_state(), recording.state[0]):
             return ["Its first state is not the one that its layout begins with."]
-        if info.first_hash != env.get_wrapper_attr("state_hash")():
+        if info.config is not None and info.first_hash != env.get_wrapper_attr("state_hash")():
             return ["The hash of its first state is another one."]
         return []
 
     def _environment(self, info: EpisodeInfo) -> gym.Env:
         """An environment of the recorded task and action mode, without images."""
-        mode = "joint" if info.config is None else info.config.action_mode
+        mode = action_mode(info)
         if self._env is None or self._key != (info.task, mode):
             self.close()
             self._env = make_env(info.task, cameras=False, action_mode=mode)

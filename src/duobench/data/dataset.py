@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from itertools import count
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from duobench.data import stream
 from duobench.data.recording import Recording
 from duobench.data.schema import SCHEMA, EpisodeInfo
-from duobench.errors import DataError, EvaluationError
-from duobench.files import encode, make_folder, read, write
+from duobench.errors import DataError, EvaluationError, UnknownNameError
+from duobench.files import TEMPORARY_SUFFIX, encode, lock, make_folder, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
 
@@ -57,6 +57,8 @@ class DataSet:
             OutputError: It cannot be made.
         """
         data = DataSet(Path(path).absolute())
+        # Listed first: another process may be making the same data set.
+        found = list(data.path.iterdir()) if data.path.is_dir() else []
         if data.description.exists():
             about = data.read_description()
             if about.suite_version != SUITE_VERSION:
@@ -67,7 +69,7 @@ class DataSet:
             return data
         if not create:
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
-        if data.path.is_dir() and any(data.path.iterdir()):
+        if not all(each.match(f".*{TEMPORARY_SUFFIX}") for each in found):
             raise DataError(f"{data.path} is not empty and holds no data set: {DESCRIPTION}.")
         make_folder(data.path)
         about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)
@@ -102,6 +104,18 @@ class DataSet:
         """Files of the finished episodes, sorted by task and name."""
         return sorted((self.path / EPISODES).glob(f"{task or '*'}/*{SUFFIX}"))
 
+    def episodes_of(self, tasks: Collection[str]) -> list[Path]:
+        """Files of the finished episodes of some tasks, or of all if none is named.
+
+        Raises:
+            UnknownNameError: There is no episode of a task.
+        """
+        found = self.tasks
+        for task in tasks:
+            if task not in found:
+                raise UnknownNameError("task in the data set", task, found)
+        return [path for path in self.episodes() if not tasks or path.parent.name in tasks]
+
     def partials(self) -> list[Path]:
         """Files of episodes that are being recorded, or whose recording was killed."""
         return sorted((self.path / EPISODES).glob(f"*/*{stream.SUFFIX}"))
@@ -130,37 +144,26 @@ class DataSet:
             name: Name of its file; without one it is the next free number.
 
         Raises:
-            DataError: There is an episode of that name, or somebody is recording one.
+            DataError: There is an episode of that name, somebody is recording one, or it is no
+                name of a file.
+            OutputError: The file cannot be made.
         """
         if name is not None:
-            return self._new_stream(info, sizes, name)
-        taken = [path.stem for path in (*self.episodes(info.task), *self.partials())]
-        numbers = [int(stem) for stem in taken if re.fullmatch(r"[0-9]+", stem)]
-        for number in count(max(numbers, default=-1) + 1):
-            try:
-                return self._new_stream(info, sizes, f"{number:05d}")
-            except DataError:
-                continue  # another process has just taken it
-        raise AssertionError("Counting never ends.")
-
-    def _new_stream(
-        self, info: EpisodeInfo, sizes: Mapping[str, int], name: str
-    ) -> stream.EpisodeStream:
-        path = self.episode(info.task, name)
-        if path.exists():
-            raise DataError(f"{path} exists already; an episode is never overwritten.")
-        try:
-            return stream.EpisodeStream(path, info, sizes)
-        except FileExistsError as error:
-            raise DataError(
-                f"{error.filename} exists: the episode is being recorded by another process, or "
-                "its recording was killed. Recover or delete it first."
-            ) from error
+            if not re.fullmatch(r"\w[\w.-]*", name):
+                raise DataError(
+                    f"An episode cannot be named {name!r}. A name is letters, digits, '_', '-' and "
+                    "'.', and begins with a letter, a digit or '_'."
+                )
+            return stream.EpisodeStream(self.episode(info.task, name), info, sizes)
+        taken = [path.stem for path in (self.path / EPISODES / info.task).glob("*")]
+        number = max((int(stem) for stem in taken if re.fullmatch(r"[0-9]+", stem)), default=-1)
+        while True:
+            number += 1
+            with suppress(DataError):  # another process has just taken the name
+                return self.new_stream(info, sizes, f"{number:05d}")
 
     def recover(self, partial: Path) -> Path:
         """Turn what a killed recording has left into an episode that says that it was cut.
-
-        Nobody may be recording it.
 
         Args:
             partial: One of `partials`.
@@ -169,10 +172,21 @@ class DataSet:
             The file of the episode.
 
         Raises:
-            DataError: Nothing of it can be read; it is left as it is.
+            DataError: Nothing of it can be read, or another episode has its name; it is left as it
+                is.
+            OutputError: It is still being recorded, or the episode cannot be written.
         """
         path = partial.with_suffix(SUFFIX)
-        if not path.exists():  # else it was killed after the episode was written
-            stream.recover(partial).write(path)
-        partial.unlink()
+        with writing(partial), partial.open("r+b") as file:
+            lock(file.fileno(), partial)
+            if not path.exists():
+                stream.recover(partial).write(path)
+            elif stream.read_info(partial) != replace(
+                Recording.read_info(path), outcome=None, last_hash=None
+            ):
+                raise DataError(
+                    f"{path} is another episode than the one that {partial.name} was to become. "
+                    "Rename one of them."
+                )  # else it was killed after the episode was written
+            partial.unlink()
         return path

@@ -61,6 +61,7 @@ class ImageSource:
         """
         try:
             if recording.info.layout != self._layout:
+                self._layout = None
                 self.simulation.apply(Layout.from_json(recording.info.layout))
                 self._layout = recording.info.layout
             self.simulation.set_state(recording.state[row])

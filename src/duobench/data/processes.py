@@ -8,6 +8,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -77,13 +78,13 @@ def run_all(
         for _ in range(min(workers, len(jobs))):
             connection, process = _start(make)
             processes[connection] = process
-            connection.send(waiting.popleft())
+            _send(connection, waiting.popleft())
         busy = set(processes)
         while busy:
             for connection in cast("list[Connection]", wait(list(busy))):
                 yield _result(connection, processes[connection])
                 if waiting:
-                    connection.send(waiting.popleft())
+                    _send(connection, waiting.popleft())
                 else:
                     busy.remove(connection)
                     connection.close()  # which ends the process
@@ -103,6 +104,12 @@ def _start(make: Callable[[], Any]) -> tuple[Connection, BaseProcess]:
     process.start()
     theirs.close()
     return ours, process
+
+
+def _send(connection: Connection, job: Any) -> None:
+    """Send a job; that a process has ended shows when its result is asked for."""
+    with suppress(ConnectionError):
+        connection.send(job)
 
 
 def _result(connection: Connection, process: BaseProcess) -> Any:

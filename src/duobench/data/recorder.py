@@ -11,15 +11,19 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
+from duobench.backend import DuoLimits
 from duobench.data.dataset import DataSet
-from duobench.data.schema import Actor, EpisodeInfo, Outcome, action_names
+from duobench.data.schema import ACTION_NAMES, Actor, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeStream
+from duobench.envs import spaces
 from duobench.envs.duo_env import Info, Observation
+from duobench.envs.episode_state import EpisodeState
 from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
 from duobench.randomness import SUITE_VERSION
 from duobench.scene.looks import as_look
+from duobench.types import Array
 from duobench.versions import package_versions
 
 OBSERVED = ("agent_pos", "tcp_pose")
@@ -33,9 +37,9 @@ class Recorder(DuoWrapper):
     that is left earlier, by `reset` or `close`, is written as cut. A killed process loses at most
     0.3 seconds; `duobench data recover` turns what is left into an episode.
 
-    Put it outside everything that changes the observation's `agent_pos` and `tcp_pose` or the
-    meaning of actions, so that it sees what the policy sees and says; cameras may be on either
-    side of it, since images are rendered from the recorded states.
+    Put it outside the wrapper of the action mode, so that it sees what the policy says, and inside
+    wrappers that change the observation's `agent_pos` and `tcp_pose` or scale or chunk actions;
+    cameras may be on either side of it, since images are rendered from the recorded states.
 
     Example:
         >>> env = Recorder(duobench.make("bin_sort"), DataSet.open("demos"), Actor(name="me"))
@@ -58,8 +62,8 @@ class Recorder(DuoWrapper):
             keep: Whether a finished episode is written at all; by default every one is.
 
         Raises:
-            DataError: The environment takes chunks of actions, or its observation lacks what is to
-                be recorded.
+            DataError: The environment takes chunks of actions, or actions of no known mode, or its
+                observation lacks what is to be recorded.
             TypeError: There is no simulation inside.
         """
         super().__init__(env)
@@ -70,7 +74,8 @@ class Recorder(DuoWrapper):
         """Who or what acts, from the next episode on."""
         self.next_name: str | None = None
         """Name of the next episode's file; without one it is the next free number."""
-        self._intended: ArrayLike | None = None
+        self._intended: Array | None = None
+        self._physics: Array = np.empty(0)
         self._keep = keep
         self._stream: EpisodeStream | None = None
         self._info: Info = {}
@@ -80,14 +85,7 @@ class Recorder(DuoWrapper):
                 f"The observation lacks {', '.join(missing)}; put the recorder inside wrappers "
                 "that change the observation."
             )
-        shape = env.action_space.shape or ()
-        if len(shape) != 1:
-            raise DataError(
-                f"Actions have shape {shape}; the recorder takes single actions: put it inside "
-                "the wrapper that takes chunks."
-            )
-        (self._action_size,) = shape
-        self._names = action_names(self.base.config, self._action_size)
+        self._names = _action_names(env.action_space, self.base.backend.limits)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -117,7 +115,7 @@ class Recorder(DuoWrapper):
             first_hash=state.hash,
             action_names=self._names,
         )
-        sizes = {"action": self._action_size, "state": len(state.physics)}
+        sizes = {"action": len(self._names), "state": len(state.physics)}
         self._stream = self.data.new_stream(described, sizes, self.next_name)
         self.next_name = self._intended = None
         self._see(observation, info)
@@ -162,8 +160,20 @@ class Recorder(DuoWrapper):
 
         For an actor that disturbs its own actions: what it wanted is the label to learn from, and
         what is executed then is not.
+
+        Raises:
+            ActionError: It has another shape than an action, or holds NaN or infinity.
         """
-        self._intended = action
+        self._intended = spaces.checked_action(action, self._names)
+
+    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+        """Continue from a saved state, unrecorded; the recording of the running episode ends here.
+
+        Raises:
+            OutputError: The recording cannot be written.
+        """
+        self.finish(reason="Another state was restored.")
+        return super().restore_state(state)
 
     def finish(self, *, kept: bool = True, reason: str | None = None) -> None:
         """End the recording of the running episode, if there is one, before its end.
@@ -191,6 +201,7 @@ class Recorder(DuoWrapper):
         if self._stream is None:
             return
         backend = self.base.backend
+        self._physics = self._sim.simulation.get_state()
         self._stream.append(
             {
                 **{name: observation[name] for name in OBSERVED},
@@ -199,7 +210,7 @@ class Recorder(DuoWrapper):
                 "stage": info["stage"],
                 "success": info["success"],
                 "success_at_end": info["success_at_end"],
-                "state": self._sim.simulation.get_state(),
+                "state": self._physics,
             }
         )
 
@@ -216,6 +227,26 @@ class Recorder(DuoWrapper):
             cut=cut,
         )
         if self._keep(outcome):
-            stream.finish(outcome, self.state_hash())
+            # A step that was broken off has left another state than that of the last row.
+            state = self.save_state()
+            is_last = np.array_equal(state.physics, self._physics)
+            stream.finish(outcome, state.hash if is_last else None)
         else:
             stream.discard()
+
+
+def _action_names(space: gym.Space[Any], limits: DuoLimits) -> tuple[str, ...]:
+    """Names of the numbers of an action, by the space that it comes from."""
+    known = {
+        "joint": spaces.joint_actions(limits),
+        "joint_relative": spaces.relative_joint_actions(limits),
+        "cartesian": spaces.pose_actions(),
+        "cartesian_relative": spaces.relative_pose_actions(),
+    }
+    for mode, actions in known.items():
+        if space == actions:
+            return ACTION_NAMES[mode]
+    raise DataError(
+        f"The recorder takes single actions of the modes {', '.join(known)}, not {space}: put it "
+        "inside wrappers that scale or chunk actions."
+    )

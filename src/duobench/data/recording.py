@@ -62,11 +62,11 @@ class Recording:
         for column in COLUMNS:
             array = getattr(self, column.name)
             rows = len(self) if column.of_action else len(self) + 1
-            width = tuple(a or b for a, b in zip(column.shape, array.shape[1:], strict=False))
-            if array.shape != (rows, *width):
+            width = tuple(n or max((1, *array.shape[1:])) for n in column.shape)
+            if array.shape != (rows, *width) or array.dtype != column.dtype:
                 raise DataError(
-                    f"Column {column.name!r} has shape {array.shape}, expected was "
-                    f"{(rows, *column.shape)}."
+                    f"Column {column.name!r} has shape {array.shape} of {array.dtype}, expected "
+                    f"was {(rows, *column.shape)} of {np.dtype(column.dtype)}."
                 )
 
     def __len__(self) -> int:
@@ -145,7 +145,7 @@ def arrow_schema(info: EpisodeInfo, sizes: dict[str, int]) -> pa.Schema:
             pa.field(column.name, arrow_type(column, sizes), nullable=column.of_action)
             for column in COLUMNS
         ],
-        metadata={INFO_KEY: encode(info, SCHEMA).encode()},
+        metadata={INFO_KEY: encode(info, SCHEMA).encode(errors="replace")},
     )
 
 

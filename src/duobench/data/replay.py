@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from duobench.data.recording import Recording
 from duobench.envs.config import EnvConfig
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import LAYOUT, sim_of
-from duobench.errors import BackendError, DataError, DuoBenchError
+from duobench.errors import ActionError, BackendError, DataError, DuoBenchError
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
@@ -65,7 +66,8 @@ class Replayer:
         of processor contacts amplify the last bit.
 
         Raises:
-            DataError: The recording is of another task or suite, or cannot be begun.
+            DataError: The recording is of another task or suite, or cannot be begun, or its
+                commands are no numbers.
         """
         first: int | None = None
         stages: list[int] = []
@@ -78,6 +80,8 @@ class Replayer:
                 stages.append(stage)
         except BackendError:
             first = len(stages) if first is None else first
+        except ActionError as error:
+            raise DataError(f"The commands cannot be replayed: {error}") from error
         return Divergence(
             steps=len(stages) - 1,
             first=first,
@@ -127,10 +131,11 @@ _PLAIN = {
     "action_mode": "joint",
     "binary_gripper": False,
     "chunk": None,
+    "horizon": sys.maxsize,
     "cameras": (),
     "render_mode": None,
 }
-"""Commands are joint targets and openings, one a step."""
+"""Commands are joint targets and openings, one a step, as many as were recorded."""
 
 
 def replay_all(task: str | Task, recordings: Iterator[Recording]) -> Iterator[Divergence]:

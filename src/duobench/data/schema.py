@@ -144,28 +144,22 @@ class EpisodeInfo:
     """What the numbers of `action` are."""
 
 
-_ACTION_NAMES = {
+ACTION_NAMES = {
     "joint": JOINT_NAMES,
     "joint_relative": tuple(f"{name}_change" for name in JOINT_NAMES),
     "cartesian": POSE_NAMES,
     "cartesian_relative": SHIFT_NAMES,
 }
+"""Names of the numbers of an action in each of `envs.config.ACTION_MODES`."""
 
 
-def action_names(config: EnvConfig | None, size: int) -> tuple[str, ...]:
-    """Names of the numbers of an action.
-
-    Args:
-        config: Configuration of the environment that takes it.
-        size: How many numbers it has.
+def action_mode(info: EpisodeInfo) -> str:
+    """What the numbers of an episode's actions mean; one of `envs.config.ACTION_MODES`.
 
     Raises:
-        DataError: An action of that configuration has another size.
+        DataError: They have other names.
     """
-    names = _ACTION_NAMES["joint" if config is None else config.action_mode]
-    if len(names) != size:
-        raise DataError(
-            f"An action of this environment has {size} numbers, and {len(names)} are known: "
-            f"{', '.join(names)}. Put the recorder inside wrappers that change the actions."
-        )
-    return names
+    for mode, names in ACTION_NAMES.items():
+        if info.action_names == names:
+            return mode
+    raise DataError(f"Actions of numbers {', '.join(info.action_names)} are not known.")

@@ -8,21 +8,26 @@ leaves can be read up to its last whole row; see `recover`.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from io import BufferedWriter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome
-from duobench.errors import DataError, EvaluationError
-from duobench.files import decode, encode, make_folder, writing
+from duobench.errors import DataError, DuoBenchError, EvaluationError, OutputError
+from duobench.files import decode, encode, lock, make_folder, writing
 
 SUFFIX = ".part"
 """Ending of the file of an episode that is being recorded."""
 BATCH_ROWS = 8
 """Rows that are written at a time: 0.27 seconds, which is what a kill may cost."""
+INTERRUPTED = "The recording was interrupted."
+"""Why an episode ended that was recovered."""
 _FIRST_CAPACITY = 512
 """Rows that are made room for at first."""
 _LENGTH_BYTES = 8
@@ -57,7 +62,7 @@ class EpisodeStream:
     """Takes the rows of one episode."""
 
     def __init__(self, path: Path, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
-        """Begin a file; nobody else may be writing an episode of that name.
+        """Begin a file, which is locked for as long as it is open.
 
         Args:
             path: Where the finished episode will be.
@@ -66,7 +71,8 @@ class EpisodeStream:
 
         Raises:
             OutputError: The file cannot be made.
-            FileExistsError: The episode is being recorded by somebody, or was left by a crash.
+            DataError: There is an episode of that name, or one is being recorded, or was left by a
+                crash.
         """
         self.path = path
         """Where the finished episode will be."""
@@ -76,11 +82,19 @@ class EpisodeStream:
         self._count = self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
-        text = encode(head, SCHEMA).encode()
-        self._file = self._partial.open("xb")
+        text = encode(head, SCHEMA).encode(errors="replace")
         with writing(self._partial):
-            self._file.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
-            self._file.flush()
+            self._file = _new_file(self._partial)
+        try:
+            self._check_free()  # only now, when nobody else can begin one of that name
+            with writing(self._partial):
+                lock(self._file.fileno(), self._partial)
+                self._file.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
+                self._file.flush()
+        except DuoBenchError:
+            self.discard()
+            raise
+        self._start = self._file.tell()
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Append what was seen; its action follows with `act`.
@@ -97,7 +111,7 @@ class EpisodeStream:
             self._columns[name][self._count] = value
         self._count += 1
         if self._count - self._written > BATCH_ROWS:
-            self._flush()
+            self._flush(self._count - 1)  # all but the last row, whose action is still to come
 
     def act(self, row: Mapping[str, Any]) -> None:
         """Complete the last row with its action and what the step gave.
@@ -115,7 +129,8 @@ class EpisodeStream:
             What was written.
 
         Raises:
-            OutputError: It cannot be written; the stream stays.
+            OutputError: It cannot be written; the stream stays, for `recover`.
+            DataError: Somebody has put another episode there; the stream stays too.
         """
         info = replace(self._info, outcome=outcome, last_hash=last_hash)
         recording = Recording(
@@ -125,30 +140,56 @@ class EpisodeStream:
                 for column in COLUMNS
             },
         )
-        recording.write(self.path)
+        try:
+            self._check_free()
+            recording.write(self.path)
+        except DuoBenchError:
+            self.close()
+            raise
         self.discard()
         return recording
 
     def discard(self) -> None:
         """Remove the stream; the episode is lost if it was not finished."""
-        self.close()
-        self._partial.unlink(missing_ok=True)
+        self._release()
+        with writing(self._partial):
+            self._partial.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Let go of the file and leave it as it is."""
-        self._file.close()
+        """Let go of the file, with all rows in it that can be written."""
+        with suppress(OutputError):
+            self._flush(self._count)
+        self._release()
+
+    def _release(self) -> None:
+        with suppress(OSError):  # rows that could not be written were complained about
+            self._file.close()
+
+    def _check_free(self) -> None:
+        if self.path.exists():
+            raise DataError(f"{self.path} exists already; an episode is never overwritten.")
 
     def _make_room(self, rows: np.ndarray) -> None:
         self._rows = rows
         self._columns = {column.name: rows[column.name] for column in COLUMNS}
 
-    def _flush(self) -> None:
-        """Write the rows that are complete: all but the last one, whose action is still to come."""
-        span = slice(self._written, self._count - 1)
+    def _flush(self, end: int) -> None:
+        """Write the rows before one; where it failed before, it begins again at the same place."""
         with writing(self._partial):
-            self._file.write(self._rows[span].data)
+            self._file.seek(self._start + self._written * self._rows.itemsize)
+            self._file.write(self._rows[self._written : end].data)
             self._file.flush()
-        self._written = span.stop
+        self._written = end
+
+
+def _new_file(partial: Path) -> BufferedWriter:
+    try:
+        return partial.open("xb")
+    except FileExistsError as error:
+        raise DataError(
+            f"{partial} exists: the episode is being recorded by another process, or its "
+            "recording was killed. Recover or delete it first."
+        ) from error
 
 
 def recover(partial: Path) -> Recording:
@@ -163,26 +204,41 @@ def recover(partial: Path) -> Recording:
     Raises:
         DataError: Nothing of it can be read; the message names the file.
     """
-    try:
-        data = partial.read_bytes()
-        end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
-        head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA)
-        kind = head.row_type()
-        rows = np.frombuffer(data[end:], kind, (len(data) - end) // kind.itemsize)
-    except (OSError, EvaluationError, KeyError, ValueError) as error:
-        raise DataError(f"Cannot recover {partial}: {error}") from error
+    info, rows = _read(partial)
     if not len(rows):
         raise DataError(f"Cannot recover {partial}: it ends before its first rows were written.")
     outcome = Outcome(
         success=bool(rows["success"].any()),
         stage=int(rows["stage"].max()),
-        max_stage=len(head.info.subinstructions),
+        max_stage=len(info.subinstructions),
         kept=False,
-        reason="The recording was interrupted.",
+        reason=INTERRUPTED,
         cut=True,
     )
     return Recording(
-        info=replace(head.info, outcome=outcome),
+        info=replace(info, outcome=outcome),
         # The step of the last row that was written led to one that was not.
         **{column.name: rows[column.name][: len(rows) - column.of_action] for column in COLUMNS},
     )
+
+
+def read_info(partial: Path) -> EpisodeInfo:
+    """What was known about an episode when its recording began.
+
+    Raises:
+        DataError: See `recover`.
+    """
+    return _read(partial)[0]
+
+
+def _read(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
+    """What a stream begins with, and its whole rows."""
+    try:
+        data = partial.read_bytes()
+        end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
+        head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA)
+        kind = head.row_type()
+        rows = np.frombuffer(data[end:], kind, max(0, len(data) - end) // kind.itemsize)
+    except (OSError, EvaluationError, KeyError, ValueError) as error:
+        raise DataError(f"Cannot recover {partial}: {error}") from error
+    return head.info, rows

@@ -60,7 +60,7 @@ class TaskSummary:
 
     @property
     def long_length(self) -> float:
-        """The length that 99 % of the episodes do not exceed."""
+        """The 99 % quantile of the lengths, interpolated between neighbours."""
         return float(np.quantile(self.lengths, LONG))
 
 
@@ -91,7 +91,7 @@ class Summary:
     tasks: tuple[TaskSummary, ...]
     """Task by task."""
     joints: tuple[JointSummary, ...]
-    """Joint by joint, left then right."""
+    """Joint by joint, left then right; none if there is no action."""
 
     @property
     def episodes(self) -> int:
@@ -126,10 +126,9 @@ def summarize(data: DataSet) -> Summary:
         tasks.append(_summarize_task(task, recordings))
     if not tasks:
         raise DataError(f"{data.path} holds no episode.")
-    return Summary(
-        tasks=tuple(tasks),
-        joints=_summarize_joints(names, np.concatenate(commands), np.max(speeds, axis=0)),
-    )
+    sent = np.concatenate(commands)
+    joints = _summarize_joints(names, sent, np.max(speeds, axis=0)) if len(sent) else ()
+    return Summary(tasks=tuple(tasks), joints=joints)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

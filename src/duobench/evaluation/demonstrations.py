@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from duobench.data import DataSet, Recording
+from duobench.data.stream import INTERRUPTED
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.episode import RecordingPlan
 from duobench.evaluation.evaluate import executor_for
@@ -19,7 +21,7 @@ from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Episode, Run, Suite, TaskInfo
 from duobench.files import encode, locked, read, remove_temporary, write
-from duobench.randomness import TRAIN
+from duobench.randomness import TRAIN, episode_seed
 from duobench.versions import package_versions
 
 RUN, ATTEMPTS = "record.json", "attempts.json"
@@ -118,7 +120,7 @@ def record(  # noqa: PLR0913
             config=setup.config,
             versions=package_versions(),
         )
-        log = _begin(data, run)
+        log = _begin(data, run, plan)
         for observer in observers:
             observer.on_start(suite.tasks, episodes, list(log.values()))
         while missing := [
@@ -138,7 +140,7 @@ def record(  # noqa: PLR0913
 Log = dict[tuple[str, int], Attempt]
 
 
-def _begin(data: DataSet, run: Run) -> Log:
+def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
     """Begin a recording in a data set, or continue the one that is there."""
     path = data.path / RUN
     remove_temporary(data.path)
@@ -162,23 +164,41 @@ def _begin(data: DataSet, run: Run) -> Log:
     # What is kept is what has a file: one may have been removed by hand, and of one that was just
     # finished when everything was killed nobody has taken notice.
     for path in data.episodes():
-        if not path.stem.isdecimal():
-            raise OtherRunError(
-                f"{path} was not recorded here: episodes of a recording are numbered. Move it away."
-            )
-        task, index = path.parent.name, int(path.stem)
-        outcome = Recording.read_info(path).outcome
-        if outcome is not None:
-            log[task, index] = Attempt(
-                task=task,
-                episode=index,
-                success=outcome.success,
-                stage=outcome.stage,
-                steps=Recording.read_length(path),
-                kept=True,
-                error=outcome.reason,
-            )
+        attempt = _kept(path, plan)
+        log[attempt.task, attempt.episode] = attempt
     return log
+
+
+def _kept(path: Path, plan: RecordingPlan) -> Attempt:
+    """The attempt that an episode of the data set comes from.
+
+    Raises:
+        OtherRunError: It comes from none: it was merged, renamed or recovered.
+        DataError: It cannot be read.
+    """
+    task, index = path.parent.name, int(path.stem) if path.stem.isdecimal() else 0
+    info, seed = Recording.read_info(path), episode_seed(task, index, plan.split)
+    outcome = info.outcome
+    if (
+        path.stem != f"{index:05d}"
+        or (info.task, info.seed, info.split) != (task, seed, plan.split)
+        or outcome is None
+        or outcome.reason == INTERRUPTED
+        or not plan.keeps(outcome)
+    ):
+        raise OtherRunError(
+            f"{path} was not recorded here under this name: it was renamed, merged, recovered, or "
+            "recorded with other options. Move it away."
+        )
+    return Attempt(
+        task=task,
+        episode=index,
+        success=outcome.success,
+        stage=outcome.stage,
+        steps=Recording.read_length(path),
+        kept=True,
+        error=outcome.reason,
+    )
 
 
 def _next(task: TaskInfo, log: Mapping[tuple[str, int], Attempt], wanted: int) -> list[int]:

@@ -19,6 +19,7 @@ from duobench.errors import (
     DuoBenchError,
     EvaluationError,
     MachineryError,
+    OutputError,
     RenderingError,
     printable,
     traceback_text,
@@ -170,7 +171,7 @@ class EpisodeRunner:
         self._clock.start_episode()
         try:
             rollout(env, policy, seed=episode.seed, watchers=watchers)
-        except (RenderingError, MachineryError) as fault:
+        except (RenderingError, MachineryError, OutputError) as fault:
             if self._recorder is not None:
                 self._recorder.discard()
             self._close_environment()

@@ -85,9 +85,9 @@ class Light:
         """Reject invalid values."""
         _check_colour("colour", self.colour)
         _check_range("highlight", self.highlight, 0.0, 1.0)
-        if not all(map(math.isfinite, self.position)) or math.hypot(*self.position) < 1.0:
+        if not _is_vector(self.position) or math.hypot(*self.position) < 1.0:
             raise OptionError(
-                f"A light stands at least 1 m away from the origin, got {self.position}."
+                f"A light stands at x y z, at least 1 m away from the origin; got {self.position}."
             )
 
 
@@ -107,8 +107,8 @@ class CameraOffset:
 
     def __post_init__(self) -> None:
         """Reject invalid values."""
-        if not all(map(math.isfinite, (*self.position, *self.rotation))):
-            raise OptionError(f"The offset of a camera is finite, got {self}.")
+        if not (_is_vector(self.position) and _is_vector(self.rotation)):
+            raise OptionError(f"The offset of a camera is three finite numbers each, got {self}.")
         _check_range(
             "field_of_view",
             self.field_of_view,
@@ -172,7 +172,7 @@ class Look:
             ("noise", 0.0, 0.5),
         ):
             _check_range(name, getattr(self, name), low, high)
-        if self.seed < 0:
+        if not isinstance(self.seed, int) or self.seed < 0:
             raise OptionError(f"The seed of a look is a whole number from 0 on, got {self.seed}.")
         if not 0 <= self.clutter <= MAX_CLUTTER:
             raise OptionError(f"A look has 0 to {MAX_CLUTTER} pieces, got {self.clutter}.")
@@ -194,14 +194,25 @@ class Look:
         Raises:
             OptionError: A field is unknown or of a wrong type, or a value is invalid.
         """
-        known = [one.name for one in fields(Look)]
-        for name in data:
-            if name not in known:
-                raise UnknownNameError("field of a look", name, known)
+        _check_known(data, {one.name: None for one in fields(Look)})
         try:
-            return msgspec.convert(dict(data), Look)
+            look = msgspec.convert(dict(data), Look)
         except msgspec.ValidationError as error:
             raise OptionError(f"This is no look: {error}.".replace("`$.", "`")) from error
+        _check_known(data, msgspec.to_builtins(look))
+        return look
+
+
+def _check_known(data: Any, look: Any) -> None:
+    """Reject fields that a look has not, at any depth; they would be passed over."""
+    if isinstance(data, Mapping) and isinstance(look, Mapping):
+        for name, value in data.items():
+            if name not in look:
+                raise UnknownNameError("field of a look", name, look)
+            _check_known(value, look[name])
+    elif isinstance(data, (list, tuple)) and isinstance(look, (list, tuple)):
+        for value, part in zip(data, look, strict=True):
+            _check_known(value, part)
 
 
 def _check_lights(lights: tuple[Light, ...]) -> None:
@@ -213,8 +224,13 @@ def _check_lights(lights: tuple[Light, ...]) -> None:
         )
 
 
+def _is_vector(numbers: tuple[float, ...]) -> bool:
+    """Whether these are three finite numbers."""
+    return len(numbers) == 3 and all(map(math.isfinite, numbers))  # noqa: PLR2004 - in space
+
+
 def _check_colour(name: str, colour: RGB) -> None:
-    if not all(0.0 <= part <= 1.0 for part in colour):
+    if not _is_vector(colour) or not all(0.0 <= part <= 1.0 for part in colour):
         raise OptionError(f"{name} is red, green and blue from 0 to 1, got {colour}.")
 
 

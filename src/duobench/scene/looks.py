@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import colorsys
 import math
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -150,14 +151,14 @@ def look(name: str) -> Look:
 
     Raises:
         UnknownNameError: There is no such look; near misses are listed.
-        OptionError: What follows "random:" is no whole number from 0 on.
+        OptionError: What follows "random:" is no whole number from 0 on, of 18 digits at most.
     """
     if name in LOOKS:
         return LOOKS[name]
     if not name.startswith(RANDOM):
         raise UnknownNameError("look", name, (*LOOKS, f"{RANDOM}SEED"))
     seed = name.removeprefix(RANDOM)
-    if not (seed.isascii() and seed.isdigit()):
+    if not re.fullmatch(r"[0-9]{1,18}", seed):
         raise OptionError(f"A random look is named {RANDOM}SEED, as {RANDOM}7; got {name!r}.")
     return random_look(int(seed))
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
+from duobench.data.schema import action_mode
 from duobench.errors import DataError
 from duobench.sim.kinematics import Kinematics
 from duobench.spatial import SE3
@@ -57,12 +58,6 @@ def _kinematics() -> Kinematics:
     return Kinematics()
 
 
-def action_mode(recording: Recording) -> str:
-    """What the numbers of the recording's actions mean; one of `envs.config.ACTION_MODES`."""
-    config = recording.info.config
-    return JOINT if config is None else config.action_mode
-
-
 def joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Residual | None]:
     """The actions of a recording as joint targets and openings.
 
@@ -74,9 +69,9 @@ def joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Re
         Actions (T, 16), and the residual if inverse kinematics solved for them.
 
     Raises:
-        DataError: The actions are relative, so that they name no targets.
+        DataError: The actions are relative, so that they name no targets, or unknown.
     """
-    mode = action_mode(recording)
+    mode = action_mode(recording.info)
     if source is ActionSource.SENT or (source is ActionSource.INTENDED and mode != JOINT):
         return recording.sent, None
     if mode == JOINT:

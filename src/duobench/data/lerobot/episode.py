@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from duobench.data.lerobot.folder import EpisodeFacts, ExportFolder
 from duobench.data.lerobot.options import ExportOptions, Pairing
 from duobench.data.lerobot.video import write_videos
 from duobench.data.recording import Recording
+from duobench.errors import DataError
 from duobench.files import write
 from duobench.types import CONTROL_HZ, Array
 
@@ -32,6 +34,8 @@ class Job:
 
     source: Path
     """Its recording."""
+    sha256: str
+    """Hash of the recording's file when the export began."""
     folder: Path
     """Folder of the export."""
     options: ExportOptions
@@ -59,11 +63,13 @@ class EpisodeExporter:
             The job's index.
 
         Raises:
-            DataError: The recording cannot be read, shown or encoded.
+            DataError: The recording cannot be read, shown or encoded, or has changed.
             OutputError: A file cannot be written.
         """
         folder, options = ExportFolder(job.folder), job.options
         recording = Recording.read(job.source)
+        if hash_of(job.source) != job.sha256:
+            raise DataError(f"{job.source} has changed since the export began; begin it anew.")
         actions, residual = joint_targets(recording, options.action)
         counts = {camera: statistics.no_counts() for camera in options.cameras}
         if options.cameras:
@@ -102,6 +108,11 @@ class EpisodeExporter:
             yield images
 
 
+def hash_of(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
 def rows(recording: Recording, actions: Array, job: Job) -> dict[str, NDArray[Any]]:
     """The columns of an episode, one row an action.
 
@@ -112,7 +123,6 @@ def rows(recording: Recording, actions: Array, job: Job) -> dict[str, NDArray[An
     """
     length, offset = len(recording), _offset(job.options)
     number = np.arange(length)
-    is_real = recording.state.shape[1] == 0
     return {
         STATE: recording.agent_pos[offset : offset + length],
         ACTION: actions.astype(np.float32),
@@ -120,7 +130,7 @@ def rows(recording: Recording, actions: Array, job: Job) -> dict[str, NDArray[An
         "next.done": number == length - 1,
         "next.success": recording.success[1:],
         "stage": recording.stage[offset : offset + length],
-        "domain": np.full(length, DOMAINS.index("real" if is_real else "sim")),
+        "domain": np.full(length, DOMAINS.index("sim")),
         "timestamp": (number / CONTROL_HZ).astype(np.float32),
         "frame_index": number,
         "episode_index": np.full(length, job.index),

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from duobench.data.dataset import DataSet
-from duobench.data.lerobot.actions import Residual, action_mode
-from duobench.data.lerobot.episode import EpisodeExporter, Job
+from duobench.data.lerobot.actions import Residual
+from duobench.data.lerobot.episode import EpisodeExporter, Job, hash_of
 from duobench.data.lerobot.folder import Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.processes import run_all
 from duobench.data.recording import Recording
-from duobench.errors import DataError, UnknownNameError
+from duobench.data.schema import action_mode
+from duobench.errors import DataError
 from duobench.files import locked
 from duobench.randomness import SUITE_VERSION
 from duobench.sim import rendering
@@ -72,7 +72,7 @@ def export_lerobot(
     options = options or ExportOptions()
     export, left_out = _plan(data, options)
     folder = ExportFolder(out.absolute())
-    if folder.path.is_relative_to(data.path):
+    if out.resolve().is_relative_to(data.path.resolve()):
         raise DataError(f"{out} lies in the data set; export into a folder of its own.")
     with locked(folder.path):
         folder.begin(export)
@@ -97,10 +97,7 @@ def export_lerobot(
 
 def _plan(data: DataSet, options: ExportOptions) -> tuple[Export, int]:
     """What to export, and how many episodes are left out; every recording is read to the end."""
-    for task in options.tasks:
-        if task not in data.tasks:
-            raise UnknownNameError("task in the data set", task, data.tasks)
-    paths = [path for path in data.episodes() if path.parent.name in (options.tasks or data.tasks)]
+    paths = data.episodes_of(options.tasks)
     episodes = []
     for path in paths:
         recording = Recording.read(path)
@@ -109,7 +106,7 @@ def _plan(data: DataSet, options: ExportOptions) -> tuple[Export, int]:
             episodes.append(
                 SourceEpisode(
                     file=path.relative_to(data.path).as_posix(),
-                    sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+                    sha256=hash_of(path),
                     length=len(recording),
                     instruction=recording.info.instruction,
                 )
@@ -135,14 +132,12 @@ def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
 
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
     """Reject now what would stop the export later."""
-    mode = action_mode(recording)
+    mode = action_mode(recording.info)
     if mode.endswith("_relative") and options.action is ActionSource.GIVEN:
         raise DataError(
             f"{path}: actions of mode {mode!r} are relative to what was commanded "
             f"before and name no targets; export {ActionSource.SENT.value!r} actions."
         )
-    if options.cameras and not recording.state.shape[1]:
-        raise DataError(f"{path} holds no states, so that no images can be rendered from it.")
 
 
 def _jobs(data: DataSet, export: Export, folder: ExportFolder) -> list[Job]:
@@ -153,6 +148,7 @@ def _jobs(data: DataSet, export: Export, folder: ExportFolder) -> list[Job]:
         jobs.append(
             Job(
                 source=data.path / episode.file,
+                sha256=episode.sha256,
                 folder=folder.path,
                 options=export.options,
                 index=index,

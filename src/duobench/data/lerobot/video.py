@@ -91,6 +91,8 @@ def write_videos(
             for images in frames:
                 for camera, encoder in encoders.items():
                     encoder.add(images[camera])
+            for encoder in encoders.values():
+                encoder.finish()
         for camera, path in paths.items():
             with writing(path):
                 _flush(temporary[camera])
@@ -124,15 +126,18 @@ class _Encoder:
         self._frames += 1
         self._mux(frame)
 
+    def finish(self) -> None:
+        """Write what the encoder still holds; after a failure FFmpeg crashes here."""
+        self._mux(None)
+
     def close(self) -> None:
-        if self._frames:
-            self._mux(None)
         with writing(Path(self._container.name)):
             self._container.close()
 
     def _mux(self, frame: av.VideoFrame | None) -> None:
         try:
-            self._container.mux(self._stream.encode(frame))
+            with writing(Path(self._container.name)):
+                self._container.mux(self._stream.encode(frame))
         except FFmpegError as error:
             raise DataError(f"A video cannot be encoded: {error}.") from error
 
