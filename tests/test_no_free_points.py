@@ -6,6 +6,7 @@ from benchmarks.sweep import OPEN_CLOSE, Job, play
 from duobench.tasks import catalog
 
 SEEDS = (0, 1)
+"""Of `random`; the idle policies do the same on every seed, so that one is enough."""
 IDLE = ("hold", "zero", OPEN_CLOSE)
 LUCK = 1
 """Moving at random may touch or pinch something now and then, and no more."""
@@ -14,6 +15,7 @@ LUCK = 1
 @pytest.mark.parametrize("policy", [*IDLE, "random"])
 @pytest.mark.parametrize("name", catalog.names())
 def test_policies_that_know_nothing_get_nothing(name: str, policy: str) -> None:
-    for outcome in play(Job(task=name, policy=policy, seeds=SEEDS)):
+    seeds = SEEDS[:1] if policy in IDLE else SEEDS
+    for outcome in play(Job(task=name, policy=policy, seeds=seeds)):
         assert outcome.stage <= (0 if policy in IDLE else LUCK), outcome.seed
         assert not outcome.success

@@ -18,7 +18,10 @@ from duobench.policy.serving.access import KEY_VARIABLE
         (["serve", "--policy", "hold", "--max-batch", "0"], "at least one observation"),
         (["serve", "--policy", "hold", "--key-file", "absent"], "absent cannot be read"),
         (["eval", "--policy", "openpi"], "--policy openpi and --server URL go together"),
-        (["eval", "--policy", "hold", "--server", "ws://x:1"], "openpi or vla-eval and --server"),
+        (
+            ["eval", "--policy", "hold", "--server", "ws://x:1"],
+            "vla-eval or vlagents and --server",
+        ),
         (["eval", "--policy", "vla-eval"], "--policy vla-eval and --server URL go together"),
         (["eval", "--policy", "vla-eval", "--server", "http://x:1"], "ws://HOST:PORT"),
         (
@@ -60,7 +63,8 @@ def test_missing_package_is_told_with_what_to_install(
 
 @pytest.mark.parametrize("policy", SERVED)
 def test_server_that_is_not_there_is_told_without_its_address(tmp_path: Path, policy: str) -> None:
-    words = ["eval", "--policy", policy, "--server", "ws://127.0.0.1:1", "--wait", "0"]
+    scheme = "ws://" if SERVED[policy].schemes else ""
+    words = ["eval", "--policy", policy, "--server", f"{scheme}127.0.0.1:1", "--wait", "0"]
     with pytest.raises(SystemExit) as left:
         main([*words, "--workers", "0", "--out", str(tmp_path / "run")])
     assert "The policy's server cannot be reached" in str(left.value.code)

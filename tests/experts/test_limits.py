@@ -7,7 +7,7 @@ import pytest
 
 from duobench.envs.duo_env import ROUNDING
 from duobench.experts.registry import make_expert
-from duobench.experts.variety import HUMAN, NONE, Variety
+from duobench.experts.variety import HUMAN
 from duobench.scene.fr3 import VELOCITY_LIMITS
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, SIDES
@@ -15,12 +15,12 @@ from tests.envs.tools import sim_of
 from tests.experts.baseline_episodes import make
 
 
-@pytest.mark.parametrize("variety", [NONE, HUMAN], ids=lambda variety: variety.name)
+# Sometimes faster than without variety, and disturbed.
 @pytest.mark.parametrize("name", catalog.names())
-def test_an_expert_commands_no_joint_faster_than_it_moves(name: str, variety: Variety) -> None:
+def test_an_expert_commands_no_joint_faster_than_it_moves(name: str) -> None:
     env = make(name)
     simulation = sim_of(env).simulation
-    expert = make_expert(name, simulation, variety=variety)
+    expert = make_expert(name, simulation, variety=HUMAN)
     observation, info = env.reset(seed=2)
     expert.reset(info["instruction"], 2)
     limits = np.tile(np.array(VELOCITY_LIMITS) / CONTROL_HZ, (len(SIDES), 1))

@@ -39,7 +39,8 @@ def chosen(
         size = MAX_BATCH if max_batch is None else max_batch
         batching = Batching(mode=batch or "fixed", size=size)
     if (policy in SERVED) != (server is not None):
-        names = policy if policy in SERVED else " or ".join(SERVED)
+        *others, last = SERVED
+        names = policy if policy in SERVED else f"{', '.join(others)} or {last}"
         raise PolicyError(f"--policy {names} and --server URL go together.")
     if server is not None:
         remote = RemoteServer(
