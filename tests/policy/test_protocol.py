@@ -1,3 +1,5 @@
+from typing import Any
+
 import msgspec
 import numpy as np
 import pytest
@@ -68,9 +70,10 @@ def test_what_is_no_array_is_refused(nonsense: object) -> None:
         {"horizon": 0},
     ],
 )
-def test_metadata_that_no_environment_meets_is_refused(fields: dict) -> None:
+def test_metadata_that_no_environment_meets_is_refused(fields: dict[str, Any]) -> None:
+    given: dict[str, Any] = {"name": "mine"} | fields
     with pytest.raises(PolicyError):
-        PolicyMetadata(**{"name": "mine"} | fields)
+        PolicyMetadata(**given)
 
 
 def test_metadata_takes_numpy_numbers_and_one_camera() -> None:

@@ -134,6 +134,14 @@ class Policy(Protocol):
         ...
 
 
+def dimensions(actions: ArrayLike) -> int:
+    """How many dimensions actions have; 0 for what is no array, as `as_chunk` will say."""
+    try:
+        return np.ndim(actions)
+    except ValueError:  # rows of several lengths
+        return 0
+
+
 def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.float32]:
     """The actions that a policy returned, as a checked array that the policy does not have.
 
