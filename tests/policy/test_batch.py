@@ -185,6 +185,10 @@ def test_too_many_requests_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         (np.zeros((2, 16)), r"shape \(H, n\)"),
         (np.full((2, 1, 16), np.nan), "returned nan"),
         (["left", "right"], "array of numbers"),
+        (None, "returned a NoneType; it returns a list or an array"),
+        ({0: [[0.0]], 1: [[0.0]]}, "returned a dict"),
+        (iter([[[0.0]]]), "asked for 2 chunks and returned 1"),
+        (np.full(2, None), "shape"),
     ],
 )
 def test_answer_that_is_no_chunks_is_refused(returned: Any, message: str) -> None:
@@ -201,6 +205,52 @@ def test_session_of_another_kind_is_refused() -> None:
     policy.begin = lambda instruction, seed: seed  # type: ignore[method-assign,assignment] # noqa: ARG005
     with pytest.raises(PolicyError, match=r"returned a int.*duobench\.policy\.Session"):
         SessionPolicy(policy, Batching()).reset("Do it.", 0)
+
+
+class Ends(Network):
+    """Notes which sessions are under way."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[Session] = []
+
+    def begin(self, instruction: str, seed: int) -> Session:
+        self.open.append(super().begin(instruction, seed))
+        return self.open[-1]
+
+    def end(self, session: Session) -> None:
+        self.open.remove(session)
+
+
+def test_padding_is_ended_also_where_the_policy_fails() -> None:
+    policy = Ends()
+    session = policy.begin("Do it.", 0)
+    policy.act_batch = lambda sessions, observations: 1 / 0  # type: ignore[method-assign] # noqa: ARG005
+    with pytest.raises(ZeroDivisionError):
+        answer(policy, [session], [OBSERVATION], Batching(size=4))
+    assert policy.open == [session]
+
+
+def test_session_that_two_episodes_would_share_is_refused() -> None:
+    policy, only = Network(), Session(instruction="Do it.", seed=0)
+    policy.begin = lambda instruction, seed: only  # type: ignore[method-assign] # noqa: ARG005
+    with pytest.raises(PolicyError, match="one session twice"):
+        answer(policy, [only], [OBSERVATION], Batching(size=2))
+    alone = SessionPolicy(policy, Batching(size=1))
+    alone.reset("Do it.", 0)
+    alone.act(OBSERVATION)
+    with pytest.raises(PolicyError, match="1 answers already"):
+        alone.reset("Do it.", 0)
+
+
+def test_session_is_ended_once_also_where_that_fails() -> None:
+    policy = Ends()
+    alone = SessionPolicy(policy, Batching(size=1))
+    alone.reset("Do it.", 0)
+    policy.open.clear()
+    with pytest.raises(ValueError, match="not in list"):
+        alone.reset("Do it.", 1)
+    alone.reset("Do it.", 1)
 
 
 @pytest.mark.parametrize("fields", [{"mode": "static"}, {"size": 0}])
@@ -235,3 +285,31 @@ def test_plain_policies_keep_their_episodes_apart() -> None:
     pool.end(first)
     third = pool.begin("Do it.", 3)
     assert answer(pool, [third], [OBSERVATION], batching)[0][0, 0] == 301
+
+
+def test_plain_policy_that_cannot_be_reset_is_kept_and_all_are_closed() -> None:
+    made: list[Counts] = []
+
+    class Closes(Counts):
+        closed = 0
+
+        def __init__(self) -> None:
+            made.append(self)
+
+        def reset(self, instruction: str, seed: int) -> None:
+            if not instruction:
+                raise ZeroDivisionError
+            super().reset(instruction, seed)
+
+        def close(self) -> None:
+            self.closed += 1
+
+    pool = PolicyPool(Closes(), Closes, size=2)
+    for _ in range(3):
+        with pytest.raises(ZeroDivisionError):
+            pool.begin("", 1)
+    assert len(made) == 1
+    pool.end(pool.begin("Do it.", 1))
+    pool.begin("Do it.", 1), pool.begin("Do it.", 2)
+    pool.close()
+    assert [one.closed for one in made] == [1, 1]

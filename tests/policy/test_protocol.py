@@ -1,3 +1,6 @@
+from typing import Any
+
+import msgspec
 import numpy as np
 import pytest
 
@@ -34,6 +37,7 @@ def test_number_that_is_not_finite_is_refused_with_its_place(bad: float) -> None
         None,
         [[0] * 16, [0] * 3],
         {"a": 1},
+        [[10**309]],
         np.zeros((1, 16), dtype=complex),
         [["1"] * 16],
         np.zeros((1, 16), dtype="timedelta64[s]"),
@@ -56,17 +60,43 @@ def test_what_is_no_array_is_refused(nonsense: object) -> None:
         {"image_size": 224},
         {"image_size": (224.5, 224)},
         {"version": 3},
+        {"name": 3},
+        {"action_mode": None},
+        {"cameras": None},
+        {"cameras": (1,)},
+        {"control_rate_hz": "often"},
+        {"horizon": 1.5},
+        {"horizon": "3"},
+        {"horizon": 0},
     ],
 )
-def test_metadata_that_no_environment_meets_is_refused(fields: dict) -> None:
+def test_metadata_that_no_environment_meets_is_refused(fields: dict[str, Any]) -> None:
+    given: dict[str, Any] = {"name": "mine"} | fields
     with pytest.raises(PolicyError):
-        PolicyMetadata(name="mine", **fields)
+        PolicyMetadata(**given)
 
 
 def test_metadata_takes_numpy_numbers_and_one_camera() -> None:
     given = PolicyMetadata(name="mine", cameras="head", image_size=np.array([48, 64]))  # type: ignore[arg-type]
     assert given == PolicyMetadata(name="mine", cameras=("head",), image_size=(48, 64))
     assert all(type(pixels) is int for pixels in given.image_size or ())
+
+
+def test_metadata_of_numpy_can_be_written_down() -> None:
+    given = PolicyMetadata(
+        name="mine",
+        control_rate_hz=np.float32(30),  # type: ignore[arg-type]
+        horizon=np.int64(3),  # type: ignore[arg-type]
+        seeded=np.False_,  # type: ignore[arg-type]
+    )
+    assert msgspec.json.decode(msgspec.json.encode(given), type=PolicyMetadata) == given
+
+
+def test_chunk_does_not_change_when_the_policy_uses_its_array_again() -> None:
+    actions = np.zeros((1, 16), np.float32)
+    chunk = as_chunk(actions)
+    actions[:] = 1
+    assert not chunk.any()
 
 
 def test_a_first_policy_sees_what_an_environment_shows_by_default() -> None:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from duobench.errors import EvaluationError, PolicyTimeoutError
 from duobench.policy import Policy, PolicyMetadata, as_chunk
+from duobench.policy.serving.address import MAX_S
 
 T = TypeVar("T")
 
@@ -46,7 +47,7 @@ class TimeLimits:
 
         It is less than `act_s`: the rest is for finding out whether a late server still lives.
         """
-        return max(self.act_s - _HEALTH_CHECK_S, self.act_s / 2)
+        return min(max(self.act_s - _HEALTH_CHECK_S, self.act_s / 2), MAX_S)
 
     def late_answer(self) -> PolicyTimeoutError:
         """The error of a policy that takes too long to answer."""

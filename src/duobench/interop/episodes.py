@@ -17,6 +17,7 @@ from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.registration import make
 from duobench.policy.batch import Observation
+from duobench.policy.protocol import dimensions
 from duobench.policy.serving.layout import Layout
 from duobench.randomness import episode_seed
 from duobench.scene.looks import DEFAULT
@@ -140,7 +141,7 @@ class Episodes:
         """
         if self._env is None:
             raise ResetNeededError("No episode is running; begin one first.")
-        chunk = self.layout.chunk([actions] if np.ndim(actions) == 1 else actions)
+        chunk = self.layout.chunk([actions] if dimensions(actions) == 1 else actions)
         turn = self.last
         try:
             for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
@@ -132,32 +133,52 @@ def answer(
         PolicyError: If it does not return one chunk of finite numbers for each session.
     """
     missing = batching.size - len(sessions) if batching.mode == "fixed" else 0
-    padding = [begin(policy, sessions[0].instruction, _PADDING_SEED) for _ in range(missing)]
     shown = [*observations, *[observations[0]] * missing]
     seen = [copy.deepcopy(dict(observation)) for observation in shown]
-    chunks = policy.act_batch([*sessions, *padding], seen)
-    count = len(sessions) + missing
-    if len(chunks) != count:
-        raise PolicyError(f"A policy was asked for {count} chunks and returned {len(chunks)}.")
-    checked = [as_chunk(chunks[row], width=None) for row in range(len(sessions))]
+    asked = list(sessions)
+    with ExitStack() as padding:
+        for _ in range(missing):
+            asked.append(begin(policy, sessions[0].instruction, _PADDING_SEED))
+            padding.callback(end, policy, asked[-1])
+        if len(set(map(id, asked))) < len(asked):
+            raise PolicyError("`begin` returned one session twice; each episode has its own.")
+        chunks = _listed(policy.act_batch(asked, seen))
+        if len(chunks) != len(asked):
+            raise PolicyError(
+                f"A policy was asked for {len(asked)} chunks and returned {len(chunks)}."
+            )
+        checked = [as_chunk(chunk, width=None) for chunk in chunks[: len(sessions)]]
     for session in sessions:
         session.call += 1
-    for session in padding:
-        end(policy, session)
     return checked
+
+
+def _listed(chunks: Any) -> list[Any]:
+    """The chunks that `act_batch` returned, whatever they are in."""
+    if isinstance(chunks, Iterable) and not isinstance(chunks, Mapping):
+        return list(chunks)
+    raise PolicyError(
+        f"`act_batch` returned a {type(chunks).__name__}; it returns a list or an array with one "
+        "chunk of actions (H, n) for each session."
+    )
 
 
 def begin(policy: BatchPolicy, instruction: str, seed: int) -> Session:
     """Begin an episode.
 
     Raises:
-        PolicyError: If the policy returns no session.
+        PolicyError: If the policy returns no new session.
     """
     session = policy.begin(instruction, seed)
     if not isinstance(session, Session):
         raise PolicyError(
             f"`begin` returned a {type(session).__name__}; it returns a duobench.policy.Session or "
             "an instance of a subclass."
+        )
+    if session.call:
+        raise PolicyError(
+            f"`begin` returned a session with {session.call} answers already; each episode has a "
+            "new one."
         )
     return session
 
@@ -188,9 +209,9 @@ class SessionPolicy:
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode, and end the one before."""
-        if self._session is not None:
-            end(self._policy, self._session)
-        self._session = None
+        last, self._session = self._session, None
+        if last is not None:
+            end(self._policy, last)
         self._session = begin(self._policy, instruction, seed)
 
     def act(self, observation: Observation) -> Chunk:

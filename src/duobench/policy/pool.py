@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
@@ -30,8 +31,8 @@ class PolicyPool:
         """
         self._make = make
         self._size = size
+        self._all = [first]
         self._idle = [first]
-        self._playing = 0
         self.metadata = first.metadata
         """What the policies expect."""
 
@@ -41,14 +42,17 @@ class PolicyPool:
         Raises:
             PolicyError: If all objects are playing.
         """
-        if self._playing == self._size:
+        if not self._idle and len(self._all) == self._size:
             raise PolicyError(
                 f"This policy keeps the state of an episode in itself, and {self._size} objects of "
                 "it are playing, as many as it may have. Wait until one of them is done."
             )
-        policy = self._idle.pop() if self._idle else self._make()
+        if not self._idle:
+            self._idle.append(self._make())
+            self._all.append(self._idle[-1])
+        policy = self._idle[-1]
         policy.reset(instruction, seed)
-        self._playing += 1
+        self._idle.pop()
         return _PlainSession(instruction=instruction, seed=seed, policy=policy)
 
     def act_batch(
@@ -62,10 +66,10 @@ class PolicyPool:
 
     def end(self, session: _PlainSession) -> None:
         """Take the object of an episode back."""
-        self._playing -= 1
         self._idle.append(session.policy)
 
     def close(self) -> None:
-        """Close the objects that do not play."""
-        for policy in self._idle:
-            getattr(policy, "close", lambda: None)()
+        """Close all objects, also those whose episodes nobody has ended."""
+        with ExitStack() as closing:
+            for policy in self._all:
+                closing.callback(getattr(policy, "close", lambda: None))

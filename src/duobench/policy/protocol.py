@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -47,19 +48,44 @@ class PolicyMetadata:
     """What the model runs on, such as "cuda" or "cpu"."""
 
     def __post_init__(self) -> None:
-        """Reject values that no environment could meet; NumPy's whole numbers become Python's."""
+        """Reject values that no environment could meet; NumPy's numbers become Python's."""
         if isinstance(self.cameras, str):
             object.__setattr__(self, "cameras", (self.cameras,))
-        object.__setattr__(self, "cameras", tuple(self.cameras))
+        for name, convert in _CONVERSIONS.items():
+            try:
+                object.__setattr__(self, name, convert(getattr(self, name)))
+            except (TypeError, ValueError) as error:
+                raise PolicyError(
+                    f"The {name} of a policy cannot be {getattr(self, name)!r}: {error}."
+                ) from error
         if not self.control_rate_hz > 0:
             raise PolicyError(f"A control rate is positive, got {self.control_rate_hz} Hz.")
         if self.image_size is not None:
             object.__setattr__(self, "image_size", _checked_size(self.image_size))
-        for name in ("version", "dtype", "device"):
-            if not isinstance(value := getattr(self, name), str | None):
+        for name in ("name", "action_mode", "version", "dtype", "device"):
+            kinds = str if name in {"name", "action_mode"} else str | None
+            if not isinstance(value := getattr(self, name), kinds):
                 raise PolicyError(f"The {name} of a policy is text, got {value!r}.")
+        if not all(isinstance(camera, str) for camera in self.cameras):
+            raise PolicyError(f"The cameras of a policy are names, got {self.cameras!r}.")
         if self.horizon is not None and not self.horizon >= 1:
             raise PolicyError(f"A horizon is at least 1 action, got {self.horizon!r}.")
+
+
+def _horizon(actions: Any) -> int | None:
+    return None if actions is None else int(operator.index(actions))
+
+
+_CONVERSIONS: Mapping[str, Callable[[Any], object]] = MappingProxyType(
+    {
+        "cameras": tuple,
+        "control_rate_hz": float,
+        "horizon": _horizon,
+        "seeded": bool,
+        "batch_invariant": bool,
+    }
+)
+"""What makes plain values of what is given, which records and messages hold."""
 
 
 def _checked_size(size: Iterable[Any]) -> tuple[int, int]:
@@ -108,8 +134,16 @@ class Policy(Protocol):
         ...
 
 
+def dimensions(actions: ArrayLike) -> int:
+    """How many dimensions actions have; 0 for what is no array, as `as_chunk` will say."""
+    try:
+        return np.ndim(actions)
+    except ValueError:  # rows of several lengths
+        return 0
+
+
 def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.float32]:
-    """The actions that a policy returned, as a checked array.
+    """The actions that a policy returned, as a checked array that the policy does not have.
 
     Args:
         actions: What `Policy.act` returned.
@@ -124,8 +158,8 @@ def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.fl
     """
     try:
         with np.errstate(over="ignore"):  # too large is infinite, which is rejected below
-            chunk = real_array(actions, np.float32)
-    except (TypeError, ValueError) as error:
+            chunk = real_array(actions, np.float32).copy()
+    except (TypeError, ValueError, OverflowError) as error:
         raise PolicyError(
             f"A policy returns an array of numbers, got {actions!r:.{_LONGEST_SHOWN}}."
         ) from error

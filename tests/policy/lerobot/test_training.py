@@ -80,11 +80,14 @@ def test_simulated_and_real_episodes_are_told_apart_where_they_can_be(
 def test_a_training_goes_on_in_its_folder(tmp_path: Path) -> None:
     data = export(tmp_path / "data")
     config = tmp_path / "out/checkpoints/last/pretrained_model/train_config.json"
-    write(config, {"policy": {"type": "act"}, "dataset": {"root": str(data)}})
+    dataset = {"root": str(data), "episodes": [0, 2]}
+    write(config, {"policy": {"type": "act"}, "dataset": dataset})
     command = arguments("act", data, tasks=["bin_sort"], steps=9)
     assert command[1:] == [f"--config_path={config}", "--resume=true", "--steps=9"]
     with pytest.raises(DuoBenchError, match="policy: xvla, was act"):
         arguments("xvla", data)
+    with pytest.raises(DuoBenchError, match=r"episodes: \[1\], was \[0, 2\]"):
+        arguments("act", data, tasks=["ball_maze"])
 
 
 def test_recordings_are_to_be_exported_first(tmp_path: Path) -> None:
@@ -109,6 +112,10 @@ def _with_info(**values: object) -> object:
     return change
 
 
+def _holding(name: str, content: object) -> object:
+    return lambda data: write(data / name, content)
+
+
 def _with_folder(data: Path) -> None:
     data.with_name("out").mkdir()
 
@@ -123,6 +130,11 @@ def _with_folder(data: Path) -> None:
         (_without("meta/duobench.json"), ["bin_sort"], "does not say which episodes"),
         (_with_info(codebase_version="v2.1"), [], "format v2.1; v3.0 is needed"),
         (_with_info(features={"action": {"shape": [14]}}), [], r"shape \[14\]; \[16\] is needed"),
+        (_holding("meta/info.json", []), [], "it holds a list, no object"),
+        (_with_info(features=None), [], "shape None"),
+        (_with_info(features={"action": []}), [], "shape None"),
+        (_holding("meta/duobench.json", {}), ["bin_sort"], "does not list episodes"),
+        (_holding("meta/duobench.json", {"episodes": [3]}), [], "does not list episodes"),
         (_with_folder, ["bin_sort"], "holds no checkpoint to go on from"),
     ],
 )

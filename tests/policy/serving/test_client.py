@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
+from duobench.evaluation.limits import TimeLimits
 from duobench.policy import Policy, PolicyMetadata, SessionPolicy, as_chunk
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import RemotePolicy
@@ -175,6 +176,44 @@ def test_what_is_no_address_is_refused_without_repeating_it(url: str) -> None:
     with pytest.raises(ServingError) as told:
         RemoteServer(url=url)
     assert url not in str(told.value).replace("ws://HOST", "")
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"url": f"ws://{'x' * 64}:1"},
+        {"url": "ws://a b:1"},
+        {"execute": 0},
+        {"answer_s": float("inf")},
+        {"wait_s": float("inf")},
+        {"answer_s": float("nan")},
+        {"answer_s": 0.0},
+    ],
+    ids=str,
+)
+def test_server_that_nobody_could_ask_is_refused(fields: dict[str, Any]) -> None:
+    given: dict[str, Any] = {"url": "ws://x:1"} | fields
+    with pytest.raises(ServingError):
+        RemoteServer(**given)
+
+
+def test_endless_limit_of_an_evaluation_leaves_a_server_a_day() -> None:
+    limits = TimeLimits(act_s=float("inf"))
+    assert RemoteServer(url="ws://x:1", answer_s=limits.served_s).answer_s == 86_400
+
+
+@pytest.mark.parametrize(
+    "told", [3, [], np.zeros(3), {"protocol": np.ones(2)}, {"protocol": 1}], ids=str
+)
+def test_server_that_describes_itself_wrongly_is_refused_and_left(
+    remote: Connect, monkeypatch: pytest.MonkeyPatch, told: object
+) -> None:
+    left: list[object] = []
+    monkeypatch.setattr(RemotePolicy, "close", lambda self: (left.append(self), self._drop()))
+    with foreign_server({"duobench": told}, lambda _message: None) as port:
+        with pytest.raises(ServingError, match=r"version|wrongly"):
+            remote(port)
+        assert len(left) == 1
 
 
 def test_key_is_not_shown() -> None:

@@ -98,6 +98,8 @@ def test_batch_of_one_chunk_is_a_chunk_and_other_widths_are_refused(tmp_path: Pa
     assert layout.chunk(np.zeros((1, 4, 16))).shape == (4, 16)
     with pytest.raises(PolicyError, match=r"\(H, 16\)"):
         layout.chunk(np.zeros((4, 14)))
+    with pytest.raises(PolicyError, match="array of numbers"):
+        layout.chunk([[1.0], [1.0, 2.0]])
     relative = read_layout(written(tmp_path, '[actions]\nmode = "cartesian_relative"'))
     assert relative.chunk(np.zeros((4, 14))).shape == (4, 14)
 
@@ -113,6 +115,11 @@ def test_batch_of_one_chunk_is_a_chunk_and_other_widths_are_refused(tmp_path: Pa
         ("image_size = [0, 5]", ServingError, "cannot be made"),
         ('image_size = [100, 224]\nresize = "letterbox"', ServingError, "letterbox needs"),
         ("images = 3", ServingError, "images"),
+        ("[state]\ns = []", ServingError, "'s' has no parts"),
+        ('[images]\na = "head"\n[state]\na = ["left_arm"]', ServingError, "things at 'a'"),
+        ('[images]\n"a.b" = "head"\n[state]\na = ["left_arm"]', ServingError, "things at 'a'"),
+        ('[images]\na = "head"\n[state]\n"a.b" = ["left_arm"]', ServingError, "things at 'a'"),
+        ('[images]\nprompt = "head"', ServingError, "things at 'prompt'"),
         ("=", ServingError, "no TOML"),
     ],
 )

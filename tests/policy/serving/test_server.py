@@ -114,6 +114,13 @@ def test_error_is_told_in_text_and_ends_one_connection_only(serve: Serve) -> Non
         np.testing.assert_array_equal(ask(other, good)["actions"], expected(0, good))
 
 
+def test_endpoint_that_is_no_text_is_told_in_words(serve: Serve) -> None:
+    with dial(serve(Network())) as client:
+        client.recv(TIMEOUT_S)
+        client.send(pack({"endpoint": np.zeros(2)}))
+        assert "is infer or reset" in str(client.recv(TIMEOUT_S))
+
+
 def test_health_and_pings_are_answered_during_inference(serve: Serve) -> None:
     policy = Gated()
     port = serve(policy)
@@ -227,6 +234,12 @@ def test_port_that_is_taken_is_told(serve: Serve) -> None:
     port = serve(Network())
     with pytest.raises(ServingError, match=rf"Cannot listen at 127\.0\.0\.1:{port}"):
         PolicyHost(Network(), Network.metadata, Batching(), port=port)
+
+
+@pytest.mark.parametrize("address", [{"port": 70_000}, {"port": -1}, {"host": "x" * 64}], ids=str)
+def test_address_that_none_can_be_is_told(address: dict[str, Any]) -> None:
+    with pytest.raises(ServingError, match="Cannot listen at"):
+        PolicyHost(Network(), Network.metadata, Batching(), key="key", **address)
 
 
 def test_clients_beyond_the_limit_are_turned_away(

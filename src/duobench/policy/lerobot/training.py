@@ -88,7 +88,7 @@ def plan(
     last = out / LAST
     continues = out.exists()
     if continues:
-        _check_same(out, kind, source)
+        _check_same(out, kind, source, _rows(source, learned if tasks else ()))
         why = "the training in this folder goes on, with its own settings"
         settings = (
             Setting(option="config_path", value=str(last / "train_config.json"), why=why),
@@ -142,31 +142,43 @@ class _Source:
             raise DataError(
                 f"{path} has LeRobot's format {info.get('codebase_version')}; v3.0 is needed."
             )
-        shape = info.get("features", {}).get(ACTION, {}).get("shape")
+        features = info.get("features")
+        features = features if isinstance(features, dict) else {}
+        action = features.get(ACTION)
+        shape = action.get("shape") if isinstance(action, dict) else None
         if shape != [FLAT_SIZE]:
             raise DataError(f"Actions of {path} have shape {shape}; [{FLAT_SIZE}] is needed.")
-        self.has_domains = DOMAIN in info["features"]
+        self.has_domains = DOMAIN in features
 
     def _read(self, name: str) -> dict[str, Any] | None:
         path = self.path / name
         try:
-            return json.loads(path.read_bytes())
+            content = json.loads(path.read_bytes())
         except FileNotFoundError:
             return None
         except (OSError, ValueError) as error:
             raise DataError(f"Cannot read {path}: {error}") from error
+        if not isinstance(content, dict):
+            raise DataError(f"Cannot read {path}: it holds a {type(content).__name__}, no object.")
+        return content
 
     def episodes(self) -> list[str] | None:
         """The task of each episode; None if nothing says so, as in a merged data set."""
         about = self._read("meta/duobench.json")
         if about is None:
             return None
-        return [Path(episode["file"]).parent.name for episode in about["episodes"]]
+        try:
+            return [Path(episode["file"]).parent.name for episode in about["episodes"]]
+        except (KeyError, TypeError) as error:
+            raise DataError(
+                f"meta/duobench.json of {self.path} does not list episodes with their files, as an "
+                "export does; export again."
+            ) from error
 
     def mixes_domains(self) -> bool:
         """Whether there are simulated and real episodes."""
-        found = (self._read("meta/stats.json") or {}).get(DOMAIN, {})
-        return self.has_domains and found.get("min") != found.get("max")
+        found = (self._read("meta/stats.json") or {}).get(DOMAIN)
+        return self.has_domains and isinstance(found, dict) and found.get("min") != found.get("max")
 
 
 def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) -> tuple[str, ...]:
@@ -200,8 +212,7 @@ def _data_settings(recipe: Recipe, source: _Source, tasks: Sequence[str]) -> tup
             option="dataset.video_backend", value="pyav", why="ours: needs no FFmpeg on the machine"
         ),
     ]
-    if tasks:
-        rows = [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+    if rows := _rows(source, tasks):
         value = "[" + ",".join(map(str, rows)) + "]"
         settings.append(Setting(option="dataset.episodes", value=value, why="given: their tasks"))
     if source.mixes_domains() and recipe.takes_domains:
@@ -216,6 +227,13 @@ def _data_settings(recipe: Recipe, source: _Source, tasks: Sequence[str]) -> tup
     return tuple(settings)
 
 
+def _rows(source: _Source, tasks: Sequence[str]) -> list[int] | None:
+    """Which episodes of a data set are of some tasks; None for all of them."""
+    if not tasks:
+        return None
+    return [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+
+
 def _check_plugin() -> None:
     try:
         distribution(PLUGIN)
@@ -226,24 +244,36 @@ def _check_plugin() -> None:
         ) from error
 
 
-def _check_same(out: Path, kind: str, source: _Source) -> None:
+def _check_same(out: Path, kind: str, source: _Source, rows: list[int] | None) -> None:
     """Reject a folder that holds something else than an earlier part of this training."""
     path = out / LAST / "train_config.json"
     try:
         before = json.loads(path.read_bytes())
-        facts = {"policy": before["policy"]["type"], "data set": before["dataset"]["root"]}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        facts = {
+            "policy": before["policy"]["type"],
+            "data set": before["dataset"]["root"],
+            "episodes": before["dataset"].get("episodes"),
+        }
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise OtherRunError(
             f"{out} exists and holds no checkpoint to go on from: no {path.relative_to(out)}. "
             "Train into another folder, or delete this one."
         ) from error
-    now = {"policy": kind, "data set": str(source.path)}
+    now = {"policy": kind, "data set": str(source.path), "episodes": rows}
+    if rows is None:  # no task is named; others may have been chosen by an option of LeRobot
+        now["episodes"] = facts["episodes"]
     if changed := [
-        f"{name}: {now[name]}, was {facts[name]}" for name in now if now[name] != facts[name]
+        f"{name}: {_shown(now[name])}, was {_shown(facts[name])}"
+        for name in now
+        if now[name] != facts[name]
     ]:
         raise OtherRunError(
             f"{out} holds another training; this one differs in {'; '.join(changed)}."
         )
+
+
+def _shown(fact: object) -> str:
+    return "all" if fact is None else f"{fact!s:.200}"
 
 
 def _workers(recipe: Recipe) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from urllib.parse import SplitResult, urlsplit
 
@@ -13,6 +14,8 @@ ANSWER_S = 110.0
 """Default seconds for one answer: under the limit of an evaluation, which ends the episode."""
 WAIT_S = 60.0
 """Default seconds to wait for a server that is not there yet, or not there again."""
+MAX_S = 86_400.0
+"""Most seconds for one answer, and to wait: a day; sockets know no endless time."""
 WEBSOCKET = ("ws", "wss")
 """What the address of a WebSocket begins with."""
 
@@ -40,7 +43,7 @@ class RemoteServer:
     def __post_init__(self) -> None:
         """Reject what is no address, or holds more than one."""
         parts = self.parts
-        if parts.scheme not in (self.schemes or ("",)) or not parts.hostname:
+        if parts.scheme not in (self.schemes or ("",)) or not _is_host(parts.hostname):
             raise ServingError(f"The address of a server is {self._form}.")
         if not self.schemes and (parts.path or parts.port is None):
             raise ServingError(f"The address of this kind of server is {self._form}.")
@@ -49,10 +52,13 @@ class RemoteServer:
                 "The address of a server holds no key: put it into the environment variable "
                 f"{access.KEY_VARIABLE}, or into a file."
             )
-        if not (self.answer_s > 0 and self.wait_s >= 0 and (self.execute or 1) >= 1):
+        if not (0 < self.answer_s <= MAX_S and 0 <= self.wait_s <= MAX_S):
             raise ServingError(
-                "Times are positive, and at least one action of a chunk is executed."
+                f"A server is waited for, and may take, up to {MAX_S:g} s; got {self.wait_s:g} and "
+                f"{self.answer_s:g}."
             )
+        if self.execute is not None and self.execute < 1:
+            raise ServingError(f"At least one action of a chunk is executed, got {self.execute}.")
 
     @property
     def parts(self) -> SplitResult:
@@ -67,3 +73,11 @@ class RemoteServer:
     @property
     def _form(self) -> str:
         return " or ".join(f"{scheme}://HOST:PORT" for scheme in self.schemes) or "HOST:PORT"
+
+
+def _is_host(name: str | None) -> bool:
+    """Whether there may be a host of a name, or of an address."""
+    try:
+        return bool(name) and not re.search(r"\s", name) and bool(name.encode("idna"))
+    except UnicodeError:
+        return False

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 from websockets.sync.client import ClientConnection
 
-from duobench.errors import MachineryError, MessageError, PolicyError, ServingError
+from duobench.errors import DuoBenchError, MachineryError, MessageError, PolicyError, ServingError
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.protocol import PolicyMetadata, as_chunk
 from duobench.policy.serving.address import RemoteServer
@@ -40,8 +40,12 @@ class RemotePolicy(ConnectedPolicy):
         super().__init__(server)
         hello = self._hello or {}
         self._dialect = dialect_of(hello, server.parts.path)
-        self.metadata, self.batching = _described(hello, self._dialect, server)
-        """What the policy expects of the environment, and how it is asked where that is known."""
+        try:
+            self.metadata, self.batching = _described(hello, self._dialect, server)
+            """What the policy expects of the environment, and how it is asked, if it tells."""
+        except DuoBenchError:
+            self.close()
+            raise
         self._instruction = ""
         self._seed = 0
         self._session_id: str | None = None
@@ -112,7 +116,9 @@ class RemotePolicy(ConnectedPolicy):
             hello = unpack(first if isinstance(first, bytes) else first.encode())
         except MessageError as error:
             raise MachineryError(f"What answers is no policy's server: {error}") from error
-        if self._hello is not None and hello.get(OURS.name) != self._hello.get(OURS.name):
+        if self._hello is not None and repr(hello.get(OURS.name)) != repr(
+            self._hello.get(OURS.name)
+        ):
             raise MachineryError("The server has another policy now than when the run began.")
         self._hello = hello
 
@@ -129,9 +135,10 @@ def _described(
         return layout.metadata(dialect.name, version, seeded=dialect.has_seed), None
     told = hello[OURS.name]
     try:
-        if told["protocol"] != PROTOCOL:
+        protocol = told.get("protocol") if isinstance(told, dict) else told
+        if type(protocol) is not int or protocol != PROTOCOL:
             raise ServingError(
-                f"The server speaks version {told['protocol']!r:.20} of the protocol, this client "
+                f"The server speaks version {protocol!r:.20} of the protocol, this client "
                 f"{PROTOCOL}. Use the same version of DuoBench on both sides."
             )
         known = {each.name for each in fields(PolicyMetadata)}

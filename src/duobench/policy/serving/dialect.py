@@ -97,7 +97,7 @@ def actions_of(answer: Any, key: str) -> Any:
         return answer
     if not isinstance(answer, dict):
         raise PolicyError(f"The policy's server answers with a {type(answer).__name__}, no map.")
-    if answer.get("type") == "error":
+    if isinstance(kind := answer.get("type"), str) and kind == "error":
         raise PolicyError(f"The policy's server reports: {_words(answer.get('message'))}")
     if key not in answer:
         raise PolicyError(

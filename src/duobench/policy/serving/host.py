@@ -51,9 +51,11 @@ class PolicyHost:
 
     def run(self) -> None:
         """Answer until somebody calls `stop`, then close server and policy."""
-        self._loop.run()
-        self._server.close()
-        getattr(self._policy, "close", lambda: None)()
+        try:
+            self._loop.run()
+        finally:
+            self._server.close()
+            getattr(self._policy, "close", lambda: None)()
 
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""

@@ -17,9 +17,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import PolicyError, ServingError, UnknownNameError
+from duobench.errors import ServingError, UnknownNameError
 from duobench.policy.batch import Chunk, Observation
-from duobench.policy.protocol import PolicyMetadata, as_chunk
+from duobench.policy.protocol import PolicyMetadata, as_chunk, dimensions
 from duobench.types import ARM_JOINTS, SIDE_SIZE
 
 _PACKAGE = "duobench.policy.serving"
@@ -79,9 +79,12 @@ class Layout:
     """How they give actions."""
 
     def __post_init__(self) -> None:
-        """Reject parts that do not exist and sizes that cannot be."""
-        for parts in self.state.values():
+        """Reject parts that do not exist, sizes that cannot be, and keys in each other's place."""
+        for key, parts in self.state.items():
             _check_names("part of a state", parts, (*_PARTS, *_POSES))
+            if not parts:
+                raise ServingError(f"The state {key!r} has no parts.")
+        _check_keys([*self.images, *self.state, self.prompt])
         if min(self.image_size) < 1 or (self.resize == "letterbox" and self.bars < 0):
             raise ServingError(
                 f"Images of {self.image_size} cannot be made by {self.resize}; a letterbox needs a "
@@ -142,7 +145,7 @@ class Layout:
             PolicyError: If they are no chunk of as many numbers as the layout says.
         """
         sizes = self.action_sizes
-        if np.ndim(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
+        if dimensions(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
             actions = actions[0]
         chunk = as_chunk(actions, sum(sizes.values()))
         return self._reordered(chunk, self.actions.order, _PARTS)
@@ -227,6 +230,14 @@ def _put(request: dict[str, Any], key: str, value: object) -> None:
     *above, last = key.split(".")
     for name in above:
         request = request.setdefault(name, {})
-        if not isinstance(request, dict):
-            raise PolicyError(f"The layout puts something at {key!r} and something else above it.")
     request[last] = value
+
+
+def _check_keys(keys: Sequence[str]) -> None:
+    """Reject keys that are the same, or of which one is a map that holds another."""
+    for key in keys:
+        if keys.count(key) > 1 or any(other.startswith(f"{key}.") for other in keys):
+            raise ServingError(
+                f"The layout puts several things at {key!r}; images, states and the prompt have a "
+                "place each."
+            )

@@ -33,6 +33,7 @@ T = TypeVar("T")
 
 RESET_STATUS = "reset successful"
 """Answer to a reset, as other servers of the protocol give it."""
+_ENDPOINTS = ("infer", "reset")
 _GOING_AWAY, _INTERNAL_ERROR, _TRY_AGAIN = 1001, 1011, 1013
 _MILLI = 1e3
 
@@ -120,8 +121,8 @@ class PolicyServer:
                 close_timeout=limits.CLOSE_S,
                 server_header=None,
             )
-        except OSError as error:
-            reason = error.strerror or error
+        except (OSError, OverflowError, ValueError) as error:  # also ports and hosts that none are
+            reason = getattr(error, "strerror", None) or error
             self._port.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
             return
         async with server:
@@ -220,13 +221,13 @@ class _Conversation:
             raise MessageError("A request is a binary message, got text.")
         request = unpack(frame)
         endpoint = request.pop("endpoint", "infer")
-        if endpoint == "reset":
-            await self._begin(_Episode().changed_by(request))
-            return pack({"status": RESET_STATUS})
-        if endpoint != "infer":
+        if not isinstance(endpoint, str) or endpoint not in _ENDPOINTS:
             raise MessageError(
                 f"The endpoint of a request is infer or reset, got {endpoint!r:.40}."
             )
+        if endpoint == "reset":
+            await self._begin(_Episode().changed_by(request))
+            return pack({"status": RESET_STATUS})
         return await self._infer(request)
 
     def note_sent(self) -> None:

@@ -25,7 +25,7 @@ from duobench.errors import (
     printable,
 )
 from duobench.policy.batch import Batching, Chunk, Observation
-from duobench.policy.protocol import PolicyMetadata
+from duobench.policy.protocol import PolicyMetadata, dimensions
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.connection import ConnectedPolicy, reported
@@ -103,7 +103,7 @@ class VlaEvalPolicy(ConnectedPolicy):
             seq = self._send(connection, "observation", request)
             answer = self._answer(connection, seq)
         actions = actions_of(answer, self._layout.actions.key)
-        if np.ndim(actions) == 1:
+        if dimensions(actions) == 1:
             actions = np.asarray(actions)[None]
         return self._layout.chunk(actions)[: self._server.execute]
 
