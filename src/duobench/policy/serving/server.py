@@ -122,7 +122,7 @@ class PolicyServer:
                 server_header=None,
             )
         except (OSError, OverflowError, ValueError) as error:  # also ports and hosts that none are
-            reason = getattr(error, "strerror", None) or error
+            reason = str(getattr(error, "strerror", None) or error).rstrip(".")
             self._port.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
             return
         async with server:
