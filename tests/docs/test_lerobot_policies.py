@@ -24,9 +24,12 @@ def test_trainings_of_the_page_can_be_planned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    export(tmp_path / "demos-lerobot", ("bin_sort",))
-    for words in commands("train"):
-        main([*words, "--print"])
+    for number, (verb, *words) in enumerate(commands("train")):
+        task = words[words.index("--tasks") + 1] if "--tasks" in words else "bin_sort"
+        folder = tmp_path / str(number)
+        export(folder / words[words.index("--data") + 1], (task,))
+        monkeypatch.chdir(folder)
+        main([verb, "--print", *words])
         assert "lerobot-train" in capsys.readouterr().out
 
 
