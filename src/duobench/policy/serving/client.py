@@ -64,13 +64,7 @@ class RemotePolicy(ConnectedPolicy):
             self.close()
             self._connect()
             return
-        is_fresh = self._connection is None
-        try:
-            self._send_reset()
-        except MachineryError:  # perhaps lost while nobody asked; the episode has not begun
-            if is_fresh:
-                raise
-            self._send_reset()
+        self._begin(self._send_reset)
 
     def act(self, observation: Observation) -> Chunk:
         """The next actions (H, n).

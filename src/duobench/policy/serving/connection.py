@@ -13,7 +13,7 @@ import socket
 import struct
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import ClassVar
 
@@ -77,6 +77,20 @@ class ConnectedPolicy(ABC):
     def _start_clock(self) -> None:
         """From now on an answer may take as long as it may."""
         self._deadline = time.monotonic() + self._server.answer_s
+
+    def _begin(self, start: Callable[[], None]) -> None:
+        """Begin an episode, once more if the connection was lost while nobody asked.
+
+        Raises:
+            MachineryError: If the server cannot be reached.
+        """
+        is_fresh = self._connection is None
+        try:
+            start()
+        except MachineryError:
+            if is_fresh:
+                raise
+            start()
 
     def _left(self) -> float:
         """Seconds that the answer may still take."""

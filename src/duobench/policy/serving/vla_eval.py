@@ -80,13 +80,7 @@ class VlaEvalPolicy(ConnectedPolicy):
         """
         self._start_clock()
         self._instruction = instruction
-        is_fresh = self._connection is None
-        try:
-            self._start_episode(seed)
-        except MachineryError:  # perhaps lost while nobody asked; the episode has not begun
-            if is_fresh:
-                raise
-            self._start_episode(seed)
+        self._begin(lambda: self._start_episode(seed))
 
     def act(self, observation: Observation) -> Chunk:
         """The next actions (H, n); an answer with a single action is a chunk of one.
