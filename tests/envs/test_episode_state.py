@@ -1,4 +1,7 @@
-"""A saved state is the whole state: what comes after it is the same to the last bit."""
+"""A saved state is the whole state: what comes after it is the same to the last bit.
+
+Whole episodes of experts are in `tests.experts.test_episodes`.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,8 @@ from duobench.envs.episode_state import EpisodeState, StateError
 from duobench.envs.sim_env import SimEnv
 from duobench.envs.wrappers import CartesianActions, RelativeCartesianActions, TimeLimit
 from duobench.errors import SimulationError
-from duobench.experts.registry import make_expert
 from duobench.tasks import catalog
-from tests.envs.tools import TASK, equal, sim_of, waves
-
-SAVES = 3
-"""Random control steps of an episode at which its state is saved."""
+from tests.envs.tools import TASK, equal, waves
 
 
 def hash_of(env: gym.Env) -> str:
@@ -32,35 +31,6 @@ def save(env: gym.Env) -> EpisodeState:
 
 def restore(env: gym.Env, state: EpisodeState) -> tuple[Any, Any]:
     return env.get_wrapper_attr("restore_state")(state)
-
-
-@pytest.mark.parametrize("name", catalog.names())
-def test_an_experts_episode_goes_on_as_it_did(name: str) -> None:
-    env = duobench.make(name, cameras=False)
-    observation, info = env.reset(seed=1)
-    expert = make_expert(name, sim_of(env).simulation)
-    expert.reset(info["instruction"], 1)
-    actions, steps, states = [], [(observation, 0.0, False, False, info)], [save(env)]
-    while not (steps[-1][2] or steps[-1][3]):
-        actions.append(expert.act(observation)[0].astype(np.float32))
-        steps.append(env.step(actions[-1]))
-        observation = steps[-1][0]
-        states.append(save(env))
-    assert steps[-1][4]["success"]
-    hashes = [state.hash for state in states]
-    assert len(set(hashes)) == len(hashes)
-    rng = np.random.default_rng(0)
-    for start in sorted(rng.integers(len(actions), size=SAVES), reverse=True):
-        env.reset(seed=2)
-        observation, info = restore(env, states[start])
-        assert hash_of(env) == hashes[start]
-        assert equal(observation, steps[start][0])
-        for key in ("stage", "success", "instruction", "current_subinstruction", "sent"):
-            assert equal(info[key], steps[start][4][key]), key
-        for number in range(start, len(actions)):
-            assert equal(env.step(actions[number]), steps[number + 1])
-        assert hash_of(env) == hashes[-1]
-    env.close()
 
 
 @pytest.mark.parametrize("mode", ["joint_relative", "cartesian", "cartesian_relative"])

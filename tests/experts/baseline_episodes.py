@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
 import duobench
+from duobench.envs.episode_state import EpisodeState
+from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
 
 
@@ -18,8 +21,17 @@ class Episode:
 
     actions: tuple[NDArray[np.float32], ...]
     """The actions (16,) up to the one that ended the episode."""
-    state_hash: str
-    """That of the state after the last action."""
+    results: tuple[tuple[Any, ...], ...]
+    """What the reset (with reward 0 and no end), then every step gave back."""
+    states: tuple[EpisodeState, ...]
+    """The whole state before the first action and after each."""
+    positions: tuple[NDArray[np.float64], ...]
+    """Proprioception (16,), then the position (3,) of every object, along with each state."""
+
+    @property
+    def state_hash(self) -> str:
+        """That of the state after the last action."""
+        return self.states[-1].hash
 
 
 def make(name: str) -> gym.Env:
@@ -31,20 +43,35 @@ def play(
     env: gym.Env, expert: ExpertPolicy, seed: int, *, expert_seed: int | None = None
 ) -> Episode:
     """Play one episode to its end; the expert has the layout's seed if it is given none."""
+    sim = sim_of(env).simulation
+    actions: list[NDArray[np.float32]] = []
+    results: list[tuple[Any, ...]] = []
+    states: list[EpisodeState] = []
+    positions: list[NDArray[np.float64]] = []
+
+    def keep(result: tuple[Any, ...]) -> None:
+        results.append(result)
+        states.append(env.get_wrapper_attr("save_state")())
+        positions.append(np.hstack([sim.duo.read().flat, *map(sim.position, sim.props)]))
+
     observation, info = env.reset(seed=seed)
     expert.reset(info["instruction"], seed if expert_seed is None else expert_seed)
-    actions: list[NDArray[np.float32]] = []
-    over = False
-    while not over:
-        actions.append(np.asarray(expert.act(observation), dtype=np.float32)[0])
-        observation, _, terminated, truncated, _ = env.step(actions[-1])
-        over = terminated or truncated
-    return Episode(actions=tuple(actions), state_hash=env.get_wrapper_attr("state_hash")())
+    keep((observation, 0.0, False, False, info))
+    while not (results[-1][2] or results[-1][3]):
+        actions.append(np.asarray(expert.act(results[-1][0]), dtype=np.float32)[0])
+        keep(env.step(actions[-1]))
+    return Episode(
+        actions=tuple(actions),
+        results=tuple(results),
+        states=tuple(states),
+        positions=tuple(positions),
+    )
 
 
-def play_alone(name: str, seed: int) -> Episode:
-    """Play one episode, the first of a new environment and of a new expert."""
+def play_alone(name: str, *seeds: int) -> tuple[Episode, ...]:
+    """Play episodes one after another in a new environment by a new expert."""
     env = make(name)
-    episode = play(env, ExpertPolicy(env), seed)
+    expert = ExpertPolicy(env)
+    episodes = tuple(play(env, expert, seed) for seed in seeds)
     env.close()
-    return episode
+    return episodes

@@ -21,11 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from duobench.experts.registry import find_script
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
+from tests.experts.baseline_episodes import Episode, play_alone
 from tests.golden import models
-from tests.task_harness import TaskHarness
 
 PATH = Path(__file__).with_name("episodes.json")
 SEEDS = (0, 1)
@@ -51,37 +50,22 @@ class NotRenewedError(Exception):
 
 
 def play(name: str, seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
-    """Expert episodes of one task, by seed."""
-    task_harness = TaskHarness(catalog.get(name))
-    return {str(seed): _episode(task_harness, seed) for seed in seeds}
+    """What the file holds of expert episodes of one task, by seed."""
+    played = play_alone(name, *seeds)
+    return {str(seed): summary(episode) for seed, episode in zip(seeds, played, strict=True)}
 
 
-def _episode(task_harness: TaskHarness, seed: int) -> dict[str, Any]:
-    task = task_harness.task
-    task_harness.start(seed)
-    running = find_script(task.id)(task_harness.arms)
-    states: dict[str, list[float]] = {}
-    changes: list[list[int]] = []
-    for step in range(1, task.horizon + 1):
-        before = task_harness.stage
-        next(running, None)
-        task_harness.advance()
-        if task_harness.stage != before:
-            changes.append([step, task_harness.stage])
-        if step in CHECKPOINTS:
-            states[str(step)] = _state(task_harness)
-        if task_harness.progress.success:
-            break
+def summary(episode: Episode) -> dict[str, Any]:
+    """What the file holds of an episode."""
+    stages = [info["stage"] for *_, info in episode.results]
+    changes = [
+        [step, stages[step]] for step in range(1, len(stages)) if stages[step] != stages[step - 1]
+    ]
+    states = {
+        str(step): [round(float(number), DIGITS) for number in episode.positions[step]]
+        for step in CHECKPOINTS
+    }
     return {"stages": changes, "states": states}
-
-
-def _state(task_harness: TaskHarness) -> list[float]:
-    """Proprioception, then the position of every object."""
-    sim = task_harness.sim
-    numbers = [*sim.duo.read().flat]
-    for name in sim.props:
-        numbers.extend(sim.position(name))
-    return [round(float(number), DIGITS) for number in numbers]
 
 
 def record(names: Iterable[str]) -> Content:
