@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import manifold3d
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
@@ -147,6 +146,8 @@ def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
 @lru_cache(maxsize=256)
 def mass_properties(solid: Solid) -> MassProperties:
     """Mass properties of the printable mesh, with the solid's density, or scaled to its mass."""
+    import trimesh  # it brings SciPy, which a process that builds no scene does without
+
     mesh = printable(solid)
     body = trimesh.Trimesh(vertices=mesh.vertices, faces=mesh.faces, process=False)
     scale = solid.density if solid.mass is None else solid.mass / body.volume

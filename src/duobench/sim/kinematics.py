@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import mink
 import numpy as np
 
 from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
@@ -51,6 +50,8 @@ class ArmKinematics:
 
     def __init__(self, side: Side) -> None:
         """Build the arm's kinematic model and the tasks."""
+        import mink  # it brings SciPy, which joint actions do without
+
         model = kinematic_model(side)
         model.jnt_range[ELBOW, 1] = STRAIGHT
         self._low, self._high = model.jnt_range.T
@@ -79,6 +80,8 @@ class ArmKinematics:
 
     def step(self, joints: Array, target: SE3, dt: float, posture: Array) -> Array:
         """Joint targets (7,) one step nearer to a tool pose; see `Kinematics.step`."""
+        import mink
+
         start = np.clip(joints, self._low, self._high)
         goal = within_reach(self._side, target)
         self._tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
