@@ -50,7 +50,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return records
 
 
-@pytest.mark.parametrize("workers", [1, 2, 4])
+@pytest.mark.parametrize("workers", [1, 4])
 def test_records_do_not_depend_on_the_workers(
     play: Play, undisturbed: dict[str, bytes], workers: int
 ) -> None:
