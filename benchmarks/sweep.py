@@ -63,6 +63,8 @@ class Job:
     policy: str
     seeds: tuple[int, ...]
     split: str = EVAL
+    horizon: int | None = None
+    """Control steps an episode lasts at most; None is the task's."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -78,7 +80,7 @@ class Outcome:
 
 def play(job: Job) -> list[Outcome]:
     """Play one job in this process."""
-    env = duobench.make(job.task, cameras=False, split=job.split)
+    env = duobench.make(job.task, cameras=False, split=job.split, horizon=job.horizon)
     policy = (
         OpenClosePolicy() if job.policy == OPEN_CLOSE else policies.source(job.policy).bind(env)
     )

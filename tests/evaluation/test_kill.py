@@ -26,7 +26,7 @@ folder, workers, policy = RunFolder(Path(sys.argv[1])), int(sys.argv[2]), sys.ar
 results = evaluate(policy, small_suite(episodes=EPISODES), folder, videos=1, workers=workers)
 Console(width=130).print(results_table(results, EPISODES))
 """
-EPISODES = 6
+EPISODES = 4
 
 
 def start(
