@@ -6,8 +6,10 @@ this file.
 
 import re
 import shlex
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 
@@ -31,6 +33,16 @@ def shell_lines() -> list[list[str]]:
         for line in block.splitlines()
         if (words := shlex.split(line, comments=True))
     ]
+
+
+@pytest.fixture(scope="module")
+def in_background() -> Iterator[list[subprocess.Popen[bytes]]]:
+    """What lines that end in & have started; it ends well when it is interrupted."""
+    running: list[subprocess.Popen[bytes]] = []
+    yield running
+    for process in running:
+        process.send_signal(signal.SIGINT)
+    assert [process.wait() for process in running] == [0] * len(running)
 
 
 @pytest.fixture(scope="module")
@@ -81,8 +93,13 @@ def test_it_installs_from_a_clone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", [words for words in shell_lines() if words[0] == "duobench"])
-def test_command_runs(line: list[str], folder: Path) -> None:
+def test_command_runs(
+    line: list[str], folder: Path, in_background: list[subprocess.Popen[bytes]]
+) -> None:
     script = Path(sys.executable).with_name("duobench")
+    if line[-1] == "&":
+        in_background.append(subprocess.Popen([str(script), *line[1:-1]], cwd=folder))
+        return
     assert run([str(script), *line[1:]], folder)
 
 

@@ -253,6 +253,8 @@ def test_defaults_of_the_protocol_are_those_of_the_code() -> None:
     assert values["control rate"] == f"{CONTROL_HZ:g} Hz"
     per_second = round(CONTROL_HZ * SUBSTEPS)
     assert values["physics steps per control step"] == f"{SUBSTEPS}, of 1/{per_second} s each"
+    assert values["cameras"].endswith(", all three by default")
+    assert len(PolicyMetadata(name="any").cameras) == 3
 
 
 def test_the_table_of_metadata_names_its_fields() -> None:
