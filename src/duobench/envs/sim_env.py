@@ -80,11 +80,6 @@ class SimEnv(DuoEnv):
         """How images of the current episode look."""
         return self._arms.look
 
-    @property
-    def subinstructions(self) -> dict[int, str]:
-        """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
-        return self.definition.subinstructions(self.layout)
-
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, Info]:
