@@ -6,52 +6,26 @@ binary grippers, action chunks, cameras.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import gymnasium as gym
 
 from duobench.envs.config import EnvConfig
 from duobench.envs.sim_env import SimEnv
-from duobench.envs.wrappers.action_chunks import ActionChunks
-from duobench.envs.wrappers.binary_gripper import BinaryGripper
-from duobench.envs.wrappers.cameras import Cameras
-from duobench.envs.wrappers.randomized_reset import RandomizedReset
-from duobench.envs.wrappers.relative import RelativeJointActions
-from duobench.envs.wrappers.task_stages import TaskStages
-from duobench.envs.wrappers.time_limit import TimeLimit
+from duobench.envs.wrappers import (
+    ActionChunks,
+    BinaryGripper,
+    Cameras,
+    CartesianActions,
+    RandomizedReset,
+    RelativeCartesianActions,
+    RelativeJointActions,
+    TaskStages,
+    TimeLimit,
+)
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-
-
-def _joint(env: gym.Env) -> gym.Env:
-    return env
-
-
-def _cartesian(env: gym.Env) -> gym.Env:
-    # Inverse kinematics is loaded where it is used: it doubles the time to the first environment.
-    from duobench.envs.wrappers.cartesian import CartesianActions
-
-    return CartesianActions(env)
-
-
-def _cartesian_relative(env: gym.Env) -> gym.Env:
-    from duobench.envs.wrappers.relative import RelativeCartesianActions
-
-    return RelativeCartesianActions(_cartesian(env))
-
-
-_WRAP: Mapping[str, Callable[[gym.Env], gym.Env]] = MappingProxyType(
-    {
-        "joint": _joint,
-        "joint_relative": RelativeJointActions,
-        "cartesian": _cartesian,
-        "cartesian_relative": _cartesian_relative,
-    }
-)
-"""The wrappers of each action mode."""
 
 
 def make_env(task: str | Task, **options: Any) -> gym.Env:
@@ -80,7 +54,12 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
     )
     base.config = config
     env: gym.Env = TimeLimit(TaskStages(RandomizedReset(base, config.split)), definition.horizon)
-    env = _WRAP[config.action_mode](env)
+    if config.action_mode == "joint_relative":
+        env = RelativeJointActions(env)
+    elif config.action_mode != "joint":
+        env = CartesianActions(env)
+    if config.action_mode == "cartesian_relative":
+        env = RelativeCartesianActions(env)
     if config.binary_gripper:
         env = BinaryGripper(env)
     if config.chunk is not None:
