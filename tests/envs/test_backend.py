@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from duobench.backend import DuoLimits, Image
-from duobench.envs.duo_env import DuoEnv
-from duobench.envs.wrappers import (
+from duobench.envs import (
     ActionChunks,
     BinaryGripper,
     Cameras,
@@ -21,6 +20,7 @@ from duobench.envs.wrappers import (
     RelativeJointActions,
     TaskStages,
 )
+from duobench.envs.duo_env import DuoEnv
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.sim.kinematics import Kinematics
 from duobench.tasks import catalog

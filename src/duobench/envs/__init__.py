@@ -11,18 +11,15 @@ if TYPE_CHECKING:
     from duobench.envs.protocol import make_env
     from duobench.envs.registration import env_id, make, register
     from duobench.envs.sim_env import SimEnv, sim_of
-    from duobench.envs.wrappers import (
-        ActionChunks,
-        BinaryGripper,
-        Cameras,
-        CartesianActions,
-        RandomizedReset,
-        RelativeCartesianActions,
-        RelativeJointActions,
-        TaskStages,
-        TimeLimit,
-    )
+    from duobench.envs.wrappers.action_chunks import ActionChunks
     from duobench.envs.wrappers.base import DuoWrapper
+    from duobench.envs.wrappers.binary_gripper import BinaryGripper
+    from duobench.envs.wrappers.cameras import Cameras
+    from duobench.envs.wrappers.cartesian import CartesianActions
+    from duobench.envs.wrappers.randomized_reset import RandomizedReset
+    from duobench.envs.wrappers.relative import RelativeCartesianActions, RelativeJointActions
+    from duobench.envs.wrappers.task_stages import TaskStages
+    from duobench.envs.wrappers.time_limit import TimeLimit
 
 __all__ = [
     "ACTION_MODES",

@@ -13,17 +13,14 @@ import gymnasium as gym
 
 from duobench.envs.config import EnvConfig
 from duobench.envs.sim_env import SimEnv
-from duobench.envs.wrappers import (
-    ActionChunks,
-    BinaryGripper,
-    Cameras,
-    CartesianActions,
-    RandomizedReset,
-    RelativeCartesianActions,
-    RelativeJointActions,
-    TaskStages,
-    TimeLimit,
-)
+from duobench.envs.wrappers.action_chunks import ActionChunks
+from duobench.envs.wrappers.binary_gripper import BinaryGripper
+from duobench.envs.wrappers.cameras import Cameras
+from duobench.envs.wrappers.cartesian import CartesianActions
+from duobench.envs.wrappers.randomized_reset import RandomizedReset
+from duobench.envs.wrappers.relative import RelativeCartesianActions, RelativeJointActions
+from duobench.envs.wrappers.task_stages import TaskStages
+from duobench.envs.wrappers.time_limit import TimeLimit
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 
