@@ -93,7 +93,7 @@ def put_back(arms: Arms, side: Side, cup: SE3) -> Script:
     yield from move(arms, {side: tool.moved(z=0.08)}, speed=0.3, tolerance=0.01)
     yield from move(arms, {side: tool.moved(z=0.002)}, speed=0.2)
     yield from release(arms, side)
-    away = tool @ SE3(np.eye(3), np.array([0.0, 0.0, -0.10]))
+    away = tool @ SE3.at(z=-0.10)
     yield from move(arms, {side: away}, speed=0.3, arrive=False)
 
 
@@ -117,7 +117,7 @@ def _marbles_in(arms: Arms, side: Side) -> int:
 
 def _inward(side: Side) -> np.ndarray:
     """Horizontal direction (3,) from an arm's shoulder to the other half of the table, ahead."""
-    return np.array([1.0, -1.0 if side is Side.LEFT else 1.0, 0.0]) / math.sqrt(2.0)
+    return np.array([1.0, -side.sign, 0.0]) / math.sqrt(2.0)
 
 
 def _grasp(arms: Arms, side: Side, lean: float) -> SE3:
@@ -133,7 +133,7 @@ def _grasp(arms: Arms, side: Side, lean: float) -> SE3:
 def take(arms: Arms, side: Side, *, lean: float = POUR_LEAN) -> Script:
     """Grasp the cup of an arm's own side, `lean` radians from the vertical, and raise it."""
     grasp = _grasp(arms, side, lean)
-    away = grasp @ SE3(np.eye(3), np.array([0.0, 0.0, -0.12]))
+    away = grasp @ SE3.at(z=-0.12)
     yield from move(arms, {side: away}, tolerance=0.015)
     yield from move(arms, {side: grasp}, speed=0.22)
     yield from grip(arms, side)
