@@ -70,17 +70,11 @@ class Predicate:
 
     def __and__(self, other: Predicate) -> Predicate:
         """Both hold."""
-        one, two = self.ask, other.ask
-        return Predicate(
-            f"({self.name} and {other.name})", lambda m: one(m) and two(m), (self, other)
-        )
+        return all_of(self, other)
 
     def __or__(self, other: Predicate) -> Predicate:
         """At least one holds."""
-        one, two = self.ask, other.ask
-        return Predicate(
-            f"({self.name} or {other.name})", lambda m: one(m) or two(m), (self, other)
-        )
+        return any_of(self, other)
 
     def __invert__(self) -> Predicate:
         """It does not hold."""

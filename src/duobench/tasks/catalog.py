@@ -5,7 +5,6 @@ Importing this module loads no task and no physics, so that ids can be registere
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from duobench.errors import UnknownNameError
@@ -45,15 +44,12 @@ def get(task: Task | str) -> Task:
         UnknownNameError: There is no such task.
         ImportPathError: The module of an import path is missing or raises an error.
     """
-    return _named(task) if isinstance(task, str) else task
-
-
-@lru_cache(maxsize=64)
-def _named(name: str) -> Task:
-    if ":" not in name and name not in NAMES:
-        raise UnknownNameError("task", name, NAMES)
+    if not isinstance(task, str):
+        return task
+    if ":" not in task and task not in NAMES:
+        raise UnknownNameError("task", task, NAMES)
 
     from duobench.tasks.task import Task
 
-    path = name if ":" in name else f"duobench.tasks.{name}:TASK"
+    path = task if ":" in task else f"duobench.tasks.{task}:TASK"
     return load(path, "task", lambda value: isinstance(value, Task))
