@@ -14,7 +14,7 @@ from duobench.envs import CartesianActions, RelativeCartesianActions, TimeLimit
 from duobench.envs.episode_state import EpisodeState, StateError
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import SimulationError
-from duobench.experts.registry import make_expert
+from duobench.experts.expert import make_expert
 from duobench.tasks import catalog
 from tests.envs.tools import TASK, equal, sim_of, waves
 

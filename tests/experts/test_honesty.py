@@ -14,9 +14,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from duobench.experts.expert import Expert
+from duobench.experts.expert import Expert, find_script, make_expert
 from duobench.experts.motion import Arms, Script
-from duobench.experts.registry import find_script, make_expert
 from duobench.experts.variety import HUMAN
 from duobench.sim.simulation import STATE, Simulation
 from duobench.tasks import catalog

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from duobench.envs.duo_env import ROUNDING
-from duobench.experts.registry import make_expert
+from duobench.experts.expert import make_expert
 from duobench.experts.variety import HUMAN
 from duobench.scene.fr3 import VELOCITY_LIMITS
 from duobench.tasks import catalog

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from duobench.experts.registry import find_script
+from duobench.experts.expert import find_script
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from tests.golden import models
