@@ -92,8 +92,7 @@ class SimEnv(DuoEnv):
         self._arms.set_look(self._usual_look if look is None else as_look(look))
         given = options.get(LAYOUT)
         if given is None:
-            seed = options.get(LAYOUT_SEED)
-            seed = DEFAULT_SEED if seed is None else seed
+            seed = options.get(LAYOUT_SEED) or DEFAULT_SEED
             given = self.definition.layouts(seed, options.get(SPLIT, EVAL))
         else:
             given = iter([given])
