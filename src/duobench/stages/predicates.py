@@ -17,7 +17,7 @@ from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
 from duobench.types import CONTROL_HZ, SIDES, Side
 
 Point = tuple[float, float, float]
-Memory = tuple["Predicate"] | tuple["Predicate", "Predicate"]
+Memory = tuple["Predicate", ...]
 """What is remembered and, if anything makes it forgotten, what does."""
 
 LIFTED_HEIGHT = 0.010
