@@ -8,8 +8,7 @@ step and q has not held since, and `held_for(p, seconds)`, whether p has held wi
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from duobench.sim.simulation import Simulation
 from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView
@@ -61,10 +60,6 @@ class ProgressState:
     """For each `held_for`, in the same order, for how many control steps in a row."""
     start_heights: tuple[tuple[str, float], ...] = ()
     """Height of each prop's lowest point when the episode began, in metres."""
-
-    def to_json(self) -> dict[str, Any]:
-        """As plain data."""
-        return asdict(self)
 
 
 def check_names(

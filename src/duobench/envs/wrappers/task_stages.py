@@ -24,10 +24,7 @@ class TaskStages(DuoWrapper):
     """
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `SimEnv`, wrapped or not.
+        """Wrap a `SimEnv`, wrapped already or not.
 
         Raises:
             UnknownNameError: A stage names what is not there; near misses are listed.
