@@ -77,7 +77,7 @@ def with_wrappers(env: gym.Env) -> gym.Env:
         base.config = replace(config, horizon=horizon)
     stack = _stack(env, config, horizon)
     if base.spec is not None:
-        stack.made_by = replace(
+        stack.made_from = replace(
             base.spec, max_episode_steps=horizon, additional_wrappers=(WRAPPERS,)
         )
     return stack

@@ -18,7 +18,7 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     outermost environment are passed on here.
     """
 
-    made_by: EnvSpec | None = None
+    made_from: EnvSpec | None = None
     """What Gymnasium makes the environment from, up to this wrapper; None if it adds the wrapper to
     what it makes of those inside."""
 
@@ -39,7 +39,7 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     @property
     def spec(self) -> EnvSpec | None:
         """What Gymnasium makes the environment from; None where it was put together by hand."""
-        return self.made_by or super().spec
+        return self.made_from or super().spec
 
     @property
     def base(self) -> DuoEnv:
