@@ -84,6 +84,11 @@ class DuoEnv(gym.Env[Observation, Any]):
         return self._instruction
 
     @property
+    def subinstructions(self) -> dict[int, str]:
+        """What to do at each stage 0 to n-1 to reach the next one."""
+        return {number: stage.instruction for number, stage in enumerate(self.definition.stages)}
+
+    @property
     def _max_episode_steps(self) -> int:
         """The task's horizon in control steps; a time limit enforces it."""
         return self.definition.horizon

@@ -87,6 +87,11 @@ class SimEnv(DuoEnv):
         """How images of the current episode look."""
         return self._arms.look
 
+    @property
+    def subinstructions(self) -> dict[int, str]:
+        """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
+        return self.definition.subinstructions(self.layout)
+
     def _begin(self, options: Mapping[str, Any]) -> Info:
         look = options.get(LOOK)
         self._arms.set_look(self._usual_look if look is None else as_look(look))

@@ -3,19 +3,93 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium as gym
 
 from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState, required
-from duobench.envs.sim_env import sim_of
+from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.envs.wrappers.base import DuoWrapper
-from duobench.stages.progress import Progress, check_names
+from duobench.stages.progress import Progress, ProgressState, check_names
+
+
+class Judge(Protocol):
+    """Who says which stage an episode has reached: the simulation, or a person."""
+
+    def begin(self) -> None:
+        """An episode has begun."""
+        ...
+
+    def judge(self) -> None:
+        """A control step is over."""
+        ...
+
+    @property
+    def stage(self) -> int:
+        """The highest stage so far."""
+        ...
+
+    @property
+    def final_holds(self) -> bool:
+        """Whether the last stage's constraints hold right now."""
+        ...
+
+    def get_state(self) -> ProgressState:
+        """All that the next judgement depends on."""
+        ...
+
+    def set_state(self, state: ProgressState) -> None:
+        """Continue from a state."""
+        ...
+
+
+class SimJudge:
+    """Judges by the task's constraints, from the state of the simulation."""
+
+    def __init__(self, env: SimEnv) -> None:
+        """Check that the simulation has everything that the stages name.
+
+        Args:
+            env: The simulated environment.
+
+        Raises:
+            UnknownNameError: A stage names what is not there; near misses are listed.
+        """
+        self._env = env
+        stages = env.definition.stages
+        check_names(stages, env.simulation, next(env.definition.layouts(0)).variants)
+        self._progress = Progress(stages)
+
+    def begin(self) -> None:
+        """Begin at stage 0, and remember where everything is."""
+        self._progress.reset(self._env.simulation, self._env.layout.variants)
+
+    def judge(self) -> None:
+        """Evaluate the stage rule."""
+        self._progress.update(self._env.simulation)
+
+    @property
+    def stage(self) -> int:
+        """The highest stage so far."""
+        return self._progress.stage
+
+    @property
+    def final_holds(self) -> bool:
+        """Whether the last stage's constraints hold right now."""
+        return self._progress.final_holds
+
+    def get_state(self) -> ProgressState:
+        """Stage and memories."""
+        return self._progress.get_state()
+
+    def set_state(self, state: ProgressState) -> None:
+        """Continue from a state."""
+        self._progress.set_state(state, self._env.layout.variants)
 
 
 class TaskStages(DuoWrapper):
-    """Judges every control step by the task's constraints, from the state of the simulation.
+    """Has every control step judged.
 
     The reward is stage / last stage, and the episode terminates at the last stage. Info holds
     `stage`, `max_stage`, `success` (the same as `is_success`), `success_at_end` (whether the last
@@ -23,39 +97,44 @@ class TaskStages(DuoWrapper):
     `stage_to_subinstructions` (what to do at each stage to reach the next one).
     """
 
-    def __init__(self, env: gym.Env) -> None:
-        """Wrap a `SimEnv`, wrapped already or not.
+    def __init__(self, env: gym.Env, judge: Judge | None = None) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            judge: Who says which stage is reached; the simulation where none is given.
 
         Raises:
             UnknownNameError: A stage names what is not there; near misses are listed.
-            TypeError: There is no simulation inside.
+            TypeError: There is neither a judge nor a simulation.
         """
         super().__init__(env)
-        self._sim_env = sim_of(env)
-        task = self._sim_env.definition
-        check_names(task.stages, self._sim_env.simulation, next(task.layouts(0)).variants)
-        self._progress = Progress(task.stages)
+        self.judge = judge or SimJudge(sim_of(env))
+        """Who says which stage is reached."""
+        self._max_stage = self.base.definition.max_stage
+        self._subinstructions: dict[int, str] = {}
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, Info]:
         """Begin an episode at stage 0."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._progress.reset(self._sim_env.simulation, self._sim_env.layout.variants)
+        self.judge.begin()
+        self._subinstructions = self.base.subinstructions
         self._report(info)
         return observation, info
 
     def step(self, action: Any) -> Transition:
-        """Advance one control step and judge it."""
+        """Advance one control step and have it judged."""
         observation, _, terminated, truncated, info = self.env.step(action)
-        stage = self._progress.update(self._sim_env.simulation)
-        self._report(info)
-        reward = stage / self._progress.max_stage
-        return observation, reward, terminated or self._progress.success, truncated, info
+        self.judge.judge()
+        success = self._report(info)
+        reward = self.judge.stage / self._max_stage
+        return observation, reward, terminated or success, truncated, info
 
     def save_state(self) -> EpisodeState:
         """The state of the wrapped environment, with stage and memories."""
-        return replace(super().save_state(), progress=self._progress.get_state())
+        return replace(super().save_state(), progress=self.judge.get_state())
 
     def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
         """Continue from a saved state, at its stage.
@@ -65,18 +144,21 @@ class TaskStages(DuoWrapper):
         """
         progress = required(state.progress, "stages")
         observation, info = super().restore_state(state)
-        self._progress.set_state(progress, self._sim_env.layout.variants)
+        self.judge.set_state(progress)
+        self._subinstructions = self.base.subinstructions
         self._report(info)
         return observation, info
 
-    def _report(self, info: Info) -> None:
-        """Add what is known about progress to info."""
-        progress = self._progress
-        info["success"] = info["is_success"] = progress.success
-        info["success_at_end"] = progress.final_holds
-        info["stage"] = progress.stage
-        info["max_stage"] = progress.max_stage
+    def _report(self, info: Info) -> bool:
+        """Add what is known about progress to info, and return whether the task is solved."""
+        stage = self.judge.stage
+        success = stage == self._max_stage
+        info["success"] = success
+        info["is_success"] = success
+        info["success_at_end"] = self.judge.final_holds
+        info["stage"] = stage
+        info["max_stage"] = self._max_stage
         # Once the task is solved, what was to be done last is still the answer.
-        todo = self._sim_env.definition.subinstructions(self._sim_env.layout)
-        info["current_subinstruction"] = todo[min(progress.stage, progress.max_stage - 1)]
-        info["stage_to_subinstructions"] = todo
+        info["current_subinstruction"] = self._subinstructions[min(stage, self._max_stage - 1)]
+        info["stage_to_subinstructions"] = self._subinstructions.copy()
+        return success
