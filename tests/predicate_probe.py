@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import HeldFor, Memory, Predicate, StateView
-from duobench.stages.progress import memories_of, recalled
+from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView
+from duobench.stages.progress import parts_of, recalled
 
 
 class PredicateProbe:
@@ -16,10 +16,9 @@ class PredicateProbe:
 
     def __init__(self, question: Predicate) -> None:
         self._question = question
-        self._memories = memories_of(question)
+        self._memories = parts_of(Since, [question])
         self._remembered: frozenset[Memory] = frozenset()
-        parts = question.walk()
-        self._lasted = {part.parts[0]: 0 for part in parts if isinstance(part, HeldFor)}
+        self._lasted = {timed: 0 for (timed,) in parts_of(HeldFor, [question])}
 
     def ask(
         self,

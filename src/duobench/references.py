@@ -91,14 +91,14 @@ def lazy(package: str) -> None:
     """Let a package import its public names when they are asked for first.
 
     The names are those that its `__init__` imports from modules under `if TYPE_CHECKING`: what
-    type checkers see is what there is.
+    type checkers see is what there is. `import NAME as NAME` tells them that it is public.
 
     Args:
         package: `__name__` of the package, whose `__init__` calls this at its end.
     """
     module = sys.modules[package]
     source = Path(str(module.__file__)).read_text(encoding="utf-8")
-    vars(module)["origins"] = {
+    origins = {
         alias.name: node.module
         for block in ast.parse(source).body
         if isinstance(block, ast.If)
@@ -106,4 +106,5 @@ def lazy(package: str) -> None:
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
+    vars(module).update(origins=origins, __all__=list(origins))
     module.__class__ = _LazyPackage

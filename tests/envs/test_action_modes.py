@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.sim_env import SimEnv
-from duobench.envs.wrappers import (
+from duobench.envs import (
     ActionChunks,
     BinaryGripper,
     CartesianActions,
     RelativeCartesianActions,
     RelativeJointActions,
 )
+from duobench.envs.sim_env import SimEnv
 from duobench.errors import ActionError
 from duobench.scene.fr3_links import JOINT_RANGES
 from duobench.sim.kinematics import Kinematics

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from duobench.backend import DuoLimits, Image
-from duobench.envs.duo_env import DuoEnv
-from duobench.envs.wrappers import (
+from duobench.envs import (
     ActionChunks,
     BinaryGripper,
     Cameras,
@@ -22,6 +21,7 @@ from duobench.envs.wrappers import (
     TaskStages,
     TimeLimit,
 )
+from duobench.envs.duo_env import DuoEnv
 from duobench.envs.wrappers.task_stages import Judge
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.sim.kinematics import Kinematics

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.envs import ActionChunks, Cameras
 from duobench.envs.sim_env import SimEnv
-from duobench.envs.wrappers import ActionChunks, Cameras
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.envs import CartesianActions, RelativeCartesianActions, TimeLimit
 from duobench.envs.episode_state import EpisodeState, StateError
 from duobench.envs.sim_env import SimEnv
-from duobench.envs.wrappers import CartesianActions, RelativeCartesianActions, TimeLimit
 from duobench.errors import SimulationError
 from duobench.tasks import catalog
 from tests.envs.tools import TASK, equal, waves

@@ -11,9 +11,10 @@ from typing import Any
 
 import gymnasium as gym
 import pytest
+from gymnasium.envs.registration import EnvSpec
 
 import duobench
-from duobench.envs import ResetNeededError
+from duobench.envs import ActionChunks, ResetNeededError
 from duobench.envs.registration import env_id
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.tasks import catalog
@@ -59,19 +60,26 @@ def test_an_environment_knows_how_to_be_made_again() -> None:
 
 
 @pytest.mark.parametrize("name", catalog.names())
-def test_the_spec_of_an_environment_has_its_horizon(name: str) -> None:
+def test_a_spec_has_the_horizon(name: str) -> None:
+    env_spec = gym.spec(f"duobench/{name}-v1")
+    assert env_spec.max_episode_steps == catalog.get(name).horizon
     env = gym.make(f"duobench/{name}-v1", cameras=False)
     assert env.spec is not None
     assert env.spec.max_episode_steps == catalog.get(name).horizon
 
 
+@pytest.mark.parametrize("option", ["horizon", "max_episode_steps"])
 @pytest.mark.parametrize("horizon", [2, 1000])
-def test_there_is_one_time_limit(mine: Task, horizon: int) -> None:
-    env = duobench.make(replace(mine, horizon=5), cameras=False, horizon=horizon)
-    for made in (env, env.spec.make() if env.spec else env):
+def test_there_is_one_time_limit(mine: Task, horizon: int, option: str) -> None:
+    env = duobench.make(replace(mine, horizon=5), cameras=False, **{option: horizon})
+    assert env.spec is not None
+    for made in (env, env.spec.make(), gym.make(env.spec)):
         assert made.spec is not None
         assert made.spec.max_episode_steps == horizon
         assert str(made).count("TimeLimit") == 1
+        assert made.get_wrapper_attr("config").horizon == horizon
+        assert made.get_wrapper_attr("_max_episode_steps") == horizon
+        assert sim_of(made).definition.horizon == horizon
     env.reset(seed=0)
     action = env.action_space.sample()
     ends = [env.step(action)[3] for _ in range(min(horizon, 7))]
@@ -79,6 +87,46 @@ def test_there_is_one_time_limit(mine: Task, horizon: int) -> None:
     if horizon == 2:
         with pytest.raises(ResetNeededError, match="episode is over"):
             env.step(action)
+
+
+def test_a_limit_of_gymnasium_counts_control_steps_and_is_part_of_the_state() -> None:
+    env = gym.make(f"duobench/{TASK}-v1", cameras=False, chunk=4, max_episode_steps=6)
+    env.reset(seed=0)
+    action = env.action_space.sample()
+    *_, truncated, info = env.step(action)
+    assert (truncated, info["executed"]) == (False, 4)
+    state = env.get_wrapper_attr("save_state")()
+    for _ in range(2):
+        *_, truncated, info = env.step(action)
+        assert (truncated, info["executed"]) == (True, 2)
+        env.get_wrapper_attr("restore_state")(state)
+
+
+def test_without_a_time_limit_an_episode_goes_on(mine: Task) -> None:
+    env = duobench.make(mine, cameras=False, max_episode_steps=-1)
+    assert env.spec is not None
+    assert env.spec.max_episode_steps is None
+    for made in (env, env.spec.make()):
+        made.reset(seed=0)
+        action = made.action_space.sample()
+        assert not any(made.step(action)[3] for _ in range(mine.horizon + 2))
+
+
+def test_a_spec_survives_its_text() -> None:
+    for env_spec in (gym.spec(f"duobench/{TASK}-v1"), duobench.make(TASK, cameras=False).spec):
+        assert env_spec is not None
+        again = gym.make(EnvSpec.from_json(env_spec.to_json()))
+        assert again.spec is not None
+        assert again.spec.max_episode_steps == catalog.get(TASK).horizon
+        assert str(again).count("TimeLimit") == 1
+
+
+def test_the_spec_of_a_wrapper_added_by_hand_makes_it_again() -> None:
+    env = ActionChunks(duobench.make(TASK, cameras=False), 3)
+    assert env.spec is not None
+    again = env.spec.make()
+    assert str(again) == str(env)
+    assert again.action_space == env.action_space
 
 
 def test_the_unversioned_id_is_the_newest_version() -> None:

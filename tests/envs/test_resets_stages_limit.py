@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.envs import RandomizedReset, TaskStages, TimeLimit
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.sim_env import SimEnv
-from duobench.envs.wrappers import RandomizedReset, TaskStages, TimeLimit
 from duobench.errors import ActionError, LayoutError, UnknownNameError
 from duobench.sim import placement
 from duobench.sim.layout import Layout

@@ -16,9 +16,8 @@ import numpy as np
 import pytest
 
 from duobench.envs.duo_env import ROUNDING
-from duobench.experts.expert import Expert
+from duobench.experts.expert import Expert, find_script, make_expert
 from duobench.experts.motion import Arms, Script
-from duobench.experts.registry import find_script, make_expert
 from duobench.experts.variety import HUMAN, NONE, Variety
 from duobench.scene.fr3 import VELOCITY_LIMITS
 from duobench.sim.simulation import STATE, Simulation

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import duobench
 from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
-from duobench.experts.registry import make_expert
+from duobench.experts.expert import make_expert
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.bowl import FLOOR
 from duobench.objects.chest import HINGE, LID_UNDERSIDE, WALL

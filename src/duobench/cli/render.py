@@ -32,9 +32,9 @@ def render(
     load_engine()
     from PIL import Image
 
+    from duobench.envs import RandomizedReset
     from duobench.envs.config import checked_seed
     from duobench.envs.sim_env import SimEnv
-    from duobench.envs.wrappers import RandomizedReset
     from duobench.evaluation.suite import find_tasks
     from duobench.files import make_folder, writing
     from duobench.scene.cameras import OVERVIEW

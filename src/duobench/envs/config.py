@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -54,26 +54,27 @@ class EnvConfig:
     """How images look: a name of `duobench.scene.looks.look`, or a look of one's own."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
-        for name in self.cameras:
-            _check_name("camera", name, POLICY_CAMERAS)
+        """Reject invalid values; give looser ones, see `from_options`, the form of their field."""
         _check_name("action mode", self.action_mode, ACTION_MODES)
         _check_name("split", self.split, SPLITS)
         if self.render_mode is not None:
             _check_name("render mode", self.render_mode, RENDER_MODES)
-        if not isinstance(self.binary_gripper, bool):
+        if self.binary_gripper not in (0, 1):
             raise OptionError(f"binary_gripper is True or False, got {self.binary_gripper!r}.")
         if self.control_rate_hz != CONTROL_HZ:
             raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")
-        as_look(self.look)
-        for name in ("image_size", "render_size"):
-            height, width = getattr(self, name)
-            if not (0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH):
-                raise _size_error(name, (height, width))
-        for name in ("chunk", "horizon"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise OptionError(f"{name} is a positive whole number, got {value!r}.")
+        look = as_look(self.look)
+        values = {
+            "cameras": _cameras(self.cameras),
+            "image_size": _size("image_size", self.image_size),
+            "render_size": _size("render_size", self.render_size),
+            "binary_gripper": bool(self.binary_gripper),
+            "chunk": _count("chunk", self.chunk),
+            "horizon": _count("horizon", self.horizon),
+            "look": self.look if isinstance(self.look, str) else look,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     @staticmethod
     def from_options(options: Mapping[str, Any]) -> EnvConfig:
@@ -90,22 +91,8 @@ class EnvConfig:
         """
         known = [field.name for field in fields(EnvConfig)]
         for name in options:
-            if name not in known:
-                raise UnknownNameError("option", name, known)
-        chosen = dict(options)
-        if "cameras" in chosen:
-            chosen["cameras"] = _cameras(chosen["cameras"])
-        for name in ("image_size", "render_size"):
-            if name in chosen:
-                chosen[name] = _size(name, chosen[name])
-        for name in ("chunk", "horizon"):
-            if chosen.get(name) is not None:
-                chosen[name] = _count(name, chosen[name])
-        if not isinstance(chosen.get("look", DEFAULT), str):
-            chosen["look"] = as_look(chosen["look"])
-        if "binary_gripper" in chosen and chosen["binary_gripper"] in (0, 1):
-            chosen["binary_gripper"] = bool(chosen["binary_gripper"])
-        return EnvConfig(**chosen)
+            _check_name("option", name, known)
+        return EnvConfig(**options)
 
 
 def checked_seed(seed: Any) -> int | None:
@@ -133,44 +120,43 @@ def checked_reset_options(options: Any) -> dict[str, Any]:
     return dict(options or {})
 
 
-def _check_name(kind: str, name: object, known: Iterable[str]) -> None:
-    names = tuple(known)
-    if not isinstance(name, str) or name not in names:
-        raise UnknownNameError(kind, name, names)
+def _check_name(kind: str, name: object, known: Sequence[str]) -> None:
+    if not isinstance(name, str) or name not in known:
+        raise UnknownNameError(kind, name, known)
 
 
 def _cameras(value: Any) -> tuple[str, ...]:
     if isinstance(value, bool):
         return POLICY_CAMERAS if value else ()
-    if isinstance(value, str):
-        return (value,)
-    if isinstance(value, Iterable):
-        return tuple(value)
-    raise OptionError(f"cameras is True, False, the name of a camera or several; got {value!r}.")
+    if not isinstance(value, Iterable):
+        raise OptionError(
+            f"cameras is True, False, the name of a camera or several; got {value!r}."
+        )
+    names = (value,) if isinstance(value, str) else tuple(value)
+    for name in names:
+        _check_name("camera", name, POLICY_CAMERAS)
+    return names
 
 
 def _size(name: str, value: Any) -> tuple[int, int]:
-    number = _whole(value)
-    if number is not None and name == "image_size":
-        return number, number
-    pixels = [_whole(part) for part in value] if isinstance(value, (tuple, list)) else []
-    match pixels:
-        case [int(height), int(width)]:
-            return height, width
-    raise _size_error(name, value)
-
-
-def _size_error(name: str, value: object) -> OptionError:
+    is_square = name == "image_size" and _whole(value) is not None
+    pixels = (value, value) if is_square else value
+    if isinstance(pixels, (tuple, list)):
+        match [_whole(part) for part in pixels]:
+            case [int(height), int(width)] if (
+                0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH
+            ):
+                return height, width
     square = ", or one number for a square" if name == "image_size" else ""
-    return OptionError(
+    raise OptionError(
         f"{name} is (height, width) in pixels, at most {(NATIVE_HEIGHT, NATIVE_WIDTH)}{square}; "
         f"got {value!r}."
     )
 
 
-def _count(name: str, value: Any) -> int:
+def _count(name: str, value: Any) -> int | None:
     number = _whole(value)
-    if number is None:
+    if value is not None and (number is None or number < 1):
         raise OptionError(f"{name} is a positive whole number, got {value!r}.")
     return number
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TypeVar
 
 from duobench.errors import DuoBenchError
@@ -60,7 +60,7 @@ class EpisodeState:
         """SHA-256 over all of it; equal states, equal hashes."""
         digest = hashlib.sha256(self.physics.tobytes())
         targets = [(side, pose.tquat.tolist()) for side, pose in self.tool_targets or ()]
-        progress = None if self.progress is None else self.progress.to_json()
+        progress = None if self.progress is None else asdict(self.progress)
         rest = [self.layout.to_json(), progress, self.steps, self.over, targets]
         digest.update(json.dumps(rest, sort_keys=True).encode())
         return digest.hexdigest()

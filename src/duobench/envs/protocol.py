@@ -6,52 +6,25 @@ binary grippers, action chunks, cameras.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import gymnasium as gym
 
 from duobench.envs.config import EnvConfig
-from duobench.envs.sim_env import SimEnv
+from duobench.envs.registration import WRAPPERS
+from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.envs.wrappers.action_chunks import ActionChunks
+from duobench.envs.wrappers.base import DuoWrapper
 from duobench.envs.wrappers.binary_gripper import BinaryGripper
 from duobench.envs.wrappers.cameras import Cameras
+from duobench.envs.wrappers.cartesian import CartesianActions
 from duobench.envs.wrappers.randomized_reset import RandomizedReset
-from duobench.envs.wrappers.relative import RelativeJointActions
+from duobench.envs.wrappers.relative import RelativeCartesianActions, RelativeJointActions
 from duobench.envs.wrappers.task_stages import TaskStages
 from duobench.envs.wrappers.time_limit import TimeLimit
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-
-
-def _joint(env: gym.Env) -> gym.Env:
-    return env
-
-
-def _cartesian(env: gym.Env) -> gym.Env:
-    # Inverse kinematics is loaded where it is used: it doubles the time to the first environment.
-    from duobench.envs.wrappers.cartesian import CartesianActions
-
-    return CartesianActions(env)
-
-
-def _cartesian_relative(env: gym.Env) -> gym.Env:
-    from duobench.envs.wrappers.relative import RelativeCartesianActions
-
-    return RelativeCartesianActions(_cartesian(env))
-
-
-_WRAP: Mapping[str, Callable[[gym.Env], gym.Env]] = MappingProxyType(
-    {
-        "joint": _joint,
-        "joint_relative": RelativeJointActions,
-        "cartesian": _cartesian,
-        "cartesian_relative": _cartesian_relative,
-    }
-)
-"""The wrappers of each action mode."""
 
 
 def make_env(task: str | Task, **options: Any) -> gym.Env:
@@ -68,23 +41,62 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
         UnknownNameError: There is no such task, option, camera, mode, split or look.
         OptionError: A value is invalid.
     """
+    base = make_base(task, **options)
+    return with_wrappers(gym.wrappers.TimeLimit(base, base.definition.horizon))
+
+
+def make_base(task: str | Task, **options: Any) -> SimEnv:
+    """The environment of `make_env` without its wrappers."""
     config = EnvConfig.from_options(options)
-    definition = catalog.get(task)
-    if config.horizon is not None:
-        definition = replace(definition, horizon=config.horizon)
     base = SimEnv(
-        definition,
+        catalog.get(task),
         render_mode=config.render_mode,
         render_size=config.render_size,
         look=config.look,
     )
     base.config = config
-    env: gym.Env = TimeLimit(TaskStages(RandomizedReset(base, config.split)), definition.horizon)
-    env = _WRAP[config.action_mode](env)
+    return base
+
+
+def with_wrappers(env: gym.Env) -> gym.Env:
+    """Put the wrappers of the protocol around a base environment.
+
+    Args:
+        env: What `make_base` gave. `gymnasium.make` limits it to the registered horizon or to its
+            `max_episode_steps`. Here that limit is exchanged for ours, which counts control steps
+            whatever an action is, is part of an episode's state, and refuses steps after the end.
+    """
+    base = sim_of(env)
+    config = base.config or EnvConfig()
+    horizon = config.horizon
+    if isinstance(env, gym.wrappers.TimeLimit):
+        horizon = horizon or env.get_wrapper_attr("_max_episode_steps")
+        env = env.env
+    if horizon is not None and horizon != base.definition.horizon:
+        base.definition = replace(base.definition, horizon=horizon)
+        base.config = replace(config, horizon=horizon)
+    stack = _stack(env, config, horizon)
+    if base.spec is not None:
+        stack.made_from = replace(
+            base.spec, max_episode_steps=horizon, additional_wrappers=(WRAPPERS,)
+        )
+    return stack
+
+
+def _stack(env: gym.Env, config: EnvConfig, horizon: int | None) -> DuoWrapper:
+    stack: DuoWrapper = TaskStages(RandomizedReset(env, config.split))
+    if horizon is not None:
+        stack = TimeLimit(stack, horizon)
+    if config.action_mode == "joint_relative":
+        stack = RelativeJointActions(stack)
+    elif config.action_mode != "joint":
+        stack = CartesianActions(stack)
+    if config.action_mode == "cartesian_relative":
+        stack = RelativeCartesianActions(stack)
     if config.binary_gripper:
-        env = BinaryGripper(env)
+        stack = BinaryGripper(stack)
     if config.chunk is not None:
-        env = ActionChunks(env, config.chunk)
+        stack = ActionChunks(stack, config.chunk)
     if config.cameras:
-        env = Cameras(env, config.cameras, config.image_size)
-    return env
+        stack = Cameras(stack, config.cameras, config.image_size)
+    return stack

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
-from gymnasium.envs.registration import EnvSpec
+from gymnasium.envs.registration import EnvSpec, WrapperSpec
 
 from duobench.errors import DuoBenchError, OptionError
 from duobench.tasks import catalog
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 NAMESPACE = "duobench"
 VERSION = 1
 """Version of the environments' interface; that of the episodes is `randomness.SUITE_VERSION`."""
-ENTRY_POINT = "duobench.envs.protocol:make_env"
+ENTRY_POINT = "duobench.envs.protocol:make_base"
+WRAPPERS = WrapperSpec("protocol", "duobench.envs.protocol:with_wrappers", {})
 
 
 def env_id(task_id: str) -> str:
@@ -26,8 +27,8 @@ def env_id(task_id: str) -> str:
 
 def register_catalog() -> None:
     """Register the tasks of the benchmark with Gymnasium; done once by `import duobench`."""
-    for name in catalog.names():
-        gym.registry.setdefault(env_id(name), _spec_of(name, name))
+    for name, horizon in catalog.HORIZONS.items():
+        gym.registry.setdefault(env_id(name), _spec_of(name, horizon, {"task": name}))
 
 
 def register(task: Task | str) -> str:
@@ -78,35 +79,37 @@ def make(task: Task | str, **options: Any) -> gym.Env:
 
 def _spec(task: Task | str) -> EnvSpec:
     """What Gymnasium needs to know about a task that is not in the catalog."""
-    if isinstance(task, str):
-        return _spec_of(catalog.get(task).id, task)
-
     from duobench.tasks.task import Task
 
-    if not isinstance(task, Task):
+    definition = catalog.get(task)
+    if not isinstance(definition, Task):
         raise OptionError(
             'A task is an id, an import path "module:ATTRIBUTE", or a duobench.tasks.Task; '
             f"got {task!r}."
         )
+    if isinstance(task, str):
+        return _spec_of(definition.id, definition.horizon, {"task": task})
 
     # A function, because Gymnasium copies keyword arguments deeply and a task must stay one.
     def create(**options: Any) -> gym.Env:
-        from duobench.envs.protocol import make_env
+        from duobench.envs.protocol import make_base
 
-        return make_env(task, **options)
+        return make_base(task, **options)
 
-    return _spec_of(task.id, None, create)
+    return _spec_of(task.id, task.horizon, {}, create)
 
 
-def _spec_of(task_id: str, path: str | None, create: Any = ENTRY_POINT) -> EnvSpec:
-    # The stack brings its own time limit and refuses steps out of order, and the tests run
-    # Gymnasium's checker on it: wrapped again, tools would not find its attributes. A registered
-    # `max_episode_steps` would add a second limit, in the way of a longer `horizon`; so the spec of
-    # an environment has it (`env.spec`), and the one that makes it has not.
+def _spec_of(
+    task_id: str, horizon: int, kwargs: dict[str, Any], create: Any = ENTRY_POINT
+) -> EnvSpec:
+    # The wrappers refuse steps out of order, and the tests run Gymnasium's checker on them: wrapped
+    # again, tools would not find their attributes.
     return EnvSpec(
         id=env_id(task_id),
         entry_point=create,
+        max_episode_steps=horizon,
         order_enforce=False,
         disable_env_checker=True,
-        kwargs={} if path is None else {"task": path},
+        additional_wrappers=(WRAPPERS,),
+        kwargs=kwargs,
     )

@@ -33,6 +33,13 @@ class SimEnv(DuoEnv):
     """A `DuoEnv` in simulation, whose objects are laid out at every reset.
 
     The scene depends on the layout alone. Privileged state is read through `simulation`.
+
+    The options of a reset: `layout` is the layout, as a `Layout` or as its JSON form; without it,
+    `layout_seed` samples one from the task's `split`, "eval" or "train". `look` is the look of this
+    episode, a name, a `Look` or its JSON form; without it, the environment's. Info also holds
+    `layout` (JSON form). A reset raises a LayoutError for a layout that is incomplete, overlapping
+    or out of reach, an UnknownNameError where there is no such split or look, and an OptionError
+    for a look that is none. Observation and info are taken after everything has come to rest.
     """
 
     def __init__(
@@ -85,36 +92,12 @@ class SimEnv(DuoEnv):
         """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
         return self.definition.subinstructions(self.layout)
 
-    def reset(
-        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[Observation, Info]:
-        """Begin an episode: lay out the objects, arms home, let everything come to rest.
-
-        Args:
-            seed: Seeds `np_random`; what is on the table depends on the layout alone.
-            options: `layout` is the layout, as a `Layout` or as its JSON form; without it,
-                `layout_seed` samples one from the task's `split`, "eval" or "train". `look` is the
-                look of this episode, a name, a `Look` or its JSON form; without it, the
-                environment's. Other keys are left to others.
-
-        Returns:
-            Observation and info, both taken after everything has come to rest. Info holds
-            `instruction`, `layout` (JSON form), `clipped` and `sent`.
-
-        Raises:
-            LayoutError: The layout is incomplete, overlapping or out of reach.
-            UnknownNameError: There is no such split or look.
-            OptionError: The look is none.
-        """
-        return super().reset(seed=seed, options=options)
-
     def _begin(self, options: Mapping[str, Any]) -> Info:
         look = options.get(LOOK)
         self._arms.set_look(self._usual_look if look is None else as_look(look))
         given = options.get(LAYOUT)
         if given is None:
-            seed = options.get(LAYOUT_SEED)
-            seed = DEFAULT_SEED if seed is None else seed
+            seed = options.get(LAYOUT_SEED) or DEFAULT_SEED
             given = self.definition.layouts(seed, options.get(SPLIT, EVAL))
         else:
             given = iter([given])

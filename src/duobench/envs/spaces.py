@@ -29,21 +29,16 @@ MAX_SHIFT = 0.1
 MAX_TURN = 0.2
 """Largest relative rotation vector component in one control step, in radians: 6 rad/s."""
 
-JOINT_NAMES = tuple(
-    f"{side}_{what}"
-    for side in SIDES
-    for what in (*(f"joint_{number}" for number in range(1, ARM_JOINTS + 1)), "gripper")
-)
+
+def _names(*numbers: str) -> tuple[str, ...]:
+    return tuple(f"{side}_{name}" for side in SIDES for name in (*numbers, "gripper"))
+
+
+JOINT_NAMES = _names(*(f"joint_{number}" for number in range(1, ARM_JOINTS + 1)))
 """What the 16 numbers of a joint action are."""
-POSE_NAMES = tuple(
-    f"{side}_{what}"
-    for side in SIDES
-    for what in ("x", "y", "z", "qx", "qy", "qz", "qw", "gripper")
-)
+POSE_NAMES = _names("x", "y", "z", "qx", "qy", "qz", "qw")
 """What the 16 numbers of a Cartesian action are."""
-SHIFT_NAMES = tuple(
-    f"{side}_{what}" for side in SIDES for what in ("dx", "dy", "dz", "rx", "ry", "rz", "gripper")
-)
+SHIFT_NAMES = _names("dx", "dy", "dz", "rx", "ry", "rz")
 """What the 14 numbers of a relative Cartesian action are."""
 
 
@@ -72,13 +67,15 @@ def relative_joint_actions(limits: DuoLimits) -> gym.spaces.Box:
 
 def pose_actions() -> gym.spaces.Box:
     """Absolute tool poses x y z qx qy qz qw in the table frame, and openings."""
-    high = [*[WORKSPACE] * 3, *[1.0] * 4]
-    return box(np.tile([*np.negative(high), 0.0], 2), np.tile([*high, 1.0], 2))
+    return _tool_actions([*[WORKSPACE] * 3, *[1.0] * 4])
 
 
 def relative_pose_actions() -> gym.spaces.Box:
     """Tool displacements: translation, rotation vector; the openings stay absolute."""
-    high = [*[MAX_SHIFT] * 3, *[MAX_TURN] * 3]
+    return _tool_actions([*[MAX_SHIFT] * 3, *[MAX_TURN] * 3])
+
+
+def _tool_actions(high: Sequence[float]) -> gym.spaces.Box:
     return box(np.tile([*np.negative(high), 0.0], 2), np.tile([*high, 1.0], 2))
 
 

@@ -18,7 +18,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation.served import SERVED
 from duobench.evaluation.suite import TaskInfo
-from duobench.experts.registry import find_script, make_expert
+from duobench.experts.expert import find_script, make_expert
 from duobench.experts.variety import NONE, VARIETIES, Variety, find_variety
 from duobench.policy import (
     BASELINES,

@@ -7,11 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import PolicyError
+from duobench.errors import DuoBenchError, PolicyError
 from duobench.experts.motion import Arms, Script
 from duobench.experts.variety import NONE, Variety, VarietySample
+from duobench.references import load
 from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
 from duobench.types import DuoCommand
 
 
@@ -43,38 +46,65 @@ class Expert:
         self._variety = variety
         self._task_id = task_id
         self._kinematics = Kinematics()
-        self._arms: Arms | None = None
-        self._running: Script | None = None
+        self._episode: tuple[Arms, Script] | None = None
         self.intended_action: NDArray[np.float32] | None = None
         """The last action (16,) without the noise in what was executed; None before the first."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
         """Begin an episode; the simulation must already be reset."""
         sample = VarietySample(self._variety, self._task_id, seed)
-        self._arms = Arms(self._simulation, self._kinematics, sample)
+        arms = Arms(self._simulation, self._kinematics, sample)
+        self._episode = arms, self._script(arms)
         self.intended_action = None
-        self._running = self._script(self._arms)
 
     def act(self, observation: object) -> NDArray[np.float64]:  # noqa: ARG002
         """The next action, as it shall be executed, in a chunk (1, 16)."""
-        if self._arms is None:
+        if self._episode is None:
             raise PolicyError("An expert needs reset before act.")
-        if self._running is not None:
-            try:
-                next(self._running)
-            except StopIteration:
-                self._running = None
-        intended, executed = self._next_actions(self._arms)
+        arms, running = self._episode
+        next(running, None)
+        intended = executed = arms.action()
+        if self._variety.noise:
+            duo = self._simulation.duo
+            joints = arms.joints + arms.variety.disturbance(arms.freedom)
+            noisy = DuoCommand(joints=joints, openings=arms.openings).flat
+            last = duo.command().flat
+            intended, executed = duo.limits.clip(intended, last), duo.limits.clip(noisy, last)
         self.intended_action = intended.astype(np.float32)
         return executed[None]
 
-    def _next_actions(self, arms: Arms) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The intended and the executed action (16,), both within what the arms obey."""
-        action = arms.action()
-        if not self._variety.noise:
-            return action, action
-        duo = self._simulation.duo
-        joints = arms.joints + arms.variety.disturbance(arms.freedom)
-        noisy = DuoCommand(joints=joints, openings=arms.openings).flat
-        last = duo.command().flat
-        return duo.limits.clip(action, last), duo.limits.clip(noisy, last)
+
+def find_script(task: Task | str) -> Callable[[Arms], Script]:
+    """The script of a task's expert: what `Task.expert` names.
+
+    Args:
+        task: The task, its id, or its import path `module:attribute`.
+
+    Raises:
+        PolicyError: The task has none, or it cannot be imported.
+    """
+    task = catalog.get(task)
+    if task.expert is None:
+        raise PolicyError(
+            f"Task {task.id!r} has no scripted expert. Write a function `script(arms)`, and set "
+            "the task's `expert` to its import path, such as my_module:script."
+        )
+    try:
+        return load(task.expert, "script", callable)
+    except DuoBenchError as error:
+        raise PolicyError(f"The expert of task {task.id!r}: {error}") from error
+
+
+def make_expert(task: Task | str, simulation: Simulation, variety: Variety = NONE) -> Expert:
+    """The expert of a task, bound to the simulation that it reads.
+
+    Args:
+        task: The task, its id, or its import path `module:attribute`.
+        simulation: That of the environment the expert acts in: `env.unwrapped.simulation`.
+        variety: How its episodes differ from the plain script.
+
+    Raises:
+        PolicyError: The task has no expert.
+    """
+    task = catalog.get(task)
+    return Expert(simulation, find_script(task), variety=variety, task_id=task.id)

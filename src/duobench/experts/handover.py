@@ -30,6 +30,8 @@ from duobench.types import Array, Side
 
 _FIRM_GRIP_STEPS = 4
 """Control steps in which both arms hold the bar before one lets go."""
+_ALONG = 0.10
+"""From how far, in metres, a tool comes along its axis to the bar, and how far it retreats."""
 _UPRIGHT_SINE = 1e-6
 
 
@@ -134,17 +136,17 @@ def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
     return tool(position, along=along, camera=camera)
 
 
-def clasp(arms: Arms, side: Side, pose: SE3, *, approach: float = 0.10) -> Script:
-    """Come along the tool's axis from `approach` metres away, fingers open, and close them."""
+def clasp(arms: Arms, side: Side, pose: SE3) -> Script:
+    """Come along the tool's axis, fingers open, and close them."""
     yield from release(arms, side)
-    yield from move(arms, {side: pose @ SE3.at(z=-approach)}, tolerance=NEAR)
+    yield from move(arms, {side: pose @ SE3.at(z=-_ALONG)}, tolerance=NEAR)
     yield from move(arms, {side: pose}, speed=CAREFUL)
     yield from grip(arms, side)
     yield from wait(_FIRM_GRIP_STEPS)
 
 
-def let_go(arms: Arms, side: Side, *, retreat: float = 0.10) -> Script:
-    """Open the fingers and retreat along the tool's axis by `retreat` metres."""
+def let_go(arms: Arms, side: Side) -> Script:
+    """Open the fingers and retreat along the tool's axis."""
     yield from release(arms, side)
-    back = arms.targets[side] @ SE3.at(z=-retreat)
+    back = arms.targets[side] @ SE3.at(z=-_ALONG)
     yield from move(arms, {side: back}, speed=0.35, arrive=False)

@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable, Generator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.experts.variety import VarietySample
 from duobench.scene.fr3 import HOME_JOINTS
@@ -20,9 +19,8 @@ from duobench.scene.naming import tcp_name
 from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
+from duobench.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side
 
-Array = NDArray[np.float64]
 Script = Generator[None, None, None]
 """One control step for every `yield`."""
 
@@ -39,6 +37,8 @@ ARRIVED_TURN = 0.03
 MAX_ARRIVAL_STEPS = 20
 """Control steps that a motion waits for the tool to arrive."""
 OPEN, CLOSED = 1.0, 0.0
+MAX_GRIP_STEPS = 20
+"""Control steps that a gripper waits for its fingers to come to rest."""
 AT_REST = 0.004
 """Change of an opening in one control step below which fingers have come to rest."""
 NEAR = 0.012
@@ -235,13 +235,13 @@ def arrived(arms: Arms, goals: Mapping[Side, SE3], tolerance: float = ARRIVED) -
     return all(length <= tolerance and angle <= ARRIVED_TURN for length, angle in errors)
 
 
-def grip(arms: Arms, *sides: Side, opening: float = CLOSED, max_steps: int = 20) -> Script:
+def grip(arms: Arms, *sides: Side, opening: float = CLOSED) -> Script:
     """Bring grippers to an opening and wait until their fingers have come to rest."""
     for side in sides:
         arms.openings[side.index] = opening
     yield from wait(3)
     last = np.array([arms.opening(side) for side in sides])
-    for _ in range(max_steps):
+    for _ in range(MAX_GRIP_STEPS):
         yield
         now = np.array([arms.opening(side) for side in sides])
         if np.abs(now - last).max() < AT_REST:
@@ -261,7 +261,6 @@ def pick(
     *,
     above: float = 0.10,
     lift: float = 0.10,
-    opening: float = OPEN,
     speed: float = SPEED,
     freedom: float = 1.0,
 ) -> Script:
@@ -273,12 +272,11 @@ def pick(
         grasp: Tool pose at which the fingers close.
         above: Height in metres from which the tool comes straight down.
         lift: Height in metres by which it lifts.
-        opening: Opening on the way down.
         speed: Mean speed in m/s of the approach.
         freedom: Share of a variety's grasp offset that still holds the object.
     """
     grasp = grasp @ arms.variety.grasp_offset(freedom)
-    arms.openings[side.index] = opening
+    arms.openings[side.index] = OPEN
     yield from move(arms, {side: grasp.moved(z=above)}, speed=speed, tolerance=NEAR)
     yield from move(arms, {side: grasp}, speed=CAREFUL)
     yield from grip(arms, side)
@@ -340,18 +338,12 @@ def place(
     yield from move(arms, {side: goal.moved(z=retreat)}, speed=speed, arrive=False)
 
 
-def both(goal: Callable[[Side], SE3]) -> dict[Side, SE3]:
-    """Goals for both sides from a function of the side."""
-    return {side: goal(side) for side in SIDES}
-
-
 def carry(
     arms: Arms,
     body: str,
     goal: SE3,
     *sides: Side,
     speed: float = SPEED,
-    turn_speed: float = TURN_SPEED,
 ) -> Script:
     """Move a grasped body along a line as `move` does, with the tools rigid to it.
 
@@ -363,7 +355,6 @@ def carry(
         goal: Pose of the body in the table frame.
         sides: The arms that hold it; both where none is given.
         speed: Mean speed of the body in m/s.
-        turn_speed: Mean angular speed of the body in rad/s.
     """
     start = arms.sim.pose(body)
     grasps = {side: start.inverse() @ arms.targets[side] for side in sides or SIDES}
@@ -375,4 +366,4 @@ def carry(
         world_from_body = line(fraction)
         return {side: world_from_body @ grasp for side, grasp in grasps.items()}
 
-    yield from follow(arms, path, max(length / speed, angle / turn_speed), freedom=freedom)
+    yield from follow(arms, path, max(length / speed, angle / TURN_SPEED), freedom=freedom)

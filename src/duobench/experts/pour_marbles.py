@@ -9,7 +9,6 @@ on the near side, from which the marbles fly to the middle.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -63,7 +62,8 @@ def script(arms: Arms) -> Script:
     yield from together(take(arms, hold, lean=HOLD_LEAN), take(arms, source, lean=POUR_LEAN))
     meeting = SE3(starts[hold].rotation, np.array(_MEETING))
     meet = {hold: meeting, source: _pouring(source, meeting, 0.0)}
-    yield from move(arms, _tools(arms, meet), speed=CAREFUL)
+    tools = {side: tool_for(arms, side, _cup(side), pose) for side, pose in meet.items()}
+    yield from move(arms, tools, speed=CAREFUL)
     yield from pour(arms, source, meeting)
     # Each cup goes to the middle of its square; some start near its edge.
     squares = {side: arms.sim.position(f"{side}_square") for side in Side}
@@ -89,21 +89,16 @@ def pour(arms: Arms, source: Side, target: SE3) -> Script:
 def put_back(arms: Arms, side: Side, cup: SE3) -> Script:
     """Set the cup in an arm down at a pose, let go, and move away."""
     # It has turned a little in its gripper, and would come down on an edge.
-    tool = _tools(arms, {side: cup})[side]
+    tool = tool_for(arms, side, _cup(side), cup)
     yield from move(arms, {side: tool.moved(z=0.08)}, speed=0.3, tolerance=0.01)
     yield from move(arms, {side: tool.moved(z=0.002)}, speed=0.2)
     yield from release(arms, side)
-    away = tool @ SE3(np.eye(3), np.array([0.0, 0.0, -0.10]))
+    away = tool @ SE3.at(z=-0.10)
     yield from move(arms, {side: away}, speed=0.3, arrive=False)
 
 
 def _cup(side: Side) -> str:
     return f"{side}_cup"
-
-
-def _tools(arms: Arms, cups: Mapping[Side, SE3]) -> dict[Side, SE3]:
-    """Tool poses at which cups, as they lie in the grippers now, have poses in the table frame."""
-    return {side: tool_for(arms, side, _cup(side), pose) for side, pose in cups.items()}
 
 
 def _marbles_in(arms: Arms, side: Side) -> int:
@@ -117,7 +112,7 @@ def _marbles_in(arms: Arms, side: Side) -> int:
 
 def _inward(side: Side) -> np.ndarray:
     """Horizontal direction (3,) from an arm's shoulder to the other half of the table, ahead."""
-    return np.array([1.0, -1.0 if side is Side.LEFT else 1.0, 0.0]) / math.sqrt(2.0)
+    return np.array([1.0, -side.sign, 0.0]) / math.sqrt(2.0)
 
 
 def _grasp(arms: Arms, side: Side, lean: float) -> SE3:
@@ -133,7 +128,7 @@ def _grasp(arms: Arms, side: Side, lean: float) -> SE3:
 def take(arms: Arms, side: Side, *, lean: float = POUR_LEAN) -> Script:
     """Grasp the cup of an arm's own side, `lean` radians from the vertical, and raise it."""
     grasp = _grasp(arms, side, lean)
-    away = grasp @ SE3(np.eye(3), np.array([0.0, 0.0, -0.12]))
+    away = grasp @ SE3.at(z=-0.12)
     yield from move(arms, {side: away}, tolerance=0.015)
     yield from move(arms, {side: grasp}, speed=0.22)
     yield from grip(arms, side)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from duobench.experts.handover import Bar, clasp, let_go, pick_bar, present, receive_pose, tool
-from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together
+from duobench.experts.motion import NEAR, Arms, Script, move, place, together
 from duobench.types import Side
 
 BAR = Bar(body="cube", giver=Side.RIGHT, grip=0.026, height=0.028)
@@ -30,7 +30,4 @@ def script(arms: Arms) -> Script:
     yield from let_go(arms, giver)
     x, y, _ = arms.sim.position("bowl")
     goal = tool((x, y, _DROP_HEIGHT), along=(0.0, -0.6, -1.0), camera=(0.0, 1.0, 0.0))
-    yield from move(arms, {receiver: goal.moved(z=0.10)}, tolerance=NEAR)
-    yield from move(arms, {receiver: goal}, speed=CAREFUL)
-    yield from release(arms, receiver)
-    yield from move(arms, {receiver: goal.moved(z=0.10)}, arrive=False)
+    yield from place(arms, receiver, goal, above=0.10, retreat=0.10)

@@ -18,14 +18,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.errors import UnknownNameError
 from duobench.randomness import Uniform, around, variety_generator
 from duobench.spatial import SE3
-from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Side
-
-Array = NDArray[np.float64]
+from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
 
 STRAIGHT = 0.10
 """Ways up to this length, in metres, stay straight: approaches, lifts, retreats."""

@@ -10,7 +10,6 @@ import numpy as np
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.predicates import Predicate, StateView
-from duobench.types import Array
 
 MAX_ANGLE = math.radians(10.0)
 """Largest angle between the axes of an inserted peg and its socket [task definitions]."""
@@ -46,21 +45,26 @@ class Port:
         )
 
 
-def is_far(simulation: Simulation, peg: Port, socket: Port, distance: float) -> bool:
-    """Whether a peg's tip is further than `distance` metres from a socket's mouth for certain.
+def led_in(simulation: Simulation, peg: Port, socket: Port, depth: float, offset: float) -> bool:
+    """Whether a peg's tip is in a socket, however the peg is turned there.
 
-    Costs a tenth of the exact question, and is the answer at most steps of an episode.
+    Args:
+        simulation: The simulation.
+        peg: Tip of the peg.
+        socket: Mouth of the socket.
+        depth: How far inside the mouth the tip is at least, in metres; `MAX_DEPTH` is the most.
+        offset: How far from the socket's axis the tip is at most, in metres.
     """
+    # This costs a tenth of what follows, and is the answer at most steps of an episode.
     centre = simulation.relative_position(peg.body, socket.body)
-    return math.dist(centre, socket.pose.translation.tolist()) > distance + peg.reach
-
-
-def tip_offset(simulation: Simulation, peg: Port, socket: Port) -> tuple[float, Array]:
-    """Where a peg's tip is from a socket's mouth, in metres: how far outside, and aside (3,)."""
+    furthest = math.hypot(MAX_DEPTH, offset) + peg.reach
+    if math.dist(centre, socket.pose.translation.tolist()) > furthest:
+        return False
     outwards = socket.axis(simulation)
-    offset = peg.position(simulation) - socket.position(simulation)
-    height = float(offset @ outwards)
-    return height, offset - height * outwards
+    tip = peg.position(simulation) - socket.position(simulation)
+    height = float(tip @ outwards)
+    aside = float(np.linalg.norm(tip - height * outwards))
+    return -MAX_DEPTH <= height <= -depth and aside <= offset
 
 
 def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
@@ -73,15 +77,11 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
         socket: Mouth of the socket.
         depth: How far inside the mouth the tip is at least, in metres.
     """
-    furthest = math.hypot(MAX_DEPTH, MAX_OFFSET)
 
     def test(m: StateView) -> bool:
         sim = m.simulation
-        if is_far(sim, peg, socket, furthest):
+        if not led_in(sim, peg, socket, depth, MAX_OFFSET):
             return False
-        if float(peg.axis(sim) @ socket.axis(sim)) > -math.cos(MAX_ANGLE):
-            return False
-        height, aside = tip_offset(sim, peg, socket)
-        return -MAX_DEPTH <= height <= -depth and float(np.linalg.norm(aside)) <= MAX_OFFSET
+        return float(peg.axis(sim) @ socket.axis(sim)) <= -math.cos(MAX_ANGLE)
 
     return Predicate(f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}", test)

@@ -7,14 +7,12 @@ in any other way has to come apart, and to be joined again.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from duobench.stages.insertion import MAX_DEPTH, Port, inserted, is_far, tip_offset
+from duobench.stages.insertion import Port, inserted, led_in
 from duobench.stages.predicates import (
     Predicate,
-    StateView,
     any_of,
     grasped_apart,
     held_for,
@@ -39,16 +37,10 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
         socket: Mouth of the socket.
         depth: How far inside the mouth the tip is at least, in metres.
     """
-    furthest = math.hypot(MAX_DEPTH, SOCKET_REACH)
-
-    def test(m: StateView) -> bool:
-        sim = m.simulation
-        if is_far(sim, peg, socket, furthest):
-            return False
-        height, aside = tip_offset(sim, peg, socket)
-        return -MAX_DEPTH <= height <= -depth and float(aside @ aside) <= SOCKET_REACH**2
-
-    return Predicate(f"peg of {peg.body} is in a socket of {socket.body}", test)
+    return Predicate(
+        f"peg of {peg.body} is in a socket of {socket.body}",
+        lambda m: led_in(m.simulation, peg, socket, depth, SOCKET_REACH),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

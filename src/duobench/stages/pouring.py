@@ -1,20 +1,18 @@
-"""Pouring into a vessel in the air: what counts as poured, and as kept until it is put down.
-
-Many small things are asked about at once, in one predicate that stops at the first that decides.
-"""
+"""Pouring into a vessel in the air: what counts as poured, and as kept until it is put down."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from duobench.scene.naming import TABLE
-from duobench.sim.simulation import Simulation
 from duobench.stages.predicates import (
     CylinderRegion,
     Predicate,
     all_of,
+    any_of,
+    inside,
     since,
     touching,
     upright,
@@ -57,36 +55,21 @@ def pouring(
     radius, floor, rim = room
     hollow = CylinderRegion(body=vessel, radius=radius, low=floor, high=rim)
     lower = replace(hollow, high=(floor + rim) / 2)
-    some, every = (_number(number, things, hollow, _is_in) for number in (any, all))
-    some_lie, all_lie = (_number(number, things, lower, _lies_in) for number in (any, all))
+    within = [inside(thing, hollow) for thing in things]
+    lying = [inside(thing, lower) & _slow(thing, vessel) for thing in things]
+    some, all_lie = any_of(*within), all_of(*lying)
     # What was in it on the table does not count, until it is empty again.
     stood = since(touching(vessel, TABLE) & some, reset=~some)
     pours = all_of(held, ~stood, upright(vessel, MAX_TILT))
     return Pouring(
-        some=pours & some_lie,
+        some=pours & any_of(*lying),
         all=pours & all_lie,
-        kept=since(pours & all_lie, reset=~every) & all_lie,
+        kept=since(pours & all_lie, reset=~all_of(*within)) & all_lie,
     )
 
 
-def _is_in(simulation: Simulation, thing: str, region: CylinderRegion) -> bool:
-    return region.contains(simulation.relative_position(thing, region.body))
-
-
-def _lies_in(simulation: Simulation, thing: str, region: CylinderRegion) -> bool:
-    inside = _is_in(simulation, thing, region)
-    return inside and simulation.relative_speed(thing, region.body) < LYING_SPEED
-
-
-def _number(
-    number: Callable[[Iterable[bool]], bool],
-    things: Sequence[str],
-    region: CylinderRegion,
-    holds: Callable[[Simulation, str, CylinderRegion], bool],
-) -> Predicate:
-    """A question holds of any or of all things."""
-    which = f"{number.__name__} of {things[0]} to {things[-1]}"
+def _slow(thing: str, vessel: str) -> Predicate:
     return Predicate(
-        f"{which}: {holds.__name__.strip('_')} {region.body}",
-        lambda m: number(holds(m.simulation, thing, region) for thing in things),
+        f"{thing} is slow in {vessel}",
+        lambda m: m.simulation.relative_speed(thing, vessel) < LYING_SPEED,
     )

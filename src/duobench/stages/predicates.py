@@ -17,7 +17,7 @@ from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
 from duobench.types import CONTROL_HZ, SIDES, Side
 
 Point = tuple[float, float, float]
-Memory = tuple["Predicate"] | tuple["Predicate", "Predicate"]
+Memory = tuple["Predicate", ...]
 """What is remembered and, if anything makes it forgotten, what does."""
 
 LIFTED_HEIGHT = 0.010
@@ -70,17 +70,11 @@ class Predicate:
 
     def __and__(self, other: Predicate) -> Predicate:
         """Both hold."""
-        one, two = self.ask, other.ask
-        return Predicate(
-            f"({self.name} and {other.name})", lambda m: one(m) and two(m), (self, other)
-        )
+        return all_of(self, other)
 
     def __or__(self, other: Predicate) -> Predicate:
         """At least one holds."""
-        one, two = self.ask, other.ask
-        return Predicate(
-            f"({self.name} or {other.name})", lambda m: one(m) or two(m), (self, other)
-        )
+        return any_of(self, other)
 
     def __invert__(self) -> Predicate:
         """It does not hold."""

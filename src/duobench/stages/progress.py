@@ -7,9 +7,8 @@ step and q has not held since, and `held_for(p, seconds)`, whether p has held wi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, cast
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from duobench.sim.simulation import Simulation
 from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView
@@ -27,10 +26,10 @@ class Stage:
     """The conjunction of its constraints."""
 
 
-def memories_of(*predicates: Predicate) -> tuple[Memory, ...]:
-    """What must be remembered to answer these predicates."""
-    parts = (part for predicate in predicates for part in predicate.walk())
-    return tuple(dict.fromkeys(cast("Memory", part.parts) for part in parts if type(part) is Since))
+def parts_of(kind: type[Predicate], predicates: Iterable[Predicate]) -> tuple[Memory, ...]:
+    """What all predicates of a kind in these ones are made of, each once."""
+    inner = (part for predicate in predicates for part in predicate.walk())
+    return tuple(dict.fromkeys(part.parts for part in inner if type(part) is kind))
 
 
 def recalled(memories: Sequence[Memory], moment: StateView) -> frozenset[Memory]:
@@ -61,10 +60,6 @@ class ProgressState:
     """For each `held_for`, in the same order, for how many control steps in a row."""
     start_heights: tuple[tuple[str, float], ...] = ()
     """Height of each prop's lowest point when the episode began, in metres."""
-
-    def to_json(self) -> dict[str, Any]:
-        """As plain data."""
-        return asdict(self)
 
 
 def check_names(
@@ -99,16 +94,10 @@ class Progress:
             stages: Stages 1 to n in order.
         """
         self._stages = stages
-        self._memories = memories_of(*(stage.holds for stage in stages))
+        constraints = [stage.holds for stage in stages]
+        self._memories = parts_of(Since, constraints)
         self._remembered: frozenset[Memory] = frozenset()
-        self._timed = tuple(
-            dict.fromkeys(
-                part.parts[0]
-                for stage in stages
-                for part in stage.holds.walk()
-                if isinstance(part, HeldFor)
-            )
-        )
+        self._timed = tuple(timed for (timed,) in parts_of(HeldFor, constraints))
         self._lasted: dict[Predicate, int] = {}
         self._start_heights: dict[str, float] = {}
         self._variants: Mapping[str, str] = {}

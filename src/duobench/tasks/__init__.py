@@ -8,112 +8,64 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
-    from duobench.randomness import ANY_YAW, Choice, Uniform, around
-    from duobench.scene.cameras import View
-    from duobench.scene.naming import TABLE
-    from duobench.sim.layout import Layout
-    from duobench.spatial import SE3
-    from duobench.stages.coordination import Carriage, carriage
-    from duobench.stages.handover import Handover, handover
-    from duobench.stages.insertion import Port, inserted
-    from duobench.stages.joining import Joining, joining
-    from duobench.stages.passage import Hole, Passage, passage
-    from duobench.stages.pouring import Pouring, pouring
-    from duobench.stages.predicates import (
-        BoxRegion,
-        CylinderRegion,
-        Predicate,
-        Region,
-        StateView,
-        all_of,
-        any_of,
-        arm_touches,
-        at_least,
-        grasped,
-        grasped_apart,
-        held_for,
-        hinge_open,
-        inside,
-        lifted,
-        lifted_by_any,
-        off_table,
-        raised,
-        released,
-        rests_on,
-        since,
-        still,
-        touches,
-        touching,
-        upright,
-        variant,
-    )
-    from duobench.stages.progress import Stage
-    from duobench.stages.rolling import Rolling, rolling
-    from duobench.stages.support import Support, support
-    from duobench.tasks.catalog import get, names
-    from duobench.tasks.task import Category, Placement, Task
-    from duobench.types import SIDES, Side
-
-__all__ = [
-    "ANY_YAW",
-    "SE3",
-    "SIDES",
-    "TABLE",
-    "BoxRegion",
-    "Carriage",
-    "Category",
-    "Choice",
-    "CylinderRegion",
-    "Handover",
-    "Hole",
-    "Joining",
-    "Layout",
-    "Passage",
-    "Placement",
-    "Port",
-    "Pouring",
-    "Predicate",
-    "Region",
-    "Rolling",
-    "Side",
-    "Stage",
-    "StateView",
-    "Support",
-    "Task",
-    "Uniform",
-    "View",
-    "all_of",
-    "any_of",
-    "arm_touches",
-    "around",
-    "at_least",
-    "carriage",
-    "get",
-    "grasped",
-    "grasped_apart",
-    "handover",
-    "held_for",
-    "hinge_open",
-    "inserted",
-    "inside",
-    "joining",
-    "lifted",
-    "lifted_by_any",
-    "names",
-    "off_table",
-    "passage",
-    "pouring",
-    "raised",
-    "released",
-    "rests_on",
-    "rolling",
-    "since",
-    "still",
-    "support",
-    "touches",
-    "touching",
-    "upright",
-    "variant",
-]
+    from duobench.randomness import ANY_YAW as ANY_YAW
+    from duobench.randomness import Choice as Choice
+    from duobench.randomness import Uniform as Uniform
+    from duobench.randomness import around as around
+    from duobench.scene.cameras import View as View
+    from duobench.scene.naming import TABLE as TABLE
+    from duobench.sim.layout import Layout as Layout
+    from duobench.spatial import SE3 as SE3
+    from duobench.stages.coordination import Carriage as Carriage
+    from duobench.stages.coordination import carriage as carriage
+    from duobench.stages.handover import Handover as Handover
+    from duobench.stages.handover import handover as handover
+    from duobench.stages.insertion import Port as Port
+    from duobench.stages.insertion import inserted as inserted
+    from duobench.stages.joining import Joining as Joining
+    from duobench.stages.joining import joining as joining
+    from duobench.stages.passage import Hole as Hole
+    from duobench.stages.passage import Passage as Passage
+    from duobench.stages.passage import passage as passage
+    from duobench.stages.pouring import Pouring as Pouring
+    from duobench.stages.pouring import pouring as pouring
+    from duobench.stages.predicates import BoxRegion as BoxRegion
+    from duobench.stages.predicates import CylinderRegion as CylinderRegion
+    from duobench.stages.predicates import Predicate as Predicate
+    from duobench.stages.predicates import Region as Region
+    from duobench.stages.predicates import StateView as StateView
+    from duobench.stages.predicates import all_of as all_of
+    from duobench.stages.predicates import any_of as any_of
+    from duobench.stages.predicates import arm_touches as arm_touches
+    from duobench.stages.predicates import at_least as at_least
+    from duobench.stages.predicates import grasped as grasped
+    from duobench.stages.predicates import grasped_apart as grasped_apart
+    from duobench.stages.predicates import held_for as held_for
+    from duobench.stages.predicates import hinge_open as hinge_open
+    from duobench.stages.predicates import inside as inside
+    from duobench.stages.predicates import lifted as lifted
+    from duobench.stages.predicates import lifted_by_any as lifted_by_any
+    from duobench.stages.predicates import off_table as off_table
+    from duobench.stages.predicates import raised as raised
+    from duobench.stages.predicates import released as released
+    from duobench.stages.predicates import rests_on as rests_on
+    from duobench.stages.predicates import since as since
+    from duobench.stages.predicates import still as still
+    from duobench.stages.predicates import touches as touches
+    from duobench.stages.predicates import touching as touching
+    from duobench.stages.predicates import upright as upright
+    from duobench.stages.predicates import variant as variant
+    from duobench.stages.progress import Stage as Stage
+    from duobench.stages.rolling import Rolling as Rolling
+    from duobench.stages.rolling import rolling as rolling
+    from duobench.stages.support import Support as Support
+    from duobench.stages.support import support as support
+    from duobench.tasks.catalog import get as get
+    from duobench.tasks.catalog import names as names
+    from duobench.tasks.task import Category as Category
+    from duobench.tasks.task import Placement as Placement
+    from duobench.tasks.task import Task as Task
+    from duobench.types import SIDES as SIDES
+    from duobench.types import Side as Side
 
 lazy(__name__)

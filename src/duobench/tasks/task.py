@@ -48,14 +48,6 @@ class Placement:
         return SE3.at(x, y, self.z, yaw=yaw)
 
 
-def _always(_layout: Layout) -> bool:
-    return True
-
-
-def _as_sampled(layout: Layout) -> Layout:
-    return layout
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Task:
     """One task of the benchmark."""
@@ -78,9 +70,9 @@ class Task:
     """Named choices that belong to the layout."""
     stages: tuple[Stage, ...]
     """Stages 1 to n."""
-    accept: Callable[[Layout], bool] = _always
+    accept: Callable[[Layout], bool] = lambda _layout: True
     """Whether a sampled layout is valid, beyond not overlapping."""
-    arrange: Callable[[Layout], Layout] = _as_sampled
+    arrange: Callable[[Layout], Layout] = lambda layout: layout
     """Adds the poses that follow from the sampled ones, such as marbles in a cup."""
     overview: View = OVERVIEW_VIEW
     """What `render` and videos show; a task whose work faces the robot needs one of its own."""

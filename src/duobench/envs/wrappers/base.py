@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
 
 from duobench.envs.duo_env import DuoEnv, Info, Observation, base_of
 from duobench.envs.episode_state import EpisodeState
@@ -16,6 +17,10 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     Gymnasium's wrappers do not pass attributes on. Those that tools of the field look for on the
     outermost environment are passed on here.
     """
+
+    made_from: EnvSpec | None = None
+    """What Gymnasium makes the environment from, up to this wrapper; None if it adds the wrapper to
+    what it makes of those inside."""
 
     def __init__(self, env: gym.Env, **arguments: Any) -> None:
         """Wrap an environment.
@@ -30,6 +35,11 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         gym.utils.RecordConstructorArgs.__init__(self, **arguments)
         gym.Wrapper.__init__(self, env)
         base_of(env)  # rejects any other environment
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium makes the environment from; None where it was put together by hand."""
+        return self.made_from or super().spec
 
     @property
     def base(self) -> DuoEnv:

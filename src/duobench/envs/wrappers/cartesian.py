@@ -29,11 +29,7 @@ class CartesianActions(DuoWrapper):
     """
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not, that takes joint targets.
-        """
+        """Wrap an environment that takes joint targets."""
         super().__init__(env)
         self.kinematics = Kinematics()
         """The solver, for wrappers outside this one."""

@@ -30,11 +30,7 @@ class RelativeJointActions(DuoWrapper):
     """
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not, that takes joint targets.
-        """
+        """Wrap an environment that takes joint targets."""
         super().__init__(env)
         self.action_space = spaces.relative_joint_actions(self.base.backend.limits)
 
@@ -74,10 +70,7 @@ class RelativeCartesianActions(DuoWrapper):
     """
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: An environment with `CartesianActions` inside.
+        """Wrap an environment with `CartesianActions` inside.
 
         Raises:
             AttributeError: It takes no Cartesian actions.

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
-from gymnasium.envs.registration import EnvSpec
 
 from duobench.envs.duo_env import Info, Observation, ResetNeededError, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
-
-
-class _LimitedSpec(EnvSpec):
-    """How to make an environment that has its time limit, so that Gymnasium adds none."""
-
-    def make(self, **kwargs: Any) -> gym.Env:
-        return gym.make(self, **{"max_episode_steps": -1, **kwargs})
 
 
 class TimeLimit(DuoWrapper):
@@ -47,15 +39,6 @@ class TimeLimit(DuoWrapper):
     def _max_episode_steps(self) -> int:
         """Control steps after which an episode is cut off."""
         return self._horizon
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """How the environment was made, with `max_episode_steps`; None where by hand."""
-        spec = super().spec
-        if spec is None:
-            return None
-        known = {field.name: getattr(spec, field.name) for field in fields(spec) if field.init}
-        return _LimitedSpec(**{**known, "max_episode_steps": self._horizon})
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

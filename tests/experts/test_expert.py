@@ -10,7 +10,7 @@ from duobench.envs import sim_of
 from duobench.errors import PolicyError
 from duobench.evaluation import ExpertPolicy
 from duobench.experts import bin_sort
-from duobench.experts.registry import find_script
+from duobench.experts.expert import find_script
 from duobench.tasks import catalog
 
 MODULE = """
