@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
-from duobench.errors import DuoBenchError, EvaluationError, OutputError
+from duobench.errors import DuoBenchError, FileError, OutputError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -146,36 +146,36 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
     """A data class from the text that `encode` gave.
 
     Raises:
-        EvaluationError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
+        FileError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
             type, or the values contradict each other; the message names the field.
     """
     try:
         document: Any = msgspec.json.decode(text)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise EvaluationError(f"No JSON: {error}.") from error
+        raise FileError(f"No JSON: {error}.") from error
     if not isinstance(document, dict):
-        raise EvaluationError(f"A JSON object is expected, not a {type(document).__name__}.")
+        raise FileError(f"A JSON object is expected, not a {type(document).__name__}.")
     actual = document.pop("schema", None)
     if actual != schema or isinstance(actual, bool):
-        raise EvaluationError(f"Schema {actual!r}; this version reads {schema}.")
+        raise FileError(f"Schema {actual!r}; this version reads {schema}.")
     if unknown := sorted(document.keys() - {field.name for field in fields(kind)}):
-        raise EvaluationError(f"Unknown fields: {', '.join(unknown)}.")
+        raise FileError(f"Unknown fields: {', '.join(unknown)}.")
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        raise EvaluationError(f"{error}.".replace("`$.", "`")) from error
+        raise FileError(f"{error}.".replace("`$.", "`")) from error
     except DuoBenchError as error:  # of a value that names what does not exist
-        raise EvaluationError(str(error)) from error
+        raise FileError(str(error)) from error
 
 
 def read(path: Path, kind: type[T], schema: int) -> T:
     """A data class from a file that `encode` filled.
 
     Raises:
-        EvaluationError: See `decode`; the message names file and field.
+        FileError: See `decode`; the message names file and field.
     """
     try:
         return decode(path.read_bytes(), kind, schema)
-    except (EvaluationError, OSError) as error:
+    except (FileError, OSError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise EvaluationError(f"Cannot read {path}: {reason}") from error
+        raise FileError(f"Cannot read {path}: {reason}") from error

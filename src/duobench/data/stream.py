@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome
-from duobench.errors import DataError, DuoBenchError, EvaluationError, OutputError
+from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
 
 SUFFIX = ".part"
@@ -78,7 +78,7 @@ class EpisodeStream:
         """Where the finished episode will be."""
         self._info = info
         head = _Head(info=info, sizes=dict(sizes))
-        self._make_room(np.zeros(_FIRST_CAPACITY, head.row_type()))
+        self._rows = np.zeros(_FIRST_CAPACITY, head.row_type())
         self._count = self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
@@ -106,9 +106,9 @@ class EpisodeStream:
             OutputError: The file cannot be written.
         """
         if self._count == len(self._rows):
-            self._make_room(np.concatenate([self._rows, np.zeros_like(self._rows)]))
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         for name, value in row.items():
-            self._columns[name][self._count] = value
+            self._rows[name][self._count] = value
         self._count += 1
         if self._count - self._written > BATCH_ROWS:
             self._flush(self._count - 1)  # all but the last row, whose action is still to come
@@ -120,7 +120,7 @@ class EpisodeStream:
             row: Values by the name of the column, of those that belong to the action.
         """
         for name, value in row.items():
-            self._columns[name][self._count - 1] = value
+            self._rows[name][self._count - 1] = value
 
     def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
         """Write the whole episode as Parquet and remove the stream.
@@ -133,13 +133,7 @@ class EpisodeStream:
             DataError: Somebody has put another episode there; the stream stays too.
         """
         info = replace(self._info, outcome=outcome, last_hash=last_hash)
-        recording = Recording(
-            info=info,
-            **{
-                column.name: self._columns[column.name][: self._count - column.of_action]
-                for column in COLUMNS
-            },
-        )
+        recording = _recording(info, self._rows[: self._count])
         try:
             self._check_free()
             recording.write(self.path)
@@ -168,10 +162,6 @@ class EpisodeStream:
     def _check_free(self) -> None:
         if self.path.exists():
             raise DataError(f"{self.path} exists already; an episode is never overwritten.")
-
-    def _make_room(self, rows: np.ndarray) -> None:
-        self._rows = rows
-        self._columns = {column.name: rows[column.name] for column in COLUMNS}
 
     def _flush(self, end: int) -> None:
         """Write the rows before one; where it failed before, it begins again at the same place."""
@@ -215,11 +205,13 @@ def recover(partial: Path) -> Recording:
         reason=INTERRUPTED,
         cut=True,
     )
-    return Recording(
-        info=replace(info, outcome=outcome),
-        # The step of the last row that was written led to one that was not.
-        **{column.name: rows[column.name][: len(rows) - column.of_action] for column in COLUMNS},
-    )
+    return _recording(replace(info, outcome=outcome), rows)
+
+
+def _recording(info: EpisodeInfo, rows: NDArray[Any]) -> Recording:
+    """The episode of some rows; the action of the last one is not known, or led to none of them."""
+    columns = {column.name: rows[column.name][: len(rows) - column.of_action] for column in COLUMNS}
+    return Recording(info=info, **columns)
 
 
 def read_info(partial: Path) -> EpisodeInfo:
@@ -239,6 +231,6 @@ def _read(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
         head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA)
         kind = head.row_type()
         rows = np.frombuffer(data[end:], kind, max(0, len(data) - end) // kind.itemsize)
-    except (OSError, EvaluationError, KeyError, ValueError) as error:
+    except (OSError, FileError, KeyError, ValueError) as error:
         raise DataError(f"Cannot recover {partial}: {error}") from error
     return head.info, rows
