@@ -112,13 +112,29 @@ def write(path: Path, content: str | bytes) -> None:
     """
     # A lone surrogate cannot be written; texts that may hold one are made printable before.
     data = content.encode(errors="replace") if isinstance(content, str) else content
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Write a file in one atomic step, in a block that fills another one.
+
+    Args:
+        path: Where the file will be; missing parent folders are made.
+
+    Yields:
+        The file to fill, which is flushed to the disk before it gets the name of the other one.
+
+    Raises:
+        OutputError: It cannot be written; what was there before is still there.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with temporary.open("wb") as file:
-                file.write(data)
-                file.flush()
+            yield temporary
+            with temporary.open("rb") as file:
                 os.fsync(file.fileno())
             temporary.replace(path)
         finally:

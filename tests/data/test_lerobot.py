@@ -383,9 +383,6 @@ class Vanishing:
     def __call__(self, job: int) -> int:
         return job
 
-    def close(self) -> None:
-        """Nothing is open."""
-
 
 def test_a_worker_that_vanishes_between_jobs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     start_process = processes._start

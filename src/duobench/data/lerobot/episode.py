@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import io
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from duobench.backend import Image
@@ -19,93 +17,67 @@ from duobench.data.images import ImageSource
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import joint_targets
 from duobench.data.lerobot.features import ACTION, COLUMNS, DOMAINS, STATE, schema
-from duobench.data.lerobot.folder import EpisodeFacts, ExportFolder
+from duobench.data.lerobot.folder import SCHEMA, EpisodeFacts, Export, ExportFolder
 from duobench.data.lerobot.options import ExportOptions, Pairing
 from duobench.data.lerobot.video import write_videos
+from duobench.data.parquet import to_arrow, to_bytes
 from duobench.data.recording import Recording
 from duobench.errors import DataError
-from duobench.files import write
+from duobench.files import encode, write
 from duobench.types import CONTROL_HZ, Array
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Job:
-    """An episode that is to be exported."""
+def exporter(data: Path, folder: ExportFolder, export: Export) -> Callable[[int], int]:
+    """What exports one episode after the other; it keeps the model of a task for the next one.
 
-    source: Path
-    """Its recording."""
-    sha256: str
-    """Hash of the recording's file when the export began."""
-    folder: Path
-    """Folder of the export."""
-    options: ExportOptions
-    """What was chosen."""
-    index: int
-    """Number of the episode in the export."""
-    first_row: int
-    """Rows of the export before it."""
-    task_index: int
-    """Number of its instruction."""
+    Args:
+        data: Folder of the data set.
+        folder: Folder of the export.
+        export: What is exported.
 
+    Returns:
+        A function of the episode's index, which it returns. It raises a `DataError` if the
+        recording cannot be read, shown or encoded, or has changed, and an `OutputError` if a file
+        cannot be written.
+    """
+    options = export.options
+    source_of = lru_cache(maxsize=1)(
+        partial(ImageSource, cameras=options.cameras, size=options.size, look=options.look)
+    )
 
-class EpisodeExporter:
-    """Exports one episode after the other; keeps the model of a task for the next one."""
-
-    def __init__(self) -> None:
-        """Begin without a model."""
-        self._images: ImageSource | None = None
-        self._key: tuple[str, ExportOptions] | None = None
-
-    def __call__(self, job: Job) -> int:
-        """Export an episode, unless that is done.
-
-        Returns:
-            The job's index.
-
-        Raises:
-            DataError: The recording cannot be read, shown or encoded, or has changed.
-            OutputError: A file cannot be written.
-        """
-        folder, options = ExportFolder(job.folder), job.options
-        recording = Recording.read(job.source)
-        if hash_of(job.source) != job.sha256:
-            raise DataError(f"{job.source} has changed since the export began; begin it anew.")
+    def export_one(index: int) -> int:
+        episode = export.episodes[index]
+        path = data / episode.file
+        recording = Recording.read(path)
+        if hash_of(path) != episode.sha256:
+            raise DataError(f"{path} has changed since the export began; begin it anew.")
         actions, residual = joint_targets(recording, options.action)
         counts = {camera: statistics.no_counts() for camera in options.cameras}
         if options.cameras:
-            paths = {camera: folder.video(camera, job.index) for camera in options.cameras}
-            frames = self._frames(recording, options, counts)
+            paths = {camera: folder.video(camera, index) for camera in options.cameras}
+            source = source_of(recording.info.task)
+            frames = _frames(source, recording, _offset(options), counts)
             write_videos(frames, paths, options.size, int(CONTROL_HZ))
-        write(folder.data(job.index), _parquet(rows(recording, actions, job)))
+        columns = rows(recording, actions, export, index)
+        arrays = [to_arrow(columns[name]) for name in COLUMNS]
+        write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=schema())))
         noted = {camera: values.tolist() for camera, values in counts.items()}
-        folder.write_facts(job.index, EpisodeFacts(counts=noted, residual=residual))
-        return job.index
+        facts = EpisodeFacts(counts=noted, residual=residual)
+        write(folder.facts(index), encode(facts, SCHEMA))
+        return index
 
-    def close(self) -> None:
-        """Free the model."""
-        if self._images is not None:
-            self._images.close()
-            self._images = None
+    return export_one
 
-    def _frames(
-        self,
-        recording: Recording,
-        options: ExportOptions,
-        counts: dict[str, statistics.Counts],
-    ) -> Iterator[dict[str, Image]]:
-        """Render the images of every row, and count their values."""
-        key = recording.info.task, options
-        if self._images is None or key != self._key:
-            self.close()
-            self._images = ImageSource(
-                recording.info.task, cameras=options.cameras, size=options.size, look=options.look
-            )
-            self._key = key
-        for row in np.arange(len(recording)) + _offset(options):
-            images = self._images.images(recording, int(row))
-            for camera in options.cameras:
-                statistics.count_values(counts[camera], images[camera])
-            yield images
+
+def _frames(
+    source: ImageSource, recording: Recording, offset: int, counts: dict[str, statistics.Counts]
+) -> Iterator[dict[str, Image]]:
+    """Render the images of every row, and count their values."""
+    for row in range(offset, offset + len(recording)):
+        images = source.images(recording, row)
+        for camera, image in images.items():
+            statistics.count_values(counts[camera], image)
+        yield images
 
 
 def hash_of(path: Path) -> str:
@@ -113,15 +85,18 @@ def hash_of(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def rows(recording: Recording, actions: Array, job: Job) -> dict[str, NDArray[Any]]:
+def rows(
+    recording: Recording, actions: Array, export: Export, index: int
+) -> dict[str, NDArray[Any]]:
     """The columns of an episode, one row an action.
 
     Args:
         recording: The episode.
         actions: Its actions (T, 16).
-        job: Its place in the export.
+        export: What is exported.
+        index: Number of the episode in the export.
     """
-    length, offset = len(recording), _offset(job.options)
+    length, offset = len(recording), _offset(export.options)
     number = np.arange(length)
     return {
         STATE: recording.agent_pos[offset : offset + length],
@@ -133,27 +108,12 @@ def rows(recording: Recording, actions: Array, job: Job) -> dict[str, NDArray[An
         "domain": np.full(length, DOMAINS.index("sim")),
         "timestamp": (number / CONTROL_HZ).astype(np.float32),
         "frame_index": number,
-        "episode_index": np.full(length, job.index),
-        "index": job.first_row + number,
-        "task_index": np.full(length, job.task_index),
+        "episode_index": np.full(length, index),
+        "index": export.first_row(index) + number,
+        "task_index": np.full(length, export.tasks.index(recording.info.instruction)),
     }
 
 
 def _offset(options: ExportOptions) -> int:
     """How many rows after its action's an observation is."""
     return int(options.pairing is Pairing.DELAYED)
-
-
-def _parquet(columns: dict[str, NDArray[Any]]) -> bytes:
-    """Columns as a Parquet file."""
-    arrow = schema()
-    arrays = []
-    for name in COLUMNS:
-        values = pa.array(np.ascontiguousarray(columns[name]).reshape(-1))
-        kind = arrow.field(name).type
-        if pa.types.is_fixed_size_list(kind):
-            values = pa.FixedSizeListArray.from_arrays(values, type=kind)
-        arrays.append(values.cast(kind))
-    with io.BytesIO() as buffer:
-        pq.write_table(pa.Table.from_arrays(arrays, schema=arrow), buffer)
-        return buffer.getvalue()

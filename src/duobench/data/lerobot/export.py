@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from duobench.data.dataset import DataSet
 from duobench.data.lerobot.actions import Residual
-from duobench.data.lerobot.episode import EpisodeExporter, Job, hash_of
+from duobench.data.lerobot.episode import exporter, hash_of
 from duobench.data.lerobot.folder import Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions
@@ -77,16 +78,16 @@ def export_lerobot(
     with locked(folder.path):
         folder.begin(export)
         missing = [
-            job
-            for job in _jobs(data, export, folder)
-            if not folder.is_finished(job.index, options.cameras)
+            index
+            for index in range(len(export.episodes))
+            if not folder.is_finished(index, options.cameras)
         ]
         total = sum(episode.length for episode in export.episodes)
-        done = total - sum(export.episodes[job.index].length for job in missing)
+        done = total - sum(export.episodes[index].length for index in missing)
         progress(done, total)
         if missing and options.cameras:
             rendering.prepare(processes=max(1, workers))
-        for index in run_all(EpisodeExporter, missing, workers):
+        for index in run_all(partial(exporter, data.path, folder, export), missing, workers):
             done += export.episodes[index].length
             progress(done, total)
         residual = finish(folder, export)
@@ -138,23 +139,3 @@ def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
             f"{path}: actions of mode {mode!r} are relative to what was commanded "
             f"before and name no targets; export {ActionSource.SENT.value!r} actions."
         )
-
-
-def _jobs(data: DataSet, export: Export, folder: ExportFolder) -> list[Job]:
-    """One job an episode."""
-    tasks = {instruction: number for number, instruction in enumerate(export.tasks)}
-    jobs, first_row = [], 0
-    for index, episode in enumerate(export.episodes):
-        jobs.append(
-            Job(
-                source=data.path / episode.file,
-                sha256=episode.sha256,
-                folder=folder.path,
-                options=export.options,
-                index=index,
-                first_row=first_row,
-                task_index=tasks[episode.instruction],
-            )
-        )
-        first_row += episode.length
-    return jobs

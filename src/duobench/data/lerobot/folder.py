@@ -9,7 +9,7 @@ from pathlib import Path
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import DOMAINS, image_key
 from duobench.data.lerobot.options import ExportOptions
-from duobench.errors import DataError, EvaluationError
+from duobench.errors import DataError, FileError
 from duobench.files import TEMPORARY_SUFFIX, encode, read, remove_temporary, write
 
 SCHEMA = 1
@@ -51,6 +51,10 @@ class Export:
     def tasks(self) -> list[str]:
         """Each instruction once, in order of appearance: what LeRobot calls a task."""
         return list(dict.fromkeys(episode.instruction for episode in self.episodes))
+
+    def first_row(self, index: int) -> int:
+        """Rows of the export before those of an episode."""
+        return sum(episode.length for episode in self.episodes[:index])
 
     def differences(self, other: Export) -> list[str]:
         """In what another export differs, one phrase each: `size: (8, 8), was (4, 4)`."""
@@ -133,7 +137,7 @@ class ExportFolder:
             DataError: The folder holds another export or something else.
         """
         if self.description.exists():
-            before = self._read_description()
+            before = read(self.description, Export, SCHEMA)
             if differences := export.differences(before):
                 raise DataError(
                     f"{self.path} holds another export; this one differs in "
@@ -141,7 +145,8 @@ class ExportFolder:
                 )
             remove_temporary(self.path)
             return
-        if self.path.exists() and not all(map(_is_temporary, _files(self.path))):
+        files = [path for path in self.path.rglob("*") if not path.is_dir()]
+        if not all(path.match(f".*{TEMPORARY_SUFFIX}") for path in files):
             raise DataError(
                 f"{self.path} is not empty and holds no export; export into another folder."
             )
@@ -155,18 +160,8 @@ class ExportFolder:
         """
         try:
             return read(self.facts(index), EpisodeFacts, SCHEMA)
-        except EvaluationError as error:
-            raise DataError(f"{error} Delete the file and export again.") from error
-
-    def write_facts(self, index: int, facts: EpisodeFacts) -> None:
-        """Note a finished episode."""
-        write(self.facts(index), encode(facts, SCHEMA))
-
-    def _read_description(self) -> Export:
-        try:
-            return read(self.description, Export, SCHEMA)
-        except EvaluationError as error:
-            raise DataError(str(error)) from error
+        except FileError as error:
+            raise FileError(f"{error} Delete the file and export again.") from error
 
 
 def location(index: int) -> tuple[int, int]:
@@ -177,14 +172,6 @@ def location(index: int) -> tuple[int, int]:
 def _numbered(index: int) -> str:
     chunk, file = location(index)
     return f"chunk-{chunk:03d}/file-{file:03d}"
-
-
-def _files(folder: Path) -> list[Path]:
-    return [path for path in folder.rglob("*") if not path.is_dir()]
-
-
-def _is_temporary(path: Path) -> bool:
-    return path.match(f".*{TEMPORARY_SUFFIX}")
 
 
 def _words(value: object) -> object:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import av
+from av.container import OutputContainer
 from av.error import FFmpegError
 from av.video.stream import VideoStream
 
 from duobench.backend import Image
 from duobench.errors import DataError
-from duobench.files import TEMPORARY_SUFFIX, make_folder, writing
+from duobench.files import replacing, writing
 
 CODEC = "libsvtav1"
 CRF, GROUP, PRESET = 30, 2, 12
@@ -77,72 +79,52 @@ def write_videos(
         OutputError: A file cannot be written.
     """
     os.environ.setdefault(*_QUIET)
-    temporary = {
-        camera: path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
-        for camera, path in paths.items()
-    }
-    try:
-        with ExitStack() as stack:
-            encoders = {}
-            for camera, path in temporary.items():
-                make_folder(path.parent)
-                encoders[camera] = _Encoder(path, size, rate_hz)
-                stack.callback(encoders[camera].close)
-            for images in frames:
-                for camera, encoder in encoders.items():
-                    encoder.add(images[camera])
-            for encoder in encoders.values():
-                encoder.finish()
+    with ExitStack() as stack:
+        encoders = {}
         for camera, path in paths.items():
-            with writing(path):
-                _flush(temporary[camera])
-                temporary[camera].replace(path)
+            temporary = stack.enter_context(replacing(path))
+            encoders[camera] = stack.enter_context(_encoding(temporary, size, rate_hz))
+        for images in frames:
+            for camera, add in encoders.items():
+                add(images[camera])
+
+
+@contextmanager
+def _encoding(path: Path, size: tuple[int, int], rate_hz: int) -> Iterator[Callable[[Image], None]]:
+    """Encode a video of the images that are added in the block."""
+    with writing(path):
+        container = av.open(path, "w", format="mp4", options=_CONTAINER_OPTIONS)
+    try:
+        stream = _stream(container, size, rate_hz)
+        numbers = count()
+
+        def mux(frame: av.VideoFrame | None) -> None:
+            try:
+                with writing(path):
+                    container.mux(stream.encode(frame))
+            except FFmpegError as error:
+                raise DataError(f"A video cannot be encoded: {error}.") from error
+
+        def add(image: Image) -> None:
+            frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+            frame.pts = next(numbers)
+            mux(frame)
+
+        yield add
+        mux(None)  # what the encoder still holds; after a failure FFmpeg crashes here
     finally:
-        for path in temporary.values():
-            path.unlink(missing_ok=True)
-
-
-class _Encoder:
-    """One video that is being encoded."""
-
-    def __init__(self, path: Path, size: tuple[int, int], rate_hz: int) -> None:
         with writing(path):
-            self._container = av.open(path, "w", format="mp4", options=_CONTAINER_OPTIONS)
-        try:
-            stream = self._container.add_stream(CODEC, rate=rate_hz, options=_OPTIONS)
-        except FFmpegError as error:
-            raise DataError(f"This build of PyAV cannot encode AV1: {error}.") from error
-        if not isinstance(stream, VideoStream):
-            raise AssertionError(f"{CODEC} encodes videos.")
-        stream.height, stream.width = size
-        stream.pix_fmt = PIXEL_FORMAT
-        stream.codec_context.thread_count = 1
-        self._stream = stream
-        self._frames = 0
-
-    def add(self, image: Image) -> None:
-        frame = av.VideoFrame.from_ndarray(image, format="rgb24")
-        frame.pts = self._frames
-        self._frames += 1
-        self._mux(frame)
-
-    def finish(self) -> None:
-        """Write what the encoder still holds; after a failure FFmpeg crashes here."""
-        self._mux(None)
-
-    def close(self) -> None:
-        with writing(Path(self._container.name)):
-            self._container.close()
-
-    def _mux(self, frame: av.VideoFrame | None) -> None:
-        try:
-            with writing(Path(self._container.name)):
-                self._container.mux(self._stream.encode(frame))
-        except FFmpegError as error:
-            raise DataError(f"A video cannot be encoded: {error}.") from error
+            container.close()
 
 
-def _flush(path: Path) -> None:
-    """Have a file on the disk before it gets its name."""
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
+def _stream(container: OutputContainer, size: tuple[int, int], rate_hz: int) -> VideoStream:
+    try:
+        stream = container.add_stream(CODEC, rate=rate_hz, options=_OPTIONS)
+    except FFmpegError as error:
+        raise DataError(f"This build of PyAV cannot encode AV1: {error}.") from error
+    if not isinstance(stream, VideoStream):
+        raise AssertionError(f"{CODEC} encodes videos.")
+    stream.height, stream.width = size
+    stream.pix_fmt = PIXEL_FORMAT
+    stream.codec_context.thread_count = 1
+    return stream
