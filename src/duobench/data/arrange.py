@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
+from filecmp import cmp
 from itertools import count
 from pathlib import Path
 
@@ -144,14 +145,7 @@ def _shuffled(path: Path, seed: int) -> str:
 def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
     """Whether an episode may be copied to a place: nothing is there, or the same."""
     others = {plan.get(place, path), place if place.exists() else path}
-    return all(_is_same(path, other) for other in others - {path})
-
-
-def _is_same(path: Path, other: Path) -> bool:
-    """Whether two files have the same content."""
-    if path.stat().st_size != other.stat().st_size:
-        return False
-    return path.read_bytes() == other.read_bytes()
+    return all(cmp(path, other, shallow=False) for other in others - {path})
 
 
 def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:
