@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable
 from statistics import median
+from timeit import repeat
 
 from duobench.cli.console import console
 from duobench.cli.engine import load_engine
@@ -72,9 +72,4 @@ def _graphics() -> dict[str, str]:
 def _milliseconds(draw: Callable[[], object]) -> float:
     """Median time of a call, after a first one that does not count."""
     draw()
-    times = []
-    for _ in range(FRAMES):
-        start = time.perf_counter()
-        draw()
-        times.append(time.perf_counter() - start)
-    return 1000 * median(times)
+    return 1000 * median(repeat(draw, number=1, repeat=FRAMES))
