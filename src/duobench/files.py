@@ -48,16 +48,12 @@ def make_folder(path: Path) -> None:
     Raises:
         OutputError: It cannot be made, or nothing may be written into it.
     """
-    reason = None
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        reason = "it is a file"
     except OSError as error:
-        reason = error.strerror
+        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
     else:
-        if not os.access(path, os.W_OK | os.X_OK):
-            reason = "nothing may be written into it"
+        reason = None if os.access(path, os.W_OK | os.X_OK) else "nothing may be written into it"
     if reason:
         raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
 

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.data.dataset import DataSet
-from duobench.data.processes import run_all
+from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, action_mode
 from duobench.envs.protocol import make_env
@@ -19,9 +19,6 @@ from duobench.envs.sim_env import LAYOUT, SPLIT, sim_of
 from duobench.errors import DuoBenchError
 from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
-
-Progress = Callable[[int, int], None]
-"""Told how many of how many files are checked."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,7 +44,7 @@ def find_problems(
     Args:
         data: The data set.
         workers: Processes that check side by side; 0 checks in this process. See `run_all`.
-        progress: Told about the progress.
+        progress: Told about the progress, in episodes.
 
     Returns:
         What is wrong, sorted by file; nothing if all is well.

@@ -19,6 +19,8 @@ from duobench.errors import DataError, DuoBenchError, traceback_text
 
 J = TypeVar("J")
 R = TypeVar("R")
+Progress = Callable[[int, int], None]
+"""Told how many of how many things are done."""
 DEATH_S = 10.0
 """How long the end of a process is waited for, in seconds."""
 

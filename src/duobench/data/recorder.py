@@ -182,8 +182,7 @@ class Recorder(DuoWrapper):
             kept: Whether it is meant to be used.
             reason: Why it ended, or why it is not.
         """
-        if self._stream is not None:
-            self._end(cut=True, kept=kept, reason=reason)
+        self._end(cut=True, kept=kept, reason=reason)
 
     def discard(self) -> None:
         """Forget the running episode; nothing of it is kept."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,7 @@ from duobench.data.lerobot.episode import exporter, hash_of
 from duobench.data.lerobot.folder import Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions
-from duobench.data.processes import run_all
+from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import action_mode
 from duobench.errors import DataError
@@ -21,9 +20,6 @@ from duobench.files import locked
 from duobench.randomness import SUITE_VERSION
 from duobench.sim import rendering
 from duobench.versions import package_versions
-
-Progress = Callable[[int, int], None]
-"""Told how many of how many frames are finished."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,7 +55,7 @@ def export_lerobot(
         options: What is exported.
         workers: Processes that render and encode side by side, which are started anew (`spawn`); 0
             does everything in this process.
-        progress: Told about the progress, at first and after every episode.
+        progress: Told about the progress in frames, at first and after every episode.
 
     Returns:
         What it came to.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import DOMAINS, image_key
@@ -58,16 +60,11 @@ class Export:
 
     def differences(self, other: Export) -> list[str]:
         """In what another export differs, one phrase each: `size: (8, 8), was (4, 4)`."""
-        pairs = [
-            (option.name, getattr(self.options, option.name), getattr(other.options, option.name))
-            for option in fields(ExportOptions)
-        ]
-        pairs += [
-            (name, getattr(self, name), getattr(other, name))
-            for name in ("suite_version", "versions")
-        ]
+        ours, theirs = self._choices(), other._choices()
         found = [
-            f"{name}: {_words(now)}, was {_words(then)}" for name, now, then in pairs if now != then
+            f"{name}: {now}, was {theirs[name]}"
+            for name, now in ours.items()
+            if now != theirs[name]
         ]
         if self.episodes != other.episodes:
             now, then = ({e.file: e for e in export.episodes} for export in (self, other))
@@ -79,6 +76,13 @@ class Export:
             parts = [f"{count} {what}" for what, count in counts.items() if count]
             found.append(f"episodes: {', '.join(parts)}")
         return found
+
+    def _choices(self) -> dict[str, Any]:
+        """Everything but the episodes, as it stands in the file."""
+        document = json.loads(encode(self, SCHEMA))
+        return document["options"] | {
+            name: document[name] for name in ("suite_version", "versions")
+        }
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -172,8 +176,3 @@ def location(index: int) -> tuple[int, int]:
 def _numbered(index: int) -> str:
     chunk, file = location(index)
     return f"chunk-{chunk:03d}/file-{file:03d}"
-
-
-def _words(value: object) -> object:
-    """A value for a message."""
-    return list(value) if isinstance(value, tuple) else value
