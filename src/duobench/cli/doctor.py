@@ -34,7 +34,6 @@ def doctor() -> None:
 
 
 def _versions() -> dict[str, str]:
-    """Versions of what scores depend on."""
     from duobench.randomness import SUITE_VERSION
     from duobench.versions import record_versions
 

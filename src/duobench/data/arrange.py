@@ -115,7 +115,6 @@ def split(
 
 
 def _share(data: DataSet, fraction: float, seed: int) -> set[Path]:
-    """A share of each task's episodes, at random."""
     chosen: set[Path] = set()
     for task in data.tasks:
         shuffled = sorted(data.episodes(task), key=lambda path: _shuffled(path, seed))
@@ -138,7 +137,6 @@ def _part(paths: Sequence[Path], target: DataSet) -> dict[Path, Path]:
 
 
 def _shuffled(path: Path, seed: int) -> str:
-    """A key that orders the episodes of a task at random."""
     return hashlib.sha256(f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()).hexdigest()
 
 

@@ -77,7 +77,6 @@ def run_all(make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: in
 
 
 def _start(make: Callable[[], Callable[[Any], Any]]) -> tuple[Connection, BaseProcess]:
-    """Start a process that does jobs."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = cast("tuple[Connection, Connection]", context.Pipe())
     process = context.Process(target=_work, args=(make, theirs), daemon=True)
@@ -98,11 +97,6 @@ def _send(connection: Connection, job: Any) -> None:
 
 
 def _result(connection: Connection, process: BaseProcess) -> Any:
-    """What a process has sent.
-
-    Raises:
-        DuoBenchError: That it failed.
-    """
     try:
         result = connection.recv()
     except (EOFError, ConnectionError) as error:
@@ -134,7 +128,6 @@ def _work(make: Callable[[], Callable[[Any], Any]], connection: Connection) -> N
 
 
 def _next(connection: Connection) -> Any:
-    """The next job; None when there is none any more."""
     try:
         return connection.recv()
     except EOFError:

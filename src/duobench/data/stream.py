@@ -76,7 +76,8 @@ class EpisodeStream:
         """
         self.path = path
         """Where the finished episode will be."""
-        self._info = info
+        self.info = info
+        """What is known about it at its start."""
         head = _Head(info=info, sizes=dict(sizes))
         self._rows = np.zeros(_FIRST_CAPACITY, head.row_type())
         self._count = self._written = 0
@@ -95,6 +96,11 @@ class EpisodeStream:
             self.discard()
             raise
         self._start = self._file.tell()
+
+    @property
+    def rows(self) -> NDArray[Any]:
+        """All rows so far, with a field for each column; the action of the last one is to come."""
+        return self._rows[: self._count]
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Append what was seen; its action follows with `act`.
@@ -132,8 +138,8 @@ class EpisodeStream:
             OutputError: It cannot be written; the stream stays, for `recover`.
             DataError: Somebody has put another episode there; the stream stays too.
         """
-        info = replace(self._info, outcome=outcome, last_hash=last_hash)
-        recording = _recording(info, self._rows[: self._count])
+        info = replace(self.info, outcome=outcome, last_hash=last_hash)
+        recording = _recording(info, self.rows)
         try:
             self._check_free()
             recording.write(self.path)
@@ -197,15 +203,22 @@ def recover(partial: Path) -> Recording:
     info, rows = _read(partial)
     if not len(rows):
         raise DataError(f"Cannot recover {partial}: it ends before its first rows were written.")
-    outcome = Outcome(
-        success=bool(rows["success"].any()),
-        stage=int(rows["stage"].max()),
-        max_stage=len(info.subinstructions),
-        kept=False,
-        reason=INTERRUPTED,
-        cut=True,
-    )
+    outcome = outcome_of(info, rows, kept=False, reason=INTERRUPTED, cut=True)
     return _recording(replace(info, outcome=outcome), rows)
+
+
+def outcome_of(
+    info: EpisodeInfo, rows: NDArray[Any], *, kept: bool, reason: str | None, cut: bool
+) -> Outcome:
+    """How an episode of some rows, one at least, ended."""
+    return Outcome(
+        success=bool(rows["success"][-1]),
+        stage=int(rows["stage"][-1]),
+        max_stage=len(info.subinstructions),
+        kept=kept,
+        reason=reason,
+        cut=cut,
+    )
 
 
 def _recording(info: EpisodeInfo, rows: NDArray[Any]) -> Recording:

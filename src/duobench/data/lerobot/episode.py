@@ -57,7 +57,7 @@ def exporter(data: Path, folder: ExportFolder, export: Export) -> Callable[[int]
             paths = {camera: folder.video(camera, index) for camera in options.cameras}
             source = source_of(recording.info.task)
             frames = _frames(source, recording, _offset(options), counts)
-            write_videos(frames, paths, options.size, int(CONTROL_HZ))
+            write_videos(frames, paths, options.size)
         columns = rows(recording, actions, export, index)
         arrays = [to_arrow(columns[name]) for name in COLUMNS]
         write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=schema())))

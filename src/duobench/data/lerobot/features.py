@@ -10,7 +10,6 @@ import pyarrow as pa
 
 from duobench.data.lerobot import video
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.types import CONTROL_HZ
 
 STATE, ACTION = "observation.state", "action"
 IMAGE_PREFIX = "observation.images."
@@ -59,7 +58,7 @@ def describe(cameras: Sequence[str], size: tuple[int, int]) -> dict[str, dict[st
             "dtype": "video",
             "shape": [*size, 3],
             "names": ["height", "width", "channels"],
-            "info": video.describe(size, int(CONTROL_HZ)),
+            "info": video.describe(size),
         }
         for camera in cameras
     }

@@ -59,7 +59,7 @@ class Export:
         return sum(episode.length for episode in self.episodes[:index])
 
     def differences(self, other: Export) -> list[str]:
-        """In what another export differs, one phrase each: `size: (8, 8), was (4, 4)`."""
+        """In what another export differs, one phrase each: `size: [8, 8], was [4, 4]`."""
         ours, theirs = self._choices(), other._choices()
         found = [
             f"{name}: {now}, was {theirs[name]}"

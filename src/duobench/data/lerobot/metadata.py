@@ -18,6 +18,7 @@ from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import COLUMNS, describe, image_key
 from duobench.data.lerobot.folder import CHUNK_SIZE, Export, ExportFolder, location
+from duobench.data.lerobot.video import FPS
 from duobench.data.parquet import to_bytes, to_numpy
 from duobench.errors import DataError
 from duobench.files import write
@@ -70,7 +71,6 @@ def finish(folder: ExportFolder, export: Export) -> Residual | None:
 
 
 def _read(folder: ExportFolder, index: int, length: int) -> dict[str, NDArray[Any]]:
-    """The columns of an episode."""
     path = folder.data(index)
     try:
         table = pq.read_table(path)
@@ -142,12 +142,11 @@ def _tasks(instructions: list[str]) -> pa.Table:
 
 
 def _info(export: Export, total: int) -> dict[str, Any]:
-    """LeRobot's description of the data set."""
     episodes, options = len(export.episodes), export.options
     place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
     return {
         "codebase_version": FORMAT,
-        "fps": int(CONTROL_HZ),
+        "fps": FPS,
         "features": describe(options.cameras, options.size),
         "total_episodes": episodes,
         "total_frames": total,

@@ -17,7 +17,9 @@ from av.video.stream import VideoStream
 from duobench.backend import Image
 from duobench.errors import DataError
 from duobench.files import replacing, writing
+from duobench.types import CONTROL_HZ
 
+FPS = int(CONTROL_HZ)
 CODEC = "libsvtav1"
 CRF, GROUP, PRESET = 30, 2, 12
 """Quality, frames from one key frame to the next, and speed: LeRobot's defaults. A group of two
@@ -35,19 +37,18 @@ _QUIET = ("SVT_LOG", "1")
 """Environment variable by which the encoder prints errors only."""
 
 
-def describe(size: tuple[int, int], rate_hz: int) -> dict[str, Any]:
+def describe(size: tuple[int, int]) -> dict[str, Any]:
     """What `meta/info.json` says about a video, under the keys that LeRobot's own writer uses.
 
     Args:
         size: Height and width in pixels.
-        rate_hz: Frames a second.
     """
     return {
         "video.height": size[0],
         "video.width": size[1],
         "video.codec": "av1",
         "video.pix_fmt": PIXEL_FORMAT,
-        "video.fps": rate_hz,
+        "video.fps": FPS,
         "video.channels": 3,
         "has_audio": False,
         "video.g": GROUP,
@@ -61,10 +62,7 @@ def describe(size: tuple[int, int], rate_hz: int) -> dict[str, Any]:
 
 
 def write_videos(
-    frames: Iterable[Mapping[str, Image]],
-    paths: Mapping[str, Path],
-    size: tuple[int, int],
-    rate_hz: int,
+    frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path], size: tuple[int, int]
 ) -> None:
     """Encode one video a camera side by side; each is whole or absent after a kill.
 
@@ -72,7 +70,6 @@ def write_videos(
         frames: Images (height, width, 3) by camera, frame by frame.
         paths: Where the video of each camera will be.
         size: Height and width of the images, both even.
-        rate_hz: Frames a second.
 
     Raises:
         DataError: The images cannot be encoded.
@@ -83,19 +80,19 @@ def write_videos(
         encoders = {}
         for camera, path in paths.items():
             temporary = stack.enter_context(replacing(path))
-            encoders[camera] = stack.enter_context(_encoding(temporary, size, rate_hz))
+            encoders[camera] = stack.enter_context(_encoding(temporary, size))
         for images in frames:
             for camera, add in encoders.items():
                 add(images[camera])
 
 
 @contextmanager
-def _encoding(path: Path, size: tuple[int, int], rate_hz: int) -> Iterator[Callable[[Image], None]]:
+def _encoding(path: Path, size: tuple[int, int]) -> Iterator[Callable[[Image], None]]:
     """Encode a video of the images that are added in the block."""
     with writing(path):
         container = av.open(path, "w", format="mp4", options=_CONTAINER_OPTIONS)
     try:
-        stream = _stream(container, size, rate_hz)
+        stream = _stream(container, size)
         numbers = count()
 
         def mux(frame: av.VideoFrame | None) -> None:
@@ -117,9 +114,9 @@ def _encoding(path: Path, size: tuple[int, int], rate_hz: int) -> Iterator[Calla
             container.close()
 
 
-def _stream(container: OutputContainer, size: tuple[int, int], rate_hz: int) -> VideoStream:
+def _stream(container: OutputContainer, size: tuple[int, int]) -> VideoStream:
     try:
-        stream = container.add_stream(CODEC, rate=rate_hz, options=_OPTIONS)
+        stream = container.add_stream(CODEC, rate=FPS, options=_OPTIONS)
     except FFmpegError as error:
         raise DataError(f"This build of PyAV cannot encode AV1: {error}.") from error
     if not isinstance(stream, VideoStream):
