@@ -70,12 +70,12 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
         workers: Processes that check side by side.
     """
     source = opened(data)
-    from duobench.cli.progress import counting
+    from duobench.cli.progress import display
     from duobench.data import find_problems
 
     screen = console()
-    with counting(screen, "episode") as progress:
-        problems = find_problems(source, workers=workers, progress=progress)
+    with display(screen, "episode") as shown:
+        problems = find_problems(source, workers=workers, progress=shown.tell)
     for problem in problems:
         screen.print(f"{problem.path}: {problem.what}", soft_wrap=True)
     episodes = counted(len(source.episodes()), "episode")

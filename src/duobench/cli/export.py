@@ -48,7 +48,7 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         workers: Processes that render and encode side by side.
     """
     source = opened(data)
-    from duobench.cli.progress import counting
+    from duobench.cli.progress import display
     from duobench.data import ActionSource, ExportOptions, Pairing, export_lerobot
 
     screen = console()
@@ -62,8 +62,8 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         only_successes=only_successes,
     )
     try:
-        with raising(), counting(screen, "frame") as progress:
-            done = export_lerobot(source, out, options, workers=workers, progress=progress)
+        with raising(), display(screen, "frame") as shown:
+            done = export_lerobot(source, out, options, workers=workers, progress=shown.tell)
     except KeyboardInterrupt:
         screen.print("What is finished is kept; the same command goes on from there.")
         raise

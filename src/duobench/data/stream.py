@@ -45,17 +45,11 @@ class _Head:
 
     def row_type(self) -> np.dtype[Any]:
         """How a row lies in memory and in the file."""
-        return np.dtype(
-            [
-                (
-                    column.name,
-                    column.dtype,
-                    tuple(n or self.sizes[column.name] for n in column.shape),
-                )
-                for column in COLUMNS
-            ],
-            align=True,
-        )
+        fields = [
+            (column.name, column.dtype, tuple(n or self.sizes[column.name] for n in column.shape))
+            for column in COLUMNS
+        ]
+        return np.dtype(fields, align=True)
 
 
 class EpisodeStream:
