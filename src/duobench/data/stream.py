@@ -122,11 +122,8 @@ class EpisodeStream:
         for name, value in row.items():
             self._rows[name][self._count - 1] = value
 
-    def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
+    def finish(self, outcome: Outcome, last_hash: str | None) -> None:
         """Write the whole episode as Parquet and remove the stream.
-
-        Returns:
-            What was written.
 
         Raises:
             OutputError: It cannot be written; the stream stays, for `recover`.
@@ -141,7 +138,6 @@ class EpisodeStream:
             self.close()
             raise
         self.discard()
-        return recording
 
     def discard(self) -> None:
         """Remove the stream; the episode is lost if it was not finished."""
