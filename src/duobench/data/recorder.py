@@ -211,6 +211,9 @@ class Recorder(DuoWrapper):
         stream, self._stream = self._stream, None
         if stream is None:
             return
+        if not len(stream.rows):  # not even the reset could be recorded
+            stream.discard()
+            return
         outcome = outcome_of(stream.info, stream.rows, kept=kept, reason=reason, cut=cut)
         if self._keep(outcome):
             # A step that was broken off has left another state than that of the last row.
