@@ -95,6 +95,10 @@ class EvaluationError(DuoBenchError):
     """A run cannot begin or go on, or a file of it cannot be read."""
 
 
+class FileError(DataError, EvaluationError):
+    """A file of a run or of a data set is damaged, or of another version."""
+
+
 class OtherRunError(EvaluationError):
     """The folder of a run holds something else: another run, or files that belong to none."""
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
-from duobench.errors import DuoBenchError, EvaluationError, OutputError
+from duobench.errors import DuoBenchError, FileError, OutputError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -48,16 +48,12 @@ def make_folder(path: Path) -> None:
     Raises:
         OutputError: It cannot be made, or nothing may be written into it.
     """
-    reason = None
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        reason = "it is a file"
     except OSError as error:
-        reason = error.strerror
+        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
     else:
-        if not os.access(path, os.W_OK | os.X_OK):
-            reason = "nothing may be written into it"
+        reason = None if os.access(path, os.W_OK | os.X_OK) else "nothing may be written into it"
     if reason:
         raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
 
@@ -112,13 +108,29 @@ def write(path: Path, content: str | bytes) -> None:
     """
     # A lone surrogate cannot be written; texts that may hold one are made printable before.
     data = content.encode(errors="replace") if isinstance(content, str) else content
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Write a file in one atomic step, in a block that fills another one.
+
+    Args:
+        path: Where the file will be; missing parent folders are made.
+
+    Yields:
+        The file to fill, which is flushed to the disk before it gets the name of the other one.
+
+    Raises:
+        OutputError: It cannot be written; what was there before is still there.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with temporary.open("wb") as file:
-                file.write(data)
-                file.flush()
+            yield temporary
+            with temporary.open("rb") as file:
                 os.fsync(file.fileno())
             temporary.replace(path)
         finally:
@@ -146,36 +158,36 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
     """A data class from the text that `encode` gave.
 
     Raises:
-        EvaluationError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
+        FileError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
             type, or the values contradict each other; the message names the field.
     """
     try:
         document: Any = msgspec.json.decode(text)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise EvaluationError(f"No JSON: {error}.") from error
+        raise FileError(f"No JSON: {error}.") from error
     if not isinstance(document, dict):
-        raise EvaluationError(f"A JSON object is expected, not a {type(document).__name__}.")
+        raise FileError(f"A JSON object is expected, not a {type(document).__name__}.")
     actual = document.pop("schema", None)
     if actual != schema or isinstance(actual, bool):
-        raise EvaluationError(f"Schema {actual!r}; this version reads {schema}.")
+        raise FileError(f"Schema {actual!r}; this version reads {schema}.")
     if unknown := sorted(document.keys() - {field.name for field in fields(kind)}):
-        raise EvaluationError(f"Unknown fields: {', '.join(unknown)}.")
+        raise FileError(f"Unknown fields: {', '.join(unknown)}.")
     try:
         return msgspec.convert(document, kind)
     except msgspec.ValidationError as error:
-        raise EvaluationError(f"{error}.".replace("`$.", "`")) from error
+        raise FileError(f"{error}.".replace("`$.", "`")) from error
     except DuoBenchError as error:  # of a value that names what does not exist
-        raise EvaluationError(str(error)) from error
+        raise FileError(str(error)) from error
 
 
 def read(path: Path, kind: type[T], schema: int) -> T:
     """A data class from a file that `encode` filled.
 
     Raises:
-        EvaluationError: See `decode`; the message names file and field.
+        FileError: See `decode`; the message names file and field.
     """
     try:
         return decode(path.read_bytes(), kind, schema)
-    except (EvaluationError, OSError) as error:
+    except (FileError, OSError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise EvaluationError(f"Cannot read {path}: {reason}") from error
+        raise FileError(f"Cannot read {path}: {reason}") from error

@@ -3,7 +3,7 @@ import io
 import pytest
 from rich.console import Console
 
-from duobench.cli.progress import Bars, EpisodesPlayed, Lines, counting, display
+from duobench.cli.progress import EpisodesPlayed, display
 from tests.evaluation.samples import SORT, sample_record, sample_records, sample_run
 
 
@@ -11,9 +11,8 @@ def shown(*, terminal: bool, records: list, finished: int) -> str:
     out = io.StringIO()
     console = Console(file=out, force_terminal=terminal, width=100, color_system=None)
     run = sample_run(episodes=len(records) // 3)
-    with display(console, "episode") as bars_or_lines:
-        assert isinstance(bars_or_lines, Bars if terminal else Lines)
-        played = EpisodesPlayed(bars_or_lines)
+    with display(console, "episode") as live:
+        played = EpisodesPlayed(live)
         played.on_run_start(run, records[:finished])
         for record in records[finished:]:
             played.on_record(record)
@@ -50,7 +49,8 @@ def test_broken_episode_is_told_with_its_reason() -> None:
 def test_one_is_not_told_as_several() -> None:
     out = io.StringIO()
     run = sample_run(tasks=(SORT,), episodes=1)
-    EpisodesPlayed(Lines(Console(file=out, width=100), "episode")).on_run_start(run, [])
+    with display(Console(file=out, width=100), "episode") as live:
+        EpisodesPlayed(live).on_run_start(run, [])
     assert out.getvalue() == "Policy mine: 1 task, 1 episode\n"
 
 
@@ -66,9 +66,9 @@ def test_terminal_gets_a_bar_a_task() -> None:
 def test_things_are_counted_from_where_an_earlier_call_stopped(terminal: bool) -> None:
     out = io.StringIO()
     console = Console(file=out, force_terminal=terminal, width=100, color_system=None)
-    with counting(console, "frame") as tell:
+    with display(console, "frame") as live:
         for done in range(40, 101):
-            tell(done, 100)
+            live.tell(done, 100)
     if terminal:
         assert "100/100" in out.getvalue()
     else:

@@ -354,7 +354,7 @@ paths = {name: Path(sys.argv[1]) / f"{name}.mp4" for name in "ab"}
 frame = np.random.default_rng(0).integers(0, 255, (128, 128, 3), dtype=np.uint8)
 try:
     with room(int(sys.argv[2])):
-        write_videos((dict.fromkeys("ab", frame) for _ in range(40)), paths, (128, 128), 30)
+        write_videos((dict.fromkeys("ab", frame) for _ in range(40)), paths, (128, 128))
 except OutputError as error:
     print(error)
 """
@@ -382,9 +382,6 @@ class Vanishing:
 
     def __call__(self, job: int) -> int:
         return job
-
-    def close(self) -> None:
-        """Nothing is open."""
 
 
 def test_a_worker_that_vanishes_between_jobs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -250,3 +250,15 @@ def test_a_name_stays_in_the_folder(tmp_path: Path, name: str) -> None:
     with pytest.raises(OutputError, match="too long"):
         env.reset(seed=0)
     env.close()
+
+
+def test_a_reset_that_cannot_be_recorded_leaves_nothing(tmp_path: Path) -> None:
+    plain = duobench.make(TASK, cameras=False)
+    short = gym.wrappers.TransformObservation(
+        plain, lambda seen: {**seen, "agent_pos": seen["agent_pos"][:15]}, plain.observation_space
+    )
+    env = Recorder(short, tmp_path)
+    with pytest.raises(ValueError, match="broadcast"):
+        env.reset(seed=0)
+    env.close()
+    assert not DataSet(tmp_path).partials()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from duobench.errors import (
@@ -20,37 +20,35 @@ class AdvisedError(DuoBenchError):
 
 
 @contextmanager
-def for_evaluation(folder: RunFolder) -> Iterator[None]:
-    """Add advice to what an evaluation raises.
+def advising(advice: Callable[[DuoBenchError], str | None]) -> Iterator[None]:
+    """Add advice to what the library raises in a block.
 
     Args:
-        folder: Its folder.
+        advice: What to say after an error, if there is anything.
 
     Raises:
         AdvisedError: In place of an error about which there is advice.
     """
     try:
         yield
-    except (OtherRunError, OutputError, MachineryError, RenderingError) as error:
-        raise AdvisedError(f"{error} {_advice(error, folder)}") from error
+    except DuoBenchError as error:
+        if (text := advice(error)) is None:
+            raise
+        raise AdvisedError(f"{error} {text}") from error
 
 
-@contextmanager
-def for_data() -> Iterator[None]:
-    """Add advice to what recording raises.
-
-    Raises:
-        AdvisedError: In place of an error about which there is advice.
-    """
-    try:
-        yield
-    except OtherRunError as error:
-        raise AdvisedError(f"{error} Give --out another folder.") from error
-    except (OutputError, MachineryError) as error:
-        raise AdvisedError(f"{error} The same command goes on with what is missing.") from error
+def for_recording(error: DuoBenchError) -> str | None:
+    """What would help after an error of recording."""
+    match error:
+        case OtherRunError():
+            return "Give --out another folder."
+        case OutputError() | MachineryError():
+            return "The same command goes on with what is missing."
+    return None
 
 
-def _advice(error: DuoBenchError, folder: RunFolder) -> str:
+def for_evaluation(folder: RunFolder, error: DuoBenchError) -> str | None:
+    """What would help after an error of an evaluation in a folder."""
     match error:
         case OtherRunError() if folder.description.exists():
             return (
@@ -63,7 +61,9 @@ def _advice(error: DuoBenchError, folder: RunFolder) -> str:
             return "Make room, or give --out another folder; the same command goes on."
         case RenderingError():
             return "A policy without cameras needs no images: try --videos 0."
-    return (
-        "The same command goes on with what is missing; with --workers 0 everything happens in one "
-        "process, which shows more."
-    )
+        case MachineryError():
+            return (
+                "The same command goes on with what is missing; with --workers 0 everything "
+                "happens in one process, which shows more."
+            )
+    return None

@@ -4,12 +4,28 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
 from duobench.cli.console import console, counted
 from duobench.cli.engine import load_engine
 from duobench.errors import DataError, OutputError
+
+if TYPE_CHECKING:
+    from duobench.data import DataSet
+
+
+def opened(folder: Path) -> DataSet:
+    """The data set in a folder.
+
+    Raises:
+        DuoBenchError: There is none, or MuJoCo cannot be loaded.
+    """
+    load_engine()
+    from duobench.data import DataSet
+
+    return DataSet.open(folder, create=False)
 
 
 def verbs() -> None:
@@ -23,15 +39,12 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
         data: Folder of the data set.
         images: Show images of each task on the page, which takes a moment.
     """
-    load_engine()
+    source = opened(data)
     from rich import box
     from rich.table import Table
 
-    from duobench.data.dataset import DataSet
-    from duobench.data.page import write_page
-    from duobench.data.summary import summarize
+    from duobench.data import summarize, write_page
 
-    source = DataSet.open(data, create=False)
     summary = summarize(source)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("Task", no_wrap=True)
@@ -56,15 +69,13 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
         data: Folder of the data set.
         workers: Processes that check side by side.
     """
-    load_engine()
-    from duobench.cli.progress import counting
-    from duobench.data.check import find_problems
-    from duobench.data.dataset import DataSet
+    source = opened(data)
+    from duobench.cli.progress import display
+    from duobench.data import find_problems
 
     screen = console()
-    source = DataSet.open(data, create=False)
-    with counting(screen, "episode") as progress:
-        problems = find_problems(source, workers=workers, progress=progress)
+    with display(screen, "episode") as shown:
+        problems = find_problems(source, workers=workers, progress=shown.tell)
     for problem in problems:
         screen.print(f"{problem.path}: {problem.what}", soft_wrap=True)
     episodes = counted(len(source.episodes()), "episode")
@@ -81,11 +92,9 @@ def recover(data: tyro.conf.Positional[Path]) -> None:
     Args:
         data: Folder of the data set.
     """
-    load_engine()
-    from duobench.data.dataset import DataSet
+    source = opened(data)
     from duobench.files import locked
 
-    source = DataSet.open(data, create=False)
     screen, lost = console(), 0
     with locked(source.path):
         for partial in source.partials():
@@ -108,11 +117,9 @@ def merge(data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool 
         out: Folder of the one, which may be a data set that is added to.
         rename: Give an episode whose name is taken the next free number.
     """
-    load_engine()
+    sources = [opened(each) for each in data]
     from duobench.data.arrange import merge as merge_into
-    from duobench.data.dataset import DataSet
 
-    sources = [DataSet.open(each, create=False) for each in data]
     count = merge_into(sources, out, rename=rename)
     console().print(f"{counted(count, 'episode')} in {out}", soft_wrap=True)
 
@@ -133,11 +140,9 @@ def split(
         tasks: Tasks that go into the first, instead of a fraction.
         seed: Seed of the choice.
     """
-    load_engine()
+    source = opened(data)
     from duobench.data.arrange import split as split_into
-    from duobench.data.dataset import DataSet
 
-    source = DataSet.open(data, create=False)
     counts = split_into(source, *out, fraction=fraction, tasks=tasks, seed=seed)
     for folder, count in zip(out, counts, strict=True):
         console().print(f"{counted(count, 'episode')} in {folder}", soft_wrap=True)

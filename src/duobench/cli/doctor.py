@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable
 from statistics import median
+from timeit import repeat
 
 from duobench.cli.console import console
 from duobench.cli.engine import load_engine
@@ -34,7 +34,6 @@ def doctor() -> None:
 
 
 def _versions() -> dict[str, str]:
-    """Versions of what scores depend on."""
     from duobench.randomness import SUITE_VERSION
     from duobench.versions import record_versions
 
@@ -72,9 +71,4 @@ def _graphics() -> dict[str, str]:
 def _milliseconds(draw: Callable[[], object]) -> float:
     """Median time of a call, after a first one that does not count."""
     draw()
-    times = []
-    for _ in range(FRAMES):
-        start = time.perf_counter()
-        draw()
-        times.append(time.perf_counter() - start)
-    return 1000 * median(times)
+    return 1000 * median(repeat(draw, number=1, repeat=FRAMES))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from duobench.cli.choice import chosen
 from duobench.cli.console import console, counted
 from duobench.cli.engine import load_engine
 from duobench.cli.interrupt import raising
+from duobench.errors import PolicyError
+
+if TYPE_CHECKING:
+    from duobench.evaluation.choice import PolicyChoice
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -67,7 +71,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
     """
     load_engine()
-    from duobench.cli.advice import for_evaluation
+    from duobench.cli.advice import advising, for_evaluation
     from duobench.cli.progress import EpisodesPlayed, display
     from duobench.cli.table import results_table
     from duobench.evaluation.evaluate import evaluate as play
@@ -75,7 +79,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     from duobench.evaluation.limits import TimeLimits
     from duobench.evaluation.suite import Suite, find_tasks
 
-    choice = chosen(
+    choice = _chosen(
         policy,
         batch=batch,
         max_batch=max_batch,
@@ -92,7 +96,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     folder = RunFolder(out)
     screen = console()
     try:
-        with for_evaluation(folder), raising(), display(screen, "episode") as shown:
+        advised = advising(partial(for_evaluation, folder))
+        with advised, raising(), display(screen, "episode") as shown:
             results = play(
                 choice,
                 suite,
@@ -116,3 +121,45 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             soft_wrap=True,
         )
         sys.exit(1)
+
+
+def _chosen(
+    policy: str,
+    *,
+    batch: Literal["fixed", "dynamic"] | None,
+    max_batch: int | None,
+    server: str | None,
+    layout: str | None,
+    execute: int,
+    wait: float,
+    key_file: Path | None,
+) -> PolicyChoice:
+    from duobench.evaluation.choice import PolicyChoice
+    from duobench.evaluation.served import SERVED
+    from duobench.policy.batch import MAX_BATCH, Batching
+    from duobench.policy.serving.access import read_key
+    from duobench.policy.serving.address import RemoteServer
+    from duobench.policy.serving.layout import read_layout
+
+    batching = remote = None
+    if batch is not None or max_batch is not None:
+        size = MAX_BATCH if max_batch is None else max_batch
+        batching = Batching(mode=batch or "fixed", size=size)
+    if (policy in SERVED) != (server is not None):
+        *others, last = SERVED
+        names = policy if policy in SERVED else f"{', '.join(others)} or {last}"
+        raise PolicyError(f"--policy {names} and --server URL go together.")
+    if server is not None:
+        remote = RemoteServer(
+            url=server,
+            key=read_key(key_file),
+            layout=None if layout is None else read_layout(layout),
+            execute=execute,
+            wait_s=wait,
+            schemes=SERVED[policy].schemes,
+        )
+    elif layout is not None:
+        raise PolicyError("--layout is for a policy at a --server.")
+    choice = PolicyChoice(name=policy, batching=batching, server=remote)
+    choice.check()
+    return choice

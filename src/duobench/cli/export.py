@@ -8,7 +8,7 @@ from typing import Literal
 import tyro
 
 from duobench.cli.console import console, counted
-from duobench.cli.engine import load_engine
+from duobench.cli.data import opened
 from duobench.cli.interrupt import raising
 
 
@@ -47,11 +47,9 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         only_successes: Leave out episodes that did not succeed.
         workers: Processes that render and encode side by side.
     """
-    load_engine()
-    from duobench.cli.progress import counting
-    from duobench.data.dataset import DataSet
-    from duobench.data.lerobot.export import export_lerobot
-    from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
+    source = opened(data)
+    from duobench.cli.progress import display
+    from duobench.data import ActionSource, ExportOptions, Pairing, export_lerobot
 
     screen = console()
     options = ExportOptions(
@@ -63,10 +61,9 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         action=ActionSource(action),
         only_successes=only_successes,
     )
-    source = DataSet.open(data, create=False)
     try:
-        with raising(), counting(screen, "frame") as progress:
-            done = export_lerobot(source, out, options, workers=workers, progress=progress)
+        with raising(), display(screen, "frame") as shown:
+            done = export_lerobot(source, out, options, workers=workers, progress=shown.tell)
     except KeyboardInterrupt:
         screen.print("What is finished is kept; the same command goes on from there.")
         raise

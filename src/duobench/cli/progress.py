@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -26,85 +26,74 @@ PLAIN_LINES = 10
 """About how many lines of progress are printed where nothing can be drawn over."""
 
 
-class Bars:
-    """A bar for each name, with successes if they are counted, redrawn in place."""
+class Display:
+    """Bars that are redrawn in place, one for each name, or a line for each tenth of everything."""
 
-    def __init__(self, progress: Progress) -> None:
-        """Draw into a display that is already live."""
-        self._progress = progress
+    def __init__(self, console: Console, noun: str, progress: Progress) -> None:
+        """Show what is done.
+
+        Args:
+            console: Where lines are printed.
+            noun: What is counted, as of one.
+            progress: The bars, which are live; if they are disabled, lines are printed.
+        """
+        self._console, self._noun, self._progress = console, noun, progress
         self._bars: dict[str, TaskID] = {}
         self._successes: Counter[str] = Counter()
-
-    def begin(self, heading: str, totals: Mapping[str, int]) -> None:  # noqa: ARG002 - bars say it
-        """Draw the bars."""
-        for name, total in totals.items():
-            self._bars[name] = self._progress.add_task(name, total=total, told="", start=False)
-
-    def advance(
-        self,
-        name: str,
-        by: int = 1,
-        *,
-        succeeded: bool | None = None,
-        earlier: bool = False,  # noqa: ARG002 - bars show all alike
-    ) -> None:
-        """Advance a bar."""
-        bar = self._bars[name]
-        self._progress.start_task(bar)
-        self._progress.update(bar, advance=by)
-        if succeeded is not None:
-            self._successes[name] += succeeded
-            self._progress.update(bar, told=f"{self._successes[name]} succeeded")
-
-    def say(self, line: str) -> None:
-        """A report will say it."""
-
-
-class Lines:
-    """A line whenever another tenth of everything is done."""
-
-    def __init__(self, console: Console, noun: str) -> None:
-        """Print to a console that is no terminal; what is counted is called `noun`, as of one."""
-        self._console, self._noun = console, noun
-        self._total = self._done = self._successes = 0
+        self._total = self._done = 0
 
     def begin(self, heading: str, totals: Mapping[str, int]) -> None:
-        """Say what is going to be done."""
+        """Say what is going to be done, or draw the bars, which say it."""
         self._total = sum(totals.values())
+        for name, total in totals.items():
+            self._bars[name] = self._progress.add_task(name, total=total, told="", start=False)
         self.say(heading)
 
     def advance(
-        self,
-        name: str,  # noqa: ARG002 - lines are about everything
-        by: int = 1,
-        *,
-        succeeded: bool | None = None,
-        earlier: bool = False,
+        self, name: str, by: int = 1, *, succeeded: bool | None = None, earlier: bool = False
     ) -> None:
-        """Print a line whenever another tenth is done; what was done earlier only counts."""
-        before, self._done = self._done, self._done + by
-        self._successes += bool(succeeded)
+        """Note what is done.
+
+        Args:
+            name: The bar.
+            by: How many things are done.
+            succeeded: Whether they succeeded, if that is counted.
+            earlier: Whether they were done in an earlier call, about which no line is printed.
+        """
+        bar, before = self._bars[name], self._done
+        self._done += by
+        self._successes[name] += bool(succeeded)
+        self._progress.start_task(bar)
+        self._progress.update(bar, advance=by)
+        told = ""
+        if succeeded is not None:
+            self._progress.update(bar, told=f"{self._successes[name]} succeeded")
+            told = f", {self._successes.total()} succeeded"
         tenths = [PLAIN_LINES * done // max(1, self._total) for done in (before, self._done)]
         if not earlier and tenths[0] != tenths[1]:
-            told = "" if succeeded is None else f", {self._successes} succeeded"
             self.say(f"{self._done} of {counted(self._total, self._noun)}{told}")
 
+    def tell(self, done: int, total: int) -> None:
+        """Show that so many of so many things are done; those of the first call were before."""
+        is_first = not self._bars
+        if is_first:
+            self.begin(f"{done} of {counted(total, self._noun)}", {self._noun: total})
+        self.advance(self._noun, done - self._done, earlier=is_first)
+
     def say(self, line: str) -> None:
-        """Print a line."""
-        self._console.print(line, soft_wrap=True)
+        """Print a line, if there are no bars; a report will say it then."""
+        if self._progress.disable:
+            self._console.print(line, soft_wrap=True)
 
 
 @contextmanager
-def display(console: Console, noun: str) -> Iterator[Bars | Lines]:
+def display(console: Console, noun: str) -> Iterator[Display]:
     """What suits a console, live as long as the block lasts.
 
     Args:
         console: Where to show it.
         noun: What is counted, as of one.
     """
-    if not console.is_terminal:
-        yield Lines(console, noun)
-        return
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -113,14 +102,14 @@ def display(console: Console, noun: str) -> Iterator[Bars | Lines]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console) as progress:
-        yield Bars(progress)
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        yield Display(console, noun, progress)
 
 
 class EpisodesPlayed:
     """The progress of an evaluation."""
 
-    def __init__(self, shown: Bars | Lines) -> None:
+    def __init__(self, shown: Display) -> None:
         """Show it in a display."""
         self._shown = shown
 
@@ -146,7 +135,7 @@ class EpisodesPlayed:
 class EpisodesKept:
     """The progress of recording: episodes that are kept."""
 
-    def __init__(self, shown: Bars | Lines) -> None:
+    def __init__(self, shown: Display) -> None:
         """Show it in a display."""
         self._shown = shown
 
@@ -163,27 +152,3 @@ class EpisodesKept:
     def on_attempt(self, attempt: Attempt) -> None:
         """Count the episode, if it is kept."""
         self._shown.advance(attempt.task, int(attempt.kept))
-
-
-@contextmanager
-def counting(console: Console, noun: str) -> Iterator[Callable[[int, int], None]]:
-    """What shows how many of how many things are done, as long as the block lasts.
-
-    Args:
-        console: Where to show it.
-        noun: What is counted, as of one.
-
-    Yields:
-        A function of the number that is done and the number of all.
-    """
-    with display(console, noun) as shown:
-        before: int | None = None
-
-        def tell(done: int, total: int) -> None:
-            nonlocal before
-            if before is None:
-                shown.begin(f"{done} of {counted(total, noun)}", {noun: total})
-            shown.advance(noun, done - (before or 0), earlier=before is None)
-            before = done
-
-        yield tell

@@ -46,7 +46,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         episode_timeout: Seconds that an episode may take.
     """
     load_engine()
-    from duobench.cli.advice import for_data
+    from duobench.cli.advice import advising, for_recording
     from duobench.cli.progress import EpisodesKept, display
     from duobench.data import DataSet
     from duobench.evaluation import demonstrations
@@ -56,7 +56,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     chosen = find_tasks(tasks)
     screen = console()
-    with for_data(), raising(), display(screen, "episode") as shown:
+    with advising(for_recording), raising(), display(screen, "episode") as shown:
         attempts = demonstrations.record(
             name,
             chosen,

@@ -12,7 +12,7 @@ import rich.table
 from tyro.conf import Positional
 
 from duobench.cli.console import console, counted
-from duobench.cli.engine import load_engine
+from duobench.cli.data import opened
 from duobench.errors import DataError
 
 if TYPE_CHECKING:
@@ -44,10 +44,7 @@ def replay(
         size: Height and width of one image in pixels, both even.
         look: Look of the images: wood_table, dark, random:7, ... (see docs/looks.md).
     """
-    load_engine()
-    from duobench.data import DataSet
-
-    found = DataSet.open(data, create=False)
+    found = opened(data)
     if mode == "actions":
         _by_actions(found, tasks)
     else:
@@ -55,8 +52,7 @@ def replay(
 
 
 def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
-    from duobench.data import Recording
-    from duobench.data.replay import replay_all
+    from duobench.data import Recording, replay_all
     from duobench.tasks import catalog
 
     screen = console()

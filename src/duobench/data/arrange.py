@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
+from filecmp import cmp
 from itertools import count
 from pathlib import Path
 
@@ -114,7 +115,6 @@ def split(
 
 
 def _share(data: DataSet, fraction: float, seed: int) -> set[Path]:
-    """A share of each task's episodes, at random."""
     chosen: set[Path] = set()
     for task in data.tasks:
         shuffled = sorted(data.episodes(task), key=lambda path: _shuffled(path, seed))
@@ -137,21 +137,13 @@ def _part(paths: Sequence[Path], target: DataSet) -> dict[Path, Path]:
 
 
 def _shuffled(path: Path, seed: int) -> str:
-    """A key that orders the episodes of a task at random."""
     return hashlib.sha256(f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()).hexdigest()
 
 
 def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
     """Whether an episode may be copied to a place: nothing is there, or the same."""
     others = {plan.get(place, path), place if place.exists() else path}
-    return all(_is_same(path, other) for other in others - {path})
-
-
-def _is_same(path: Path, other: Path) -> bool:
-    """Whether two files have the same content."""
-    if path.stat().st_size != other.stat().st_size:
-        return False
-    return path.read_bytes() == other.read_bytes()
+    return all(cmp(path, other, shallow=False) for other in others - {path})
 
 
 def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:

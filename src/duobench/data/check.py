@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 
 from duobench.data.dataset import DataSet
-from duobench.data.processes import run_all
+from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
-from duobench.data.schema import COLUMNS, EpisodeInfo, action_mode
+from duobench.data.schema import COLUMNS, action_mode
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import LAYOUT, SPLIT, sim_of
 from duobench.errors import DuoBenchError
 from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
-
-Progress = Callable[[int, int], None]
-"""Told how many of how many files are checked."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,7 +44,7 @@ def find_problems(
     Args:
         data: The data set.
         workers: Processes that check side by side; 0 checks in this process. See `run_all`.
-        progress: Told about the progress.
+        progress: Told about the progress, in episodes.
 
     Returns:
         What is wrong, sorted by file; nothing if all is well.
@@ -57,59 +55,42 @@ def find_problems(
     ]
     paths = data.episodes()
     progress(0, len(paths))
-    for done, found in enumerate(run_all(EpisodeChecker, paths, workers), start=1):
+    for done, found in enumerate(run_all(_checker, paths, workers), start=1):
         problems += found
         progress(done, len(paths))
     return sorted(problems, key=lambda problem: (str(problem.path), problem.what))
 
 
-class EpisodeChecker:
-    """Checks one episode after the other; keeps the environment of a task for the next one."""
+def _checker() -> Callable[[Path], list[Problem]]:
+    """What checks one episode after the other; it keeps the environment of one for the next."""
+    environment = lru_cache(maxsize=1)(partial(make_env, cameras=False))
 
-    def __init__(self) -> None:
-        """Begin without an environment."""
-        self._env: gym.Env | None = None
-        self._key: tuple[str, str] | None = None
-
-    def __call__(self, path: Path) -> list[Problem]:
-        """What is wrong with an episode."""
+    def check(path: Path) -> list[Problem]:
         try:
             recording = Recording.read(path)
-            found = [*_disagreements(recording, path), *self._beginning(recording)]
+            found = [*_disagreements(recording, path), *_beginning(recording, environment)]
         except DuoBenchError as error:
             found = [str(error)]
         return [Problem(path=path, what=what) for what in found]
 
-    def close(self) -> None:
-        """Free the environment."""
-        if self._env is not None:
-            self._env.close()
-            self._env = None
+    return check
 
-    def _beginning(self, recording: Recording) -> list[str]:
-        """What is wrong with the layout and the first state."""
-        info = recording.info
-        env = self._environment(info)
-        options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
-        _, seen = env.reset(seed=info.seed, options=options)
-        if seen["layout"] != info.layout:
-            return [f"Its layout is not the one that seed {info.seed} of {info.split!r} samples."]
-        if info.versions != package_versions():
-            return []  # another engine comes to rest elsewhere
-        if not np.array_equal(sim_of(env).simulation.get_state(), recording.state[0]):
-            return ["Its first state is not the one that its layout begins with."]
-        if info.config is not None and info.first_hash != env.get_wrapper_attr("state_hash")():
-            return ["The hash of its first state is another one."]
-        return []
 
-    def _environment(self, info: EpisodeInfo) -> gym.Env:
-        """An environment of the recorded task and action mode, without images."""
-        mode = action_mode(info)
-        if self._env is None or self._key != (info.task, mode):
-            self.close()
-            self._env = make_env(info.task, cameras=False, action_mode=mode)
-            self._key = info.task, mode
-        return self._env
+def _beginning(recording: Recording, environment: Callable[..., gym.Env]) -> list[str]:
+    """What is wrong with the layout and the first state."""
+    info = recording.info
+    env = environment(info.task, action_mode=action_mode(info))
+    options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
+    _, seen = env.reset(seed=info.seed, options=options)
+    if seen["layout"] != info.layout:
+        return [f"Its layout is not the one that seed {info.seed} of {info.split!r} samples."]
+    if info.versions != package_versions():
+        return []  # another engine comes to rest elsewhere
+    if not np.array_equal(sim_of(env).simulation.get_state(), recording.state[0]):
+        return ["Its first state is not the one that its layout begins with."]
+    if info.config is not None and info.first_hash != env.get_wrapper_attr("state_hash")():
+        return ["The hash of its first state is another one."]
+    return []
 
 
 def _disagreements(recording: Recording, path: Path) -> list[str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from duobench.data import stream
 from duobench.data.recording import Recording
 from duobench.data.schema import SCHEMA, EpisodeInfo
-from duobench.errors import DataError, EvaluationError, UnknownNameError
+from duobench.errors import DataError, UnknownNameError
 from duobench.files import TEMPORARY_SUFFIX, encode, lock, make_folder, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
@@ -87,10 +87,7 @@ class DataSet:
         Raises:
             DataError: It cannot be read, or is of another version.
         """
-        try:
-            return read(self.description, Description, SCHEMA)
-        except EvaluationError as error:
-            raise DataError(str(error)) from error
+        return read(self.description, Description, SCHEMA)
 
     def episode(self, task: str, name: str) -> Path:
         """File of an episode."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -64,12 +65,9 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
 def _contact_sheet(data: DataSet, task: str) -> str:
     """Images of the first episode of a task side by side, as the address of a JPEG."""
     recording = Recording.read(data.episodes(task)[0])
-    source = ImageSource(task, cameras=(HEAD,), size=IMAGE_SIZE)
-    try:
-        moments = np.linspace(0, len(recording), COLUMNS).round().astype(int)
+    moments = np.linspace(0, len(recording), COLUMNS).round().astype(int)
+    with closing(ImageSource(task, cameras=(HEAD,), size=IMAGE_SIZE)) as source:
         images = [source.images(recording, int(row))[HEAD] for row in moments]
-    finally:
-        source.close()
     buffer = io.BytesIO()
     Image.fromarray(np.hstack(images)).save(buffer, format="JPEG", quality=JPEG_QUALITY)
     return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"

@@ -12,27 +12,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from duobench import errors
 from duobench.errors import DataError, DuoBenchError, traceback_text
 
-J_contra = TypeVar("J_contra", contravariant=True)
-R_co = TypeVar("R_co", covariant=True)
-SHUTDOWN_TIMEOUT_S = 10.0
-"""How long a process may take to free what it holds before it is killed, in seconds."""
-
-
-class Worker(Protocol[J_contra, R_co]):
-    """Does one job after the other."""
-
-    def __call__(self, job: J_contra, /) -> R_co:
-        """Do a job."""
-        ...
-
-    def close(self) -> None:
-        """Free everything."""
-        ...
+J = TypeVar("J")
+R = TypeVar("R")
+Progress = Callable[[int, int], None]
+"""Told how many of how many things are done."""
+DEATH_S = 10.0
+"""How long the end of a process is waited for, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +33,12 @@ class _Failure:
     message: str
 
 
-def run_all(
-    make: Callable[[], Worker[J_contra, R_co]], jobs: Sequence[J_contra], workers: int
-) -> Iterator[R_co]:
+def run_all(make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: int) -> Iterator[R]:
     """Do jobs, each exactly once.
 
     Args:
-        make: Makes what does the jobs, in the process that does them; found by its name there.
+        make: Makes what does the jobs, one after the other, in the process that does them; it can
+            be pickled, and so can jobs and results.
         jobs: What to do, in the order in which it is begun.
         workers: Most processes at a time; they are new ones (`spawn`), so that a script that calls
             this needs an `if __name__ == "__main__":` guard. With 0 this process does the jobs.
@@ -66,11 +55,7 @@ def run_all(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
     if workers == 0:
-        worker = make()
-        try:
-            yield from map(worker, jobs)
-        finally:
-            worker.close()
+        yield from map(make(), jobs)
         return
     waiting = deque(jobs)
     processes: dict[Connection, BaseProcess] = {}
@@ -79,31 +64,30 @@ def run_all(
             connection, process = _start(make)
             processes[connection] = process
             _send(connection, waiting.popleft())
-        busy = set(processes)
-        while busy:
-            for connection in cast("list[Connection]", wait(list(busy))):
+        while processes:
+            for connection in cast("list[Connection]", wait(list(processes))):
                 yield _result(connection, processes[connection])
                 if waiting:
                     _send(connection, waiting.popleft())
                 else:
-                    busy.remove(connection)
-                    connection.close()  # which ends the process
-        for process in processes.values():
-            process.join(SHUTDOWN_TIMEOUT_S)
+                    _end(processes.pop(connection))
     finally:
         for process in processes.values():
-            process.kill()
-            process.join(SHUTDOWN_TIMEOUT_S)
+            _end(process)
 
 
-def _start(make: Callable[[], Any]) -> tuple[Connection, BaseProcess]:
-    """Start a process that does jobs."""
+def _start(make: Callable[[], Callable[[Any], Any]]) -> tuple[Connection, BaseProcess]:
     context = multiprocessing.get_context("spawn")
     ours, theirs = cast("tuple[Connection, Connection]", context.Pipe())
     process = context.Process(target=_work, args=(make, theirs), daemon=True)
     process.start()
     theirs.close()
     return ours, process
+
+
+def _end(process: BaseProcess) -> None:
+    process.kill()  # it holds nothing that has to be put away
+    process.join(DEATH_S)
 
 
 def _send(connection: Connection, job: Any) -> None:
@@ -113,15 +97,10 @@ def _send(connection: Connection, job: Any) -> None:
 
 
 def _result(connection: Connection, process: BaseProcess) -> Any:
-    """What a process has sent.
-
-    Raises:
-        DuoBenchError: That it failed.
-    """
     try:
         result = connection.recv()
     except (EOFError, ConnectionError) as error:
-        process.join(SHUTDOWN_TIMEOUT_S)
+        process.join(DEATH_S)
         raise DataError(
             f"A process ended in the middle of its work, with exit code {process.exitcode}. What "
             "is finished is kept; the same call goes on from there."
@@ -132,14 +111,14 @@ def _result(connection: Connection, process: BaseProcess) -> Any:
     return result
 
 
-def _work(make: Callable[[], Worker[Any, Any]], connection: Connection) -> None:
+def _work(make: Callable[[], Callable[[Any], Any]], connection: Connection) -> None:
     """What a process does until nobody wants anything of it any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
-        worker = make()
+        do = make()
         while (job := _next(connection)) is not None:
-            connection.send(worker(job))
+            connection.send(do(job))
     except DuoBenchError as error:
         connection.send(_Failure(type(error).__name__, str(error)))
     except Exception as error:  # noqa: BLE001 - a process boundary; the parent raises it
@@ -149,7 +128,6 @@ def _work(make: Callable[[], Worker[Any, Any]], connection: Connection) -> None:
 
 
 def _next(connection: Connection) -> Any:
-    """The next job; None when there is none any more."""
     try:
         return connection.recv()
     except EOFError:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from duobench.backend import DuoLimits
 from duobench.data.dataset import DataSet
 from duobench.data.schema import ACTION_NAMES, Actor, EpisodeInfo, Outcome
-from duobench.data.stream import EpisodeStream
+from duobench.data.stream import EpisodeStream, outcome_of
 from duobench.envs import spaces
 from duobench.envs.duo_env import Info, Observation
 from duobench.envs.episode_state import EpisodeState
@@ -75,10 +75,8 @@ class Recorder(DuoWrapper):
         self.next_name: str | None = None
         """Name of the next episode's file; without one it is the next free number."""
         self._intended: Array | None = None
-        self._physics: Array = np.empty(0)
         self._keep = keep
         self._stream: EpisodeStream | None = None
-        self._info: Info = {}
         spaces = getattr(env.observation_space, "spaces", {})
         if missing := [name for name in OBSERVED if name not in spaces]:
             raise DataError(
@@ -118,7 +116,7 @@ class Recorder(DuoWrapper):
         sizes = {"action": len(self._names), "state": len(state.physics)}
         self._stream = self.data.new_stream(described, sizes, self.next_name)
         self.next_name = self._intended = None
-        self._see(observation, info)
+        self._see(self._stream, observation, info)
         return observation, info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
@@ -142,7 +140,7 @@ class Recorder(DuoWrapper):
                     "reward": reward,
                 }
             )
-            self._see(observation, info)
+            self._see(self._stream, observation, info)
             if terminated or truncated:
                 self._end(cut=False)
         return observation, float(reward), terminated, truncated, info
@@ -182,8 +180,7 @@ class Recorder(DuoWrapper):
             kept: Whether it is meant to be used.
             reason: Why it ended, or why it is not.
         """
-        if self._stream is not None:
-            self._end(cut=True, kept=kept, reason=reason)
+        self._end(cut=True, kept=kept, reason=reason)
 
     def discard(self) -> None:
         """Forget the running episode; nothing of it is kept."""
@@ -196,13 +193,9 @@ class Recorder(DuoWrapper):
         self.finish(reason="The environment was closed.")
         super().close()
 
-    def _see(self, observation: Observation, info: Info) -> None:
-        self._info = info
-        if self._stream is None:
-            return
+    def _see(self, stream: EpisodeStream, observation: Observation, info: Info) -> None:
         backend = self.base.backend
-        self._physics = self._sim.simulation.get_state()
-        self._stream.append(
+        stream.append(
             {
                 **{name: observation[name] for name in OBSERVED},
                 "time": backend.time,
@@ -210,7 +203,7 @@ class Recorder(DuoWrapper):
                 "stage": info["stage"],
                 "success": info["success"],
                 "success_at_end": info["success_at_end"],
-                "state": self._physics,
+                "state": self._sim.simulation.get_state(),
             }
         )
 
@@ -218,18 +211,14 @@ class Recorder(DuoWrapper):
         stream, self._stream = self._stream, None
         if stream is None:
             return
-        outcome = Outcome(
-            success=self._info["success"],
-            stage=self._info["stage"],
-            max_stage=self._info["max_stage"],
-            kept=kept,
-            reason=reason,
-            cut=cut,
-        )
+        if not len(stream.rows):  # not even the reset could be recorded
+            stream.discard()
+            return
+        outcome = outcome_of(stream.info, stream.rows, kept=kept, reason=reason, cut=cut)
         if self._keep(outcome):
             # A step that was broken off has left another state than that of the last row.
             state = self.save_state()
-            is_last = np.array_equal(state.physics, self._physics)
+            is_last = np.array_equal(state.physics, stream.rows[-1]["state"])
             stream.finish(outcome, state.hash if is_last else None)
         else:
             stream.discard()

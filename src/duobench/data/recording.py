@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from duobench.data.parquet import to_arrow, to_bytes, to_numpy
 from duobench.data.schema import COLUMNS, INFO_KEY, SCHEMA, Column, EpisodeInfo
-from duobench.errors import DataError, EvaluationError
+from duobench.errors import DataError, FileError
 from duobench.files import decode, encode, write
 from duobench.types import Array
 
@@ -35,13 +37,13 @@ class Recording:
     info: EpisodeInfo
     """What is said about the episode as a whole."""
     time: Array
-    """Seconds (T + 1,) on a clock that never goes back."""
+    """Seconds (T + 1,) on a clock that never goes back: simulated time, 0 at the reset."""
     agent_pos: NDArray[np.float32]
     """Joint positions in radians and openings (T + 1, 16)."""
     tcp_pose: NDArray[np.float32]
     """Tool centre points (T + 1, 14), x y z qx qy qz qw in the table frame, left then right."""
     joint_velocity: NDArray[np.float32]
-    """Joint velocities (T + 1, 14) in rad/s."""
+    """Joint velocities (T + 1, 14) in rad/s, left then right."""
     stage: NDArray[np.int64]
     """Stage (T + 1,)."""
     success: NDArray[np.bool_]
@@ -49,11 +51,16 @@ class Recording:
     success_at_end: NDArray[np.bool_]
     """Whether its constraint holds now (T + 1,)."""
     state: Array
-    """Full states of the simulation (T + 1, n)."""
+    """Full states of the simulation (T + 1, n), from which images are rendered."""
     action: Array
-    """Actions as they were given (T, m)."""
+    """What the actor wanted (T, m), in the environment's action mode: the label to learn from."""
     sent: Array
-    """Commands that were really sent (T, 16)."""
+    """Joint targets in radians and openings that the arms were really sent (T, 16).
+
+    They differ from the action where limits clipped it, where its mode is not "joint", and where an
+    actor disturbed its own actions so that the recording shows how it recovers [DART, Laskey et al.
+    2017].
+    """
     reward: Array
     """Rewards (T,)."""
 
@@ -81,11 +88,8 @@ class Recording:
             DataError: It cannot be read, is no recording, or of another version; the message names
                 the file.
         """
-        try:
-            table = pq.read_table(path, page_checksum_verification=True)
-            return from_table(table)
-        except (OSError, pa.ArrowException, DataError) as error:
-            raise DataError(f"Cannot read {path}: {error}") from error
+        with _reading(path):
+            return _from_table(pq.read_table(path, page_checksum_verification=True))
 
     @staticmethod
     def read_info(path: Path) -> EpisodeInfo:
@@ -94,10 +98,8 @@ class Recording:
         Raises:
             DataError: See `read`.
         """
-        try:
-            return info_of(pq.read_schema(path))
-        except (OSError, pa.ArrowException, DataError) as error:
-            raise DataError(f"Cannot read {path}: {error}") from error
+        with _reading(path):
+            return _info_of(pq.read_schema(path))
 
     @staticmethod
     def read_length(path: Path) -> int:
@@ -106,10 +108,8 @@ class Recording:
         Raises:
             DataError: See `read`.
         """
-        try:
+        with _reading(path):
             return pq.read_metadata(path).num_rows - 1
-        except (OSError, pa.ArrowException) as error:
-            raise DataError(f"Cannot read {path}: {error}") from error
 
     def write(self, path: Path) -> None:
         """Write the recording in one atomic step.
@@ -117,73 +117,36 @@ class Recording:
         Raises:
             OutputError: It cannot be written.
         """
-        table = to_table(self)
-        with io.BytesIO() as buffer:
-            pq.write_table(
-                table,
-                buffer,
-                compression="zstd",
-                compression_level=COMPRESSION_LEVEL,
-                use_dictionary=False,
-                use_byte_stream_split=_FLOATS,  # pyright: ignore[reportArgumentType] - a list too
-                write_statistics=False,
-                write_page_checksum=True,
-                store_schema=True,
-            )
-            write(path, buffer.getvalue())
+        content = to_bytes(
+            _to_table(self),
+            compression="zstd",
+            compression_level=COMPRESSION_LEVEL,
+            use_dictionary=False,
+            use_byte_stream_split=_FLOATS,
+            write_statistics=False,
+            write_page_checksum=True,
+            store_schema=True,
+        )
+        write(path, content)
 
 
-def arrow_schema(info: EpisodeInfo, sizes: dict[str, int]) -> pa.Schema:
-    """The schema of a recording.
-
-    Args:
-        info: What is said about the episode.
-        sizes: Numbers in one row of the columns that have as many as there are.
-    """
-    return pa.schema(
+def _to_table(recording: Recording) -> pa.Table:
+    arrays = {
+        column: to_arrow(getattr(recording, column.name), int(column.of_action))
+        for column in COLUMNS
+    }
+    schema = pa.schema(
         [
-            pa.field(column.name, arrow_type(column, sizes), nullable=column.of_action)
-            for column in COLUMNS
+            pa.field(column.name, array.type, nullable=column.of_action)
+            for column, array in arrays.items()
         ],
-        metadata={INFO_KEY: encode(info, SCHEMA).encode(errors="replace")},
+        metadata={INFO_KEY: encode(recording.info, SCHEMA).encode(errors="replace")},
     )
+    return pa.Table.from_arrays(list(arrays.values()), schema=schema)
 
 
-def arrow_type(column: Column, sizes: dict[str, int]) -> pa.DataType:
-    """The type of a column."""
-    kind = pa.from_numpy_dtype(column.dtype)
-    if not column.shape:
-        return kind
-    return pa.list_(kind, column.shape[0] or sizes[column.name])
-
-
-def arrow_array(column: Column, rows: NDArray[Any], missing: int = 0) -> pa.Array:
-    """A column from its rows, with some rows at the end that hold nothing."""
-    values = pa.array(np.ascontiguousarray(rows).reshape(-1))
-    if column.shape:
-        values = pa.FixedSizeListArray.from_arrays(values, rows.shape[1])
-    if missing:
-        values = pa.concat_arrays([values, pa.nulls(missing, values.type)])
-    return values
-
-
-def to_table(recording: Recording) -> pa.Table:
-    """The recording as an Arrow table."""
-    arrays = {column.name: getattr(recording, column.name) for column in COLUMNS}
-    sizes = {name: array.shape[1] for name, array in arrays.items() if array.ndim > 1}
-    return pa.Table.from_arrays(
-        [arrow_array(column, arrays[column.name], int(column.of_action)) for column in COLUMNS],
-        schema=arrow_schema(recording.info, sizes),
-    )
-
-
-def from_table(table: pa.Table) -> Recording:
-    """The recording from a table that `to_table` made.
-
-    Raises:
-        DataError: It is none, or of another version.
-    """
-    info = info_of(table.schema)
+def _from_table(table: pa.Table) -> Recording:
+    info = _info_of(table.schema)
     missing = [column.name for column in COLUMNS if column.name not in table.column_names]
     if missing:
         raise DataError(f"Columns are missing: {', '.join(missing)}.")
@@ -196,32 +159,29 @@ def from_table(table: pa.Table) -> Recording:
     return Recording(info=info, **arrays)
 
 
-def info_of(schema: pa.Schema) -> EpisodeInfo:
-    """What is said about the episode as a whole.
-
-    Raises:
-        DataError: The schema is not that of a recording of this version.
-    """
+def _info_of(schema: pa.Schema) -> EpisodeInfo:
     text = (schema.metadata or {}).get(INFO_KEY)
     if text is None:
         raise DataError("It is no recording of DuoBench: its metadata lacks the episode.")
     try:
         return decode(text, EpisodeInfo, SCHEMA)
-    except EvaluationError as error:
+    except FileError as error:
         raise DataError(f"The metadata of the episode is invalid: {error}") from error
 
 
 def _numbers(column: Column, rows: pa.Array) -> NDArray[Any]:
-    """The rows of a column as an array of its type."""
-    kind, size = rows.type, 0
-    if pa.types.is_fixed_size_list(kind):
-        kind, size = kind.value_type, kind.list_size
-    if kind != pa.from_numpy_dtype(column.dtype) or bool(size) != bool(column.shape):
+    """The rows of a column, if all are there and of its type; their shape is checked later."""
+    values = rows.flatten() if pa.types.is_fixed_size_list(rows.type) else rows
+    if values.type != pa.from_numpy_dtype(column.dtype):
         raise DataError(f"Column {column.name!r} has type {rows.type}.")
-    if rows.null_count:
+    if rows.null_count or values.null_count:
         raise DataError(f"Column {column.name!r} lacks values.")
-    values = rows.flatten() if size else rows
-    if values.null_count:
-        raise DataError(f"Column {column.name!r} lacks values.")
-    array = values.to_numpy(zero_copy_only=False)
-    return array.reshape(len(rows), size) if size else array
+    return to_numpy(rows)
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, pa.ArrowException, DataError) as error:
+        raise DataError(f"Cannot read {path}: {error}") from error

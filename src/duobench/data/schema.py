@@ -52,17 +52,7 @@ COLUMNS = (
     Column(name="sent", dtype=np.float64, shape=(16,), of_action=True),
     Column(name="reward", dtype=np.float64, shape=(), of_action=True),
 )
-"""Every column of a recording in simulation.
-
-`time` is in seconds on a clock that never goes back (simulated time, 0 at the reset). `agent_pos`
-and `tcp_pose` are the observation's: 16 joint positions in radians and openings 0..1, and both tool
-centre points x y z qx qy qz qw in the table frame, in metres. `joint_velocity` is in rad/s, left
-then right. `action` is what the actor wanted, in the action mode of the environment: the label to
-learn from. `sent` is the joint targets and openings that the arms were really sent; it differs
-where limits clipped the action, where the mode is not "joint", and where an actor disturbed its
-own actions so that the recording shows how it recovers [DART, Laskey et al. 2017]. `stage`,
-`success` and `success_at_end` are those of the observation, `reward` that of the step. `state` is
-the full state of the simulation, from which images are rendered."""
+"""Every column of a recording in simulation; `Recording` says what they hold."""
 
 
 class ActorKind(StrEnum):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome
-from duobench.errors import DataError, DuoBenchError, EvaluationError, OutputError
+from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
 
 SUFFIX = ".part"
@@ -45,17 +45,11 @@ class _Head:
 
     def row_type(self) -> np.dtype[Any]:
         """How a row lies in memory and in the file."""
-        return np.dtype(
-            [
-                (
-                    column.name,
-                    column.dtype,
-                    tuple(n or self.sizes[column.name] for n in column.shape),
-                )
-                for column in COLUMNS
-            ],
-            align=True,
-        )
+        fields = [
+            (column.name, column.dtype, tuple(n or self.sizes[column.name] for n in column.shape))
+            for column in COLUMNS
+        ]
+        return np.dtype(fields, align=True)
 
 
 class EpisodeStream:
@@ -76,9 +70,10 @@ class EpisodeStream:
         """
         self.path = path
         """Where the finished episode will be."""
-        self._info = info
+        self.info = info
+        """What is known about it at its start."""
         head = _Head(info=info, sizes=dict(sizes))
-        self._make_room(np.zeros(_FIRST_CAPACITY, head.row_type()))
+        self._rows = np.zeros(_FIRST_CAPACITY, head.row_type())
         self._count = self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
@@ -96,6 +91,11 @@ class EpisodeStream:
             raise
         self._start = self._file.tell()
 
+    @property
+    def rows(self) -> NDArray[Any]:
+        """All rows so far, with a field for each column; the action of the last one is to come."""
+        return self._rows[: self._count]
+
     def append(self, row: Mapping[str, Any]) -> None:
         """Append what was seen; its action follows with `act`.
 
@@ -106,9 +106,9 @@ class EpisodeStream:
             OutputError: The file cannot be written.
         """
         if self._count == len(self._rows):
-            self._make_room(np.concatenate([self._rows, np.zeros_like(self._rows)]))
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         for name, value in row.items():
-            self._columns[name][self._count] = value
+            self._rows[name][self._count] = value
         self._count += 1
         if self._count - self._written > BATCH_ROWS:
             self._flush(self._count - 1)  # all but the last row, whose action is still to come
@@ -120,26 +120,17 @@ class EpisodeStream:
             row: Values by the name of the column, of those that belong to the action.
         """
         for name, value in row.items():
-            self._columns[name][self._count - 1] = value
+            self._rows[name][self._count - 1] = value
 
-    def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
+    def finish(self, outcome: Outcome, last_hash: str | None) -> None:
         """Write the whole episode as Parquet and remove the stream.
-
-        Returns:
-            What was written.
 
         Raises:
             OutputError: It cannot be written; the stream stays, for `recover`.
             DataError: Somebody has put another episode there; the stream stays too.
         """
-        info = replace(self._info, outcome=outcome, last_hash=last_hash)
-        recording = Recording(
-            info=info,
-            **{
-                column.name: self._columns[column.name][: self._count - column.of_action]
-                for column in COLUMNS
-            },
-        )
+        info = replace(self.info, outcome=outcome, last_hash=last_hash)
+        recording = _recording(info, self.rows)
         try:
             self._check_free()
             recording.write(self.path)
@@ -147,7 +138,6 @@ class EpisodeStream:
             self.close()
             raise
         self.discard()
-        return recording
 
     def discard(self) -> None:
         """Remove the stream; the episode is lost if it was not finished."""
@@ -168,10 +158,6 @@ class EpisodeStream:
     def _check_free(self) -> None:
         if self.path.exists():
             raise DataError(f"{self.path} exists already; an episode is never overwritten.")
-
-    def _make_room(self, rows: np.ndarray) -> None:
-        self._rows = rows
-        self._columns = {column.name: rows[column.name] for column in COLUMNS}
 
     def _flush(self, end: int) -> None:
         """Write the rows before one; where it failed before, it begins again at the same place."""
@@ -207,19 +193,28 @@ def recover(partial: Path) -> Recording:
     info, rows = _read(partial)
     if not len(rows):
         raise DataError(f"Cannot recover {partial}: it ends before its first rows were written.")
-    outcome = Outcome(
-        success=bool(rows["success"].any()),
-        stage=int(rows["stage"].max()),
+    outcome = outcome_of(info, rows, kept=False, reason=INTERRUPTED, cut=True)
+    return _recording(replace(info, outcome=outcome), rows)
+
+
+def outcome_of(
+    info: EpisodeInfo, rows: NDArray[Any], *, kept: bool, reason: str | None, cut: bool
+) -> Outcome:
+    """How an episode of some rows, one at least, ended."""
+    return Outcome(
+        success=bool(rows["success"][-1]),
+        stage=int(rows["stage"][-1]),
         max_stage=len(info.subinstructions),
-        kept=False,
-        reason=INTERRUPTED,
-        cut=True,
+        kept=kept,
+        reason=reason,
+        cut=cut,
     )
-    return Recording(
-        info=replace(info, outcome=outcome),
-        # The step of the last row that was written led to one that was not.
-        **{column.name: rows[column.name][: len(rows) - column.of_action] for column in COLUMNS},
-    )
+
+
+def _recording(info: EpisodeInfo, rows: NDArray[Any]) -> Recording:
+    """The episode of some rows; the action of the last one is not known, or led to none of them."""
+    columns = {column.name: rows[column.name][: len(rows) - column.of_action] for column in COLUMNS}
+    return Recording(info=info, **columns)
 
 
 def read_info(partial: Path) -> EpisodeInfo:
@@ -239,6 +234,6 @@ def _read(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
         head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA)
         kind = head.row_type()
         rows = np.frombuffer(data[end:], kind, max(0, len(data) - end) // kind.itemsize)
-    except (OSError, EvaluationError, KeyError, ValueError) as error:
+    except (OSError, FileError, KeyError, ValueError) as error:
         raise DataError(f"Cannot recover {partial}: {error}") from error
     return head.info, rows

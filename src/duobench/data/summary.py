@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
@@ -15,7 +13,7 @@ from duobench.errors import DataError
 from duobench.scene.fr3 import VELOCITY_LIMITS
 from duobench.scene.fr3_links import JOINT_RANGES
 from duobench.tasks import catalog
-from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
+from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES
 
 LONG = 0.99
 """Share of episodes that are at most as long as the length that is compared with the horizon."""
@@ -122,86 +120,60 @@ def summarize(data: DataSet) -> Summary:
             commands.append(recording.sent.astype(np.float32))
             speeds.append(np.abs(recording.joint_velocity).max(axis=0))
             names = recording.info.observation_names
-            recordings.append(_without_states(recording))
+            # States are most of a recording, and not needed.
+            recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         tasks.append(_summarize_task(task, recordings))
     if not tasks:
         raise DataError(f"{data.path} holds no episode.")
     sent = np.concatenate(commands)
     joints = _summarize_joints(names, sent, np.max(speeds, axis=0)) if len(sent) else ()
-    return Summary(tasks=tuple(tasks), joints=joints)
+    return Summary(tasks=tuple(tasks), joints=tuple(joints))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Episode:
-    """What the summary of a task needs of an episode."""
-
-    length: int
-    stage: NDArray[np.int64]
-    seconds: Array
-    success: bool
-    kept: bool
-    cut: bool
-    actor: str
-    layout: str
-    split: str | None
-
-
-def _without_states(recording: Recording) -> _Episode:
-    info, outcome = recording.info, recording.info.outcome
-    return _Episode(
-        length=len(recording),
-        stage=recording.stage[:-1],
-        seconds=np.diff(recording.time),
-        success=bool(recording.success[-1]),
-        kept=outcome is not None and outcome.kept,
-        cut=outcome is None or outcome.cut,
-        actor=f"{info.actor.kind} {info.actor.name}".strip(),
-        layout=repr(info.layout),
-        split=info.split,
-    )
-
-
-def _summarize_task(task: str, episodes: Sequence[_Episode]) -> TaskSummary:
+def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
     definition = catalog.get(task)
     stages = range(definition.max_stage + 1)
-    seconds = [[each.seconds[each.stage == stage].sum() for stage in stages] for each in episodes]
+    seconds = [
+        [np.diff(each.time)[each.stage[:-1] == stage].sum() for stage in stages]
+        for each in recordings
+    ]
+    infos = [each.info for each in recordings]
+    outcomes = [info.outcome for info in infos]
     return TaskSummary(
         task=task,
         title=definition.title,
         horizon=definition.horizon,
         stages=tuple(stage.name for stage in definition.stages),
-        episodes=len(episodes),
-        successes=sum(each.success for each in episodes),
-        discarded=sum(not each.kept for each in episodes),
-        cut=sum(each.cut for each in episodes),
-        frames=sum(each.length for each in episodes),
-        lengths=tuple(sorted(each.length for each in episodes)),
+        episodes=len(recordings),
+        successes=sum(bool(each.success[-1]) for each in recordings),
+        discarded=sum(outcome is None or not outcome.kept for outcome in outcomes),
+        cut=sum(outcome is None or outcome.cut for outcome in outcomes),
+        frames=sum(map(len, recordings)),
+        lengths=tuple(sorted(map(len, recordings))),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
-        actors=tuple(dict.fromkeys(each.actor for each in episodes)),
-        repeated_layouts=len(episodes) - len(Counter(each.layout for each in episodes)),
-        eval_layouts=sum(each.split == "eval" for each in episodes),
+        actors=tuple(
+            dict.fromkeys(f"{info.actor.kind} {info.actor.name}".strip() for info in infos)
+        ),
+        repeated_layouts=len(infos) - len({repr(info.layout) for info in infos}),
+        eval_layouts=sum(info.split == "eval" for info in infos),
     )
 
 
 def _summarize_joints(
     names: Sequence[str], commands: np.ndarray, fastest: np.ndarray
-) -> tuple[JointSummary, ...]:
+) -> Iterator[JointSummary]:
     ranges = np.tile(JOINT_RANGES, (len(SIDES), 1))
     limits = np.tile(VELOCITY_LIMITS, len(SIDES))
-    found = []
     for joint, place in enumerate(_JOINTS):
         (low, high), targets = ranges[joint], commands[:, place]
         at_limit = (targets < low + AT_LIMIT) | (targets > high - AT_LIMIT)
         quantiles = np.quantile(targets, [0.0, 0.01, 0.5, 0.99, 1.0]).tolist()
-        found.append(
-            JointSummary(
-                name=names[place],
-                low=float(low),
-                high=float(high),
-                quantiles=tuple(quantiles),
-                fastest=float(fastest[joint]),
-                speed_limit=float(limits[joint]),
-                at_limit=float(at_limit.mean()),
-            )
+        yield JointSummary(
+            name=names[place],
+            low=float(low),
+            high=float(high),
+            quantiles=tuple(quantiles),
+            fastest=float(fastest[joint]),
+            speed_limit=float(limits[joint]),
+            at_limit=float(at_limit.mean()),
         )
-    return tuple(found)

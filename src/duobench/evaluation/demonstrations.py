@@ -31,9 +31,9 @@ MAX_ATTEMPTS = 10
 """Episodes that are played for one that succeeds, on average, before a task is given up."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, order=True)
 class Attempt:
-    """An episode that was played for a data set."""
+    """An episode that was played for a data set; sorted by task and index."""
 
     task: str
     """Id of the task."""
@@ -134,7 +134,7 @@ def record(  # noqa: PLR0913
                 _write(data, log)
                 for observer in observers:
                     observer.on_attempt(attempt)
-    return _ordered(log)
+    return sorted(log.values())
 
 
 Log = dict[tuple[str, int], Attempt]
@@ -230,10 +230,6 @@ def _attempt(record: EpisodeRecord, *, keep_failures: bool) -> Attempt:
     )
 
 
-def _ordered(log: Log) -> list[Attempt]:
-    return [log[key] for key in sorted(log)]
-
-
 def _write(data: DataSet, log: Log) -> None:
-    attempts = Attempts(attempts=tuple(_ordered(log)))
+    attempts = Attempts(attempts=tuple(sorted(log.values())))
     write(data.path / ATTEMPTS, encode(attempts, ATTEMPTS_SCHEMA))

@@ -10,12 +10,11 @@ import numpy as np
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
 from duobench.data.schema import action_mode
-from duobench.errors import DataError
 from duobench.sim.kinematics import Kinematics
 from duobench.spatial import SE3
-from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, Array, DuoCommand
+from duobench.types import ARM_JOINTS, FLAT_SIZE, SIDE_SIZE, SIDES, Array, DuoCommand
 
-JOINT, CARTESIAN = "joint", "cartesian"
+JOINT = "joint"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -62,44 +61,39 @@ def joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Re
     """The actions of a recording as joint targets and openings.
 
     Args:
-        recording: The episode.
+        recording: The episode; given actions are joint targets or tool poses, not changes of them.
         source: Which of its numbers to use.
 
     Returns:
         Actions (T, 16), and the residual if inverse kinematics solved for them.
 
     Raises:
-        DataError: The actions are relative, so that they name no targets, or unknown.
+        DataError: The numbers of its actions are not known.
     """
     mode = action_mode(recording.info)
     if source is ActionSource.SENT or (source is ActionSource.INTENDED and mode != JOINT):
         return recording.sent, None
     if mode == JOINT:
         return recording.action, None
-    if mode != CARTESIAN:
-        raise DataError(
-            f"Actions of mode {mode!r} are relative to what was commanded before and name no joint "
-            f"targets; export the commands that were sent ({ActionSource.SENT.value!r})."
-        )
     return _solved(recording)
 
 
 def _solved(recording: Recording) -> tuple[Array, Residual]:
     """Joint targets of tool poses, solved for from the observed joints of each row."""
     kinematics = _kinematics()
-    solved, residual = np.empty((len(recording), len(SIDES) * SIDE_SIZE)), Residual()
+    solved, errors = np.empty((len(recording), FLAT_SIZE)), []
     for row, action in enumerate(recording.action.reshape(-1, len(SIDES), SIDE_SIZE)):
         targets = {side: SE3.from_tquat(action[side.index, :ARM_JOINTS]) for side in SIDES}
         observed = DuoCommand.from_flat(recording.agent_pos[row]).joints
         joints, _ = kinematics.solve(observed, targets)
         solved[row] = DuoCommand(joints=joints, openings=action[:, ARM_JOINTS]).flat
-        for side, pose in kinematics.forward(joints).items():
-            position, rotation = pose.distance(targets[side])
-            residual += Residual(
-                targets=1,
-                sum_position=position,
-                sum_rotation=rotation,
-                max_position=position,
-                max_rotation=rotation,
-            )
-    return solved, residual
+        reached = kinematics.forward(joints)
+        errors += [reached[side].distance(targets[side]) for side in SIDES]
+    positions, rotations = zip(*errors, strict=True)
+    return solved, Residual(
+        targets=len(errors),
+        sum_position=sum(positions),
+        sum_rotation=sum(rotations),
+        max_position=max(positions),
+        max_rotation=max(rotations),
+    )

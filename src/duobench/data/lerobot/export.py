@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from duobench.backend import Image
 from duobench.data.dataset import DataSet
-from duobench.data.lerobot.actions import Residual
-from duobench.data.lerobot.episode import EpisodeExporter, Job, hash_of
-from duobench.data.lerobot.folder import Export, ExportFolder, SourceEpisode
+from duobench.data.images import ImageSource
+from duobench.data.lerobot import statistics
+from duobench.data.lerobot.actions import Residual, joint_targets
+from duobench.data.lerobot.features import ACTION, COLUMNS, DOMAINS, STATE, schema
+from duobench.data.lerobot.folder import SCHEMA, EpisodeFacts, Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
-from duobench.data.lerobot.options import ActionSource, ExportOptions
-from duobench.data.processes import run_all
+from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
+from duobench.data.lerobot.video import write_videos
+from duobench.data.parquet import to_arrow, to_bytes
+from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import action_mode
 from duobench.errors import DataError
-from duobench.files import locked
+from duobench.files import encode, locked, write
 from duobench.randomness import SUITE_VERSION
 from duobench.sim import rendering
+from duobench.types import CONTROL_HZ, Array
 from duobench.versions import package_versions
-
-Progress = Callable[[int, int], None]
-"""Told how many of how many frames are finished."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,7 +68,7 @@ def export_lerobot(
         options: What is exported.
         workers: Processes that render and encode side by side, which are started anew (`spawn`); 0
             does everything in this process.
-        progress: Told about the progress, at first and after every episode.
+        progress: Told about the progress in frames, at first and after every episode.
 
     Returns:
         What it came to.
@@ -77,16 +87,16 @@ def export_lerobot(
     with locked(folder.path):
         folder.begin(export)
         missing = [
-            job
-            for job in _jobs(data, export, folder)
-            if not folder.is_finished(job.index, options.cameras)
+            index
+            for index in range(len(export.episodes))
+            if not folder.is_finished(index, options.cameras)
         ]
         total = sum(episode.length for episode in export.episodes)
-        done = total - sum(export.episodes[job.index].length for job in missing)
+        done = total - sum(export.episodes[index].length for index in missing)
         progress(done, total)
         if missing and options.cameras:
             rendering.prepare(processes=max(1, workers))
-        for index in run_all(EpisodeExporter, missing, workers):
+        for index in run_all(partial(_exporter, data.path, folder, export), missing, workers):
             done += export.episodes[index].length
             progress(done, total)
         residual = finish(folder, export)
@@ -106,7 +116,7 @@ def _plan(data: DataSet, options: ExportOptions) -> tuple[Export, int]:
             episodes.append(
                 SourceEpisode(
                     file=path.relative_to(data.path).as_posix(),
-                    sha256=hash_of(path),
+                    sha256=_hash_of(path),
                     length=len(recording),
                     instruction=recording.info.instruction,
                 )
@@ -140,21 +150,74 @@ def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
         )
 
 
-def _jobs(data: DataSet, export: Export, folder: ExportFolder) -> list[Job]:
-    """One job an episode."""
-    tasks = {instruction: number for number, instruction in enumerate(export.tasks)}
-    jobs, first_row = [], 0
-    for index, episode in enumerate(export.episodes):
-        jobs.append(
-            Job(
-                source=data.path / episode.file,
-                sha256=episode.sha256,
-                folder=folder.path,
-                options=export.options,
-                index=index,
-                first_row=first_row,
-                task_index=tasks[episode.instruction],
-            )
-        )
-        first_row += episode.length
-    return jobs
+def _exporter(data: Path, folder: ExportFolder, export: Export) -> Callable[[int], int]:
+    """What exports one episode after the other, by index; it keeps the model of a task."""
+    options = export.options
+    source_of = lru_cache(maxsize=1)(
+        partial(ImageSource, cameras=options.cameras, size=options.size, look=options.look)
+    )
+
+    def export_one(index: int) -> int:
+        episode = export.episodes[index]
+        path = data / episode.file
+        recording = Recording.read(path)
+        if _hash_of(path) != episode.sha256:
+            raise DataError(f"{path} has changed since the export began; begin it anew.")
+        actions, residual = joint_targets(recording, options.action)
+        counts = {camera: statistics.no_counts() for camera in options.cameras}
+        if options.cameras:
+            paths = {camera: folder.video(camera, index) for camera in options.cameras}
+            source = source_of(recording.info.task)
+            frames = _frames(source, recording, _offset(options), counts)
+            write_videos(frames, paths, options.size)
+        columns = _rows(recording, actions, export, index)
+        arrays = [to_arrow(columns[name]) for name in COLUMNS]
+        write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=schema())))
+        noted = {camera: values.tolist() for camera, values in counts.items()}
+        facts = EpisodeFacts(counts=noted, residual=residual)
+        write(folder.facts(index), encode(facts, SCHEMA))
+        return index
+
+    return export_one
+
+
+def _frames(
+    source: ImageSource, recording: Recording, offset: int, counts: dict[str, statistics.Counts]
+) -> Iterator[dict[str, Image]]:
+    """Render the images of every row, and count their values."""
+    for row in range(offset, offset + len(recording)):
+        images = source.images(recording, row)
+        for camera, image in images.items():
+            statistics.count_values(counts[camera], image)
+        yield images
+
+
+def _hash_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _rows(
+    recording: Recording, actions: Array, export: Export, index: int
+) -> dict[str, NDArray[Any]]:
+    """The columns of an episode, one row an action."""
+    length, offset = len(recording), _offset(export.options)
+    number = np.arange(length)
+    return {
+        STATE: recording.agent_pos[offset : offset + length],
+        ACTION: actions.astype(np.float32),
+        "next.reward": recording.reward.astype(np.float32),
+        "next.done": number == length - 1,
+        "next.success": recording.success[1:],
+        "stage": recording.stage[offset : offset + length],
+        "domain": np.full(length, DOMAINS.index("sim")),
+        "timestamp": (number / CONTROL_HZ).astype(np.float32),
+        "frame_index": number,
+        "episode_index": np.full(length, index),
+        "index": export.first_row(index) + number,
+        "task_index": np.full(length, export.tasks.index(recording.info.instruction)),
+    }
+
+
+def _offset(options: ExportOptions) -> int:
+    """How many rows after its action's an observation is."""
+    return int(options.pairing is Pairing.DELAYED)

@@ -10,7 +10,6 @@ import pyarrow as pa
 
 from duobench.data.lerobot import video
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.types import CONTROL_HZ
 
 STATE, ACTION = "observation.state", "action"
 IMAGE_PREFIX = "observation.images."
@@ -33,7 +32,6 @@ _SCALARS = {
 }
 """Columns of one number a row. Only names that begin with `observation` or `action` reach a
 policy, so that the others are free to add."""
-_ARROW = {"float32": pa.float32(), "int64": pa.int64(), "bool": pa.bool_()}
 COLUMNS = (*_VECTORS, *_SCALARS)
 """Names of all columns of the Parquet files."""
 
@@ -59,7 +57,7 @@ def describe(cameras: Sequence[str], size: tuple[int, int]) -> dict[str, dict[st
             "dtype": "video",
             "shape": [*size, 3],
             "names": ["height", "width", "channels"],
-            "info": video.describe(size, int(CONTROL_HZ)),
+            "info": video.describe(size),
         }
         for camera in cameras
     }
@@ -72,7 +70,7 @@ def describe(cameras: Sequence[str], size: tuple[int, int]) -> dict[str, dict[st
 def schema() -> pa.Schema:
     """The Arrow schema of the Parquet files, with the types that Hugging Face reads."""
     fields = [pa.field(name, pa.list_(pa.float32(), len(JOINT_NAMES))) for name in _VECTORS]
-    fields += [pa.field(name, _ARROW[dtype]) for name, dtype in _SCALARS.items()]
+    fields += [pa.field(name, pa.from_numpy_dtype(dtype)) for name, dtype in _SCALARS.items()]
     types: dict[str, Any] = {
         name: {
             "feature": {"dtype": "float32", "_type": "Value"},

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import DOMAINS, image_key
 from duobench.data.lerobot.options import ExportOptions
-from duobench.errors import DataError, EvaluationError
+from duobench.errors import DataError, FileError
 from duobench.files import TEMPORARY_SUFFIX, encode, read, remove_temporary, write
 
 SCHEMA = 1
@@ -52,18 +54,17 @@ class Export:
         """Each instruction once, in order of appearance: what LeRobot calls a task."""
         return list(dict.fromkeys(episode.instruction for episode in self.episodes))
 
+    def first_row(self, index: int) -> int:
+        """Rows of the export before those of an episode."""
+        return sum(episode.length for episode in self.episodes[:index])
+
     def differences(self, other: Export) -> list[str]:
-        """In what another export differs, one phrase each: `size: (8, 8), was (4, 4)`."""
-        pairs = [
-            (option.name, getattr(self.options, option.name), getattr(other.options, option.name))
-            for option in fields(ExportOptions)
-        ]
-        pairs += [
-            (name, getattr(self, name), getattr(other, name))
-            for name in ("suite_version", "versions")
-        ]
+        """In what another export differs, one phrase each: `size: [8, 8], was [4, 4]`."""
+        ours, theirs = self._choices(), other._choices()
         found = [
-            f"{name}: {_words(now)}, was {_words(then)}" for name, now, then in pairs if now != then
+            f"{name}: {now}, was {theirs[name]}"
+            for name, now in ours.items()
+            if now != theirs[name]
         ]
         if self.episodes != other.episodes:
             now, then = ({e.file: e for e in export.episodes} for export in (self, other))
@@ -75,6 +76,13 @@ class Export:
             parts = [f"{count} {what}" for what, count in counts.items() if count]
             found.append(f"episodes: {', '.join(parts)}")
         return found
+
+    def _choices(self) -> dict[str, Any]:
+        """Everything but the episodes, as it stands in the file."""
+        document = json.loads(encode(self, SCHEMA))
+        return document["options"] | {
+            name: document[name] for name in ("suite_version", "versions")
+        }
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -133,7 +141,7 @@ class ExportFolder:
             DataError: The folder holds another export or something else.
         """
         if self.description.exists():
-            before = self._read_description()
+            before = read(self.description, Export, SCHEMA)
             if differences := export.differences(before):
                 raise DataError(
                     f"{self.path} holds another export; this one differs in "
@@ -141,7 +149,8 @@ class ExportFolder:
                 )
             remove_temporary(self.path)
             return
-        if self.path.exists() and not all(map(_is_temporary, _files(self.path))):
+        files = [path for path in self.path.rglob("*") if not path.is_dir()]
+        if not all(path.match(f".*{TEMPORARY_SUFFIX}") for path in files):
             raise DataError(
                 f"{self.path} is not empty and holds no export; export into another folder."
             )
@@ -155,18 +164,8 @@ class ExportFolder:
         """
         try:
             return read(self.facts(index), EpisodeFacts, SCHEMA)
-        except EvaluationError as error:
-            raise DataError(f"{error} Delete the file and export again.") from error
-
-    def write_facts(self, index: int, facts: EpisodeFacts) -> None:
-        """Note a finished episode."""
-        write(self.facts(index), encode(facts, SCHEMA))
-
-    def _read_description(self) -> Export:
-        try:
-            return read(self.description, Export, SCHEMA)
-        except EvaluationError as error:
-            raise DataError(str(error)) from error
+        except FileError as error:
+            raise FileError(f"{error} Delete the file and export again.") from error
 
 
 def location(index: int) -> tuple[int, int]:
@@ -177,16 +176,3 @@ def location(index: int) -> tuple[int, int]:
 def _numbered(index: int) -> str:
     chunk, file = location(index)
     return f"chunk-{chunk:03d}/file-{file:03d}"
-
-
-def _files(folder: Path) -> list[Path]:
-    return [path for path in folder.rglob("*") if not path.is_dir()]
-
-
-def _is_temporary(path: Path) -> bool:
-    return path.match(f".*{TEMPORARY_SUFFIX}")
-
-
-def _words(value: object) -> object:
-    """A value for a message."""
-    return list(value) if isinstance(value, tuple) else value

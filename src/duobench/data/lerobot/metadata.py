@@ -5,7 +5,6 @@ All of it is computed from the files of the episodes and from what was noted bes
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from typing import Any
@@ -19,6 +18,8 @@ from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import COLUMNS, describe, image_key
 from duobench.data.lerobot.folder import CHUNK_SIZE, Export, ExportFolder, location
+from duobench.data.lerobot.video import FPS
+from duobench.data.parquet import to_bytes, to_numpy
 from duobench.errors import DataError
 from duobench.files import write
 from duobench.types import CONTROL_HZ
@@ -27,6 +28,8 @@ FORMAT = "v3.0"
 ROBOT = "franka_fr3_duo"
 DATA_MB, VIDEO_MB = 100, 200
 """Sizes at which LeRobot's own writer begins another file; ours has one an episode."""
+_Statistics = dict[str, dict[str, list[Any]]]
+"""Lists of numbers by feature and name."""
 
 
 def finish(folder: ExportFolder, export: Export) -> Residual | None:
@@ -56,20 +59,18 @@ def finish(folder: ExportFolder, export: Export) -> Residual | None:
             counts[camera] += values
         if facts.residual is not None:
             residuals.append(facts.residual)
-        found = _statistics(columns[-1], of_images, source.length)
-        episodes.append(_episode(export, index, columns[-1]) | found)
+        episodes.append(_episode(export, index, _statistics(columns[-1], of_images)))
     total = sum(source.length for source in export.episodes)
     whole = {name: np.concatenate([each[name] for each in columns]) for name in COLUMNS}
-    found = _statistics(whole, counts, total)
-    write(folder.meta / "stats.json", _json(_nested(found)))
-    write(folder.meta / "tasks.parquet", _parquet(_tasks(export.tasks)))
-    write(folder.meta / "episodes/chunk-000/file-000.parquet", _parquet(_table(episodes)))
+    write(folder.meta / "stats.json", _json(_statistics(whole, counts)))
+    write(folder.meta / "tasks.parquet", to_bytes(_tasks(export.tasks)))
+    table = pa.Table.from_pylist(episodes)
+    write(folder.meta / "episodes/chunk-000/file-000.parquet", to_bytes(table))
     write(folder.info, _json(_info(export, total)))
     return sum(residuals, Residual()) if residuals else None
 
 
 def _read(folder: ExportFolder, index: int, length: int) -> dict[str, NDArray[Any]]:
-    """The columns of an episode."""
     path = folder.data(index)
     try:
         table = pq.read_table(path)
@@ -77,43 +78,25 @@ def _read(folder: ExportFolder, index: int, length: int) -> dict[str, NDArray[An
         raise DataError(f"Cannot read {path}: {error} Delete it and export again.") from error
     if table.num_rows != length or table.column_names != list(COLUMNS):
         raise DataError(f"{path} belongs to another export. Delete it and export again.")
-    columns = {}
-    for name in COLUMNS:
-        column = table.column(name).combine_chunks()
-        if pa.types.is_fixed_size_list(column.type):
-            columns[name] = column.flatten().to_numpy().reshape(length, -1)
-        else:
-            columns[name] = column.to_numpy(zero_copy_only=False)
-    return columns
+    return {name: to_numpy(table.column(name).combine_chunks()) for name in COLUMNS}
 
 
 def _statistics(
-    columns: Mapping[str, NDArray[Any]], counts: Mapping[str, statistics.Counts], frames: int
-) -> dict[str, NDArray[Any]]:
-    """Statistics by `stats/FEATURE/NAME`."""
+    columns: Mapping[str, NDArray[Any]], counts: Mapping[str, statistics.Counts]
+) -> _Statistics:
     features = {name: statistics.of_rows(values) for name, values in columns.items()}
     for camera, values in counts.items():
-        features[image_key(camera)] = statistics.of_counts(values, frames)
+        features[image_key(camera)] = statistics.of_counts(values, len(columns["index"]))
     return {
-        f"stats/{feature}/{name}": value
+        feature: {name: value.tolist() for name, value in found.items()}
         for feature, found in features.items()
-        for name, value in found.items()
     }
 
 
-def _nested(found: Mapping[str, NDArray[Any]]) -> dict[str, dict[str, Any]]:
-    """Statistics by feature and name."""
-    nested: dict[str, dict[str, Any]] = {}
-    for key, value in found.items():
-        _, feature, name = key.split("/")
-        nested.setdefault(feature, {})[name] = value.tolist()
-    return nested
-
-
-def _episode(export: Export, index: int, columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Where an episode is, as a row of the table of episodes."""
+def _episode(export: Export, index: int, found: _Statistics) -> dict[str, Any]:
+    """Where an episode is, and its statistics, as a row of the table of episodes."""
     source, (chunk, file) = export.episodes[index], location(index)
-    first = int(columns["index"][0])
+    first = export.first_row(index)
     row: dict[str, Any] = {
         "episode_index": index,
         "tasks": [source.instruction],
@@ -133,19 +116,9 @@ def _episode(export: Export, index: int, columns: Mapping[str, NDArray[Any]]) ->
             f"{prefix}/from_timestamp": 0.0,
             f"{prefix}/to_timestamp": source.length / CONTROL_HZ,
         }
+    for feature, values in found.items():
+        row |= {f"stats/{feature}/{name}": value for name, value in values.items()}
     return row
-
-
-def _table(episodes: list[dict[str, Any]]) -> pa.Table:
-    """The table of episodes."""
-    plain = [
-        {
-            key: value.tolist() if isinstance(value, np.ndarray) else value
-            for key, value in row.items()
-        }
-        for row in episodes
-    ]
-    return pa.Table.from_pylist(plain)
 
 
 def _tasks(instructions: list[str]) -> pa.Table:
@@ -169,12 +142,11 @@ def _tasks(instructions: list[str]) -> pa.Table:
 
 
 def _info(export: Export, total: int) -> dict[str, Any]:
-    """LeRobot's description of the data set."""
     episodes, options = len(export.episodes), export.options
     place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
     return {
         "codebase_version": FORMAT,
-        "fps": int(CONTROL_HZ),
+        "fps": FPS,
         "features": describe(options.cameras, options.size),
         "total_episodes": episodes,
         "total_frames": total,
@@ -191,9 +163,3 @@ def _info(export: Export, total: int) -> dict[str, Any]:
 
 def _json(document: object) -> str:
     return json.dumps(document, indent=4, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _parquet(table: pa.Table) -> bytes:
-    with io.BytesIO() as buffer:
-        pq.write_table(table, buffer)
-        return buffer.getvalue()

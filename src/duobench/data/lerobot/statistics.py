@@ -64,33 +64,26 @@ def of_counts(counts: Counts, frames: int) -> Statistics:
     Returns:
         Each statistic (3, 1, 1), one number a channel; `count` (1,).
     """
-    levels = np.arange(LEVELS) / (LEVELS - 1)
-    pixels = int(counts[0].sum())
-    mean = counts @ levels / pixels
-    variance = np.array(
-        [
-            count @ (levels - middle) ** 2 / pixels
-            for count, middle in zip(counts, mean, strict=True)
-        ]
-    )
-    present = counts > 0
+    channels = [_of_channel(each) for each in counts]
     found = {
-        "min": levels[present.argmax(axis=1)],
-        "max": levels[LEVELS - 1 - present[:, ::-1].argmax(axis=1)],
-        "mean": mean,
-        "std": np.sqrt(variance),
-        **{name: _quantile(counts, levels, share) for name, share in QUANTILES.items()},
+        name: np.array([each[name] for each in channels]).reshape(CHANNELS, 1, 1)
+        for name in channels[0]
     }
-    shaped = {name: values.reshape(CHANNELS, 1, 1) for name, values in found.items()}
-    return shaped | {"count": np.array([frames])}
+    return found | {"count": np.array([frames])}
 
 
-def _quantile(counts: Counts, levels: Array, share: float) -> Array:
-    """A quantile (3,), interpolated between neighbours in the sorted pixels as NumPy does."""
-    position = share * (int(counts[0].sum()) - 1)
-    below, rest = int(position), position % 1.0
-    sums = counts.cumsum(axis=1)
-    low, high = (
-        levels[(sums <= index).sum(axis=1)] for index in (below, min(below + 1, sums[0, -1] - 1))
-    )
-    return low + rest * (high - low)
+def _of_channel(counts: NDArray[np.int64]) -> dict[str, float]:
+    """Statistics of a channel; quantiles lie between neighbours in the sorted pixels as NumPy's."""
+    levels, counts = np.flatnonzero(counts) / (LEVELS - 1), counts[counts > 0]
+    mean = np.average(levels, weights=counts)
+    ends = counts.cumsum()
+    places = np.column_stack([ends - counts, ends - 1])  # of a level's first and last pixel
+    wanted = np.array(list(QUANTILES.values())) * (ends[-1] - 1)
+    quantiles = np.interp(wanted, places.ravel(), levels.repeat(2))
+    return {
+        "min": levels[0],
+        "max": levels[-1],
+        "mean": mean,
+        "std": np.sqrt(np.average((levels - mean) ** 2, weights=counts)),
+        **dict(zip(QUANTILES, quantiles, strict=True)),
+    }

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import av
+from av.container import OutputContainer
 from av.error import FFmpegError
 from av.video.stream import VideoStream
 
 from duobench.backend import Image
 from duobench.errors import DataError
-from duobench.files import TEMPORARY_SUFFIX, make_folder, writing
+from duobench.files import replacing, writing
+from duobench.types import CONTROL_HZ
 
+FPS = int(CONTROL_HZ)
 CODEC = "libsvtav1"
 CRF, GROUP, PRESET = 30, 2, 12
 """Quality, frames from one key frame to the next, and speed: LeRobot's defaults. A group of two
@@ -33,19 +37,18 @@ _QUIET = ("SVT_LOG", "1")
 """Environment variable by which the encoder prints errors only."""
 
 
-def describe(size: tuple[int, int], rate_hz: int) -> dict[str, Any]:
+def describe(size: tuple[int, int]) -> dict[str, Any]:
     """What `meta/info.json` says about a video, under the keys that LeRobot's own writer uses.
 
     Args:
         size: Height and width in pixels.
-        rate_hz: Frames a second.
     """
     return {
         "video.height": size[0],
         "video.width": size[1],
         "video.codec": "av1",
         "video.pix_fmt": PIXEL_FORMAT,
-        "video.fps": rate_hz,
+        "video.fps": FPS,
         "video.channels": 3,
         "has_audio": False,
         "video.g": GROUP,
@@ -59,10 +62,7 @@ def describe(size: tuple[int, int], rate_hz: int) -> dict[str, Any]:
 
 
 def write_videos(
-    frames: Iterable[Mapping[str, Image]],
-    paths: Mapping[str, Path],
-    size: tuple[int, int],
-    rate_hz: int,
+    frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path], size: tuple[int, int]
 ) -> None:
     """Encode one video a camera side by side; each is whole or absent after a kill.
 
@@ -70,79 +70,58 @@ def write_videos(
         frames: Images (height, width, 3) by camera, frame by frame.
         paths: Where the video of each camera will be.
         size: Height and width of the images, both even.
-        rate_hz: Frames a second.
 
     Raises:
         DataError: The images cannot be encoded.
         OutputError: A file cannot be written.
     """
     os.environ.setdefault(*_QUIET)
-    temporary = {
-        camera: path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
-        for camera, path in paths.items()
-    }
-    try:
-        with ExitStack() as stack:
-            encoders = {}
-            for camera, path in temporary.items():
-                make_folder(path.parent)
-                encoders[camera] = _Encoder(path, size, rate_hz)
-                stack.callback(encoders[camera].close)
-            for images in frames:
-                for camera, encoder in encoders.items():
-                    encoder.add(images[camera])
-            for encoder in encoders.values():
-                encoder.finish()
+    with ExitStack() as stack:
+        encoders = {}
         for camera, path in paths.items():
-            with writing(path):
-                _flush(temporary[camera])
-                temporary[camera].replace(path)
+            temporary = stack.enter_context(replacing(path))
+            encoders[camera] = stack.enter_context(_encoding(temporary, size))
+        for images in frames:
+            for camera, add in encoders.items():
+                add(images[camera])
+
+
+@contextmanager
+def _encoding(path: Path, size: tuple[int, int]) -> Iterator[Callable[[Image], None]]:
+    """Encode a video of the images that are added in the block."""
+    with writing(path):
+        container = av.open(path, "w", format="mp4", options=_CONTAINER_OPTIONS)
+    try:
+        stream = _stream(container, size)
+        numbers = count()
+
+        def mux(frame: av.VideoFrame | None) -> None:
+            try:
+                with writing(path):
+                    container.mux(stream.encode(frame))
+            except FFmpegError as error:
+                raise DataError(f"A video cannot be encoded: {error}.") from error
+
+        def add(image: Image) -> None:
+            frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+            frame.pts = next(numbers)
+            mux(frame)
+
+        yield add
+        mux(None)  # what the encoder still holds; after a failure FFmpeg crashes here
     finally:
-        for path in temporary.values():
-            path.unlink(missing_ok=True)
-
-
-class _Encoder:
-    """One video that is being encoded."""
-
-    def __init__(self, path: Path, size: tuple[int, int], rate_hz: int) -> None:
         with writing(path):
-            self._container = av.open(path, "w", format="mp4", options=_CONTAINER_OPTIONS)
-        try:
-            stream = self._container.add_stream(CODEC, rate=rate_hz, options=_OPTIONS)
-        except FFmpegError as error:
-            raise DataError(f"This build of PyAV cannot encode AV1: {error}.") from error
-        if not isinstance(stream, VideoStream):
-            raise AssertionError(f"{CODEC} encodes videos.")
-        stream.height, stream.width = size
-        stream.pix_fmt = PIXEL_FORMAT
-        stream.codec_context.thread_count = 1
-        self._stream = stream
-        self._frames = 0
-
-    def add(self, image: Image) -> None:
-        frame = av.VideoFrame.from_ndarray(image, format="rgb24")
-        frame.pts = self._frames
-        self._frames += 1
-        self._mux(frame)
-
-    def finish(self) -> None:
-        """Write what the encoder still holds; after a failure FFmpeg crashes here."""
-        self._mux(None)
-
-    def close(self) -> None:
-        with writing(Path(self._container.name)):
-            self._container.close()
-
-    def _mux(self, frame: av.VideoFrame | None) -> None:
-        try:
-            with writing(Path(self._container.name)):
-                self._container.mux(self._stream.encode(frame))
-        except FFmpegError as error:
-            raise DataError(f"A video cannot be encoded: {error}.") from error
+            container.close()
 
 
-def _flush(path: Path) -> None:
-    """Have a file on the disk before it gets its name."""
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
+def _stream(container: OutputContainer, size: tuple[int, int]) -> VideoStream:
+    try:
+        stream = container.add_stream(CODEC, rate=FPS, options=_OPTIONS)
+    except FFmpegError as error:
+        raise DataError(f"This build of PyAV cannot encode AV1: {error}.") from error
+    if not isinstance(stream, VideoStream):
+        raise AssertionError(f"{CODEC} encodes videos.")
+    stream.height, stream.width = size
+    stream.pix_fmt = PIXEL_FORMAT
+    stream.codec_context.thread_count = 1
+    return stream
