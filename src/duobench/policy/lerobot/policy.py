@@ -20,25 +20,16 @@ from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports
     auto_select_torch_device,
     is_torch_device_available,
 )
-from numpy.typing import NDArray
 
 from duobench.errors import PolicyError
-from duobench.policy.batch import Session
+from duobench.policy.batch import Chunk, Observation, Session
 from duobench.policy.lerobot import checkpoint
 from duobench.policy.lerobot.address import EXECUTED, SCHEME, parse
-from duobench.policy.lerobot.features import (
-    DIFFUSION,
-    IMAGE_PREFIX,
-    STATE,
-    horizon,
-    inputs,
-)
+from duobench.policy.lerobot.features import DIFFUSION, IMAGE_PREFIX, STATE, horizon, inputs
 from duobench.policy.lerobot.noise import EpisodeNoise
 from duobench.policy.lerobot.weights import check_loaded
 from duobench.policy.protocol import PolicyMetadata
 
-Observation = Mapping[str, Any]
-Chunk = NDArray[np.float32]
 _RENAMING = "rename_observations_processor"
 _DTYPES = ("bfloat16", "float32")
 
@@ -102,12 +93,11 @@ class LeRobotPolicy:
             if config.use_amp
             else nullcontext()
         )
-        seen = inputs(config, _rename_map(self._before))
-        self._cameras = seen.cameras
+        self._cameras, image_size = inputs(config, _rename_map(self._before))
         self.metadata = PolicyMetadata(
             name=f"{SCHEME} {config.type}",
-            cameras=seen.cameras,
-            image_size=seen.image_size,
+            cameras=self._cameras,
+            image_size=image_size,
             version=_version(folder, self._steps, self._model, device, config.use_amp),
             horizon=None if self._past is not None else self._steps,
             dtype=_dtype(self._model),

@@ -35,8 +35,6 @@ class Training:
     """Where the policy will be."""
     tasks: tuple[str, ...]
     """Ids of the tasks that it learns, as far as the data set says."""
-    continues: bool
-    """Whether an earlier training goes on."""
 
     def command(self, more: Sequence[str] = ()) -> list[str]:
         """The command.
@@ -78,33 +76,28 @@ def plan(
         raise UnknownNameError("small recipe" if small else "recipe", kind, recipes)
     recipe, source = recipes[kind], _Source(data.absolute())
     learned = _tasks(recipe, kind, source, tasks)
-    settings = _data_settings(recipe, source, learned if tasks else ())
-    count = Setting(
-        option="steps",
-        value=str(recipe.steps if steps is None else steps),
-        why=recipe.steps_why if steps is None else "given",
-    )
+    rows = None
+    if tasks:
+        rows = [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+    settings = _data_settings(recipe, source, rows)
     out = out.absolute()
     last = out / LAST
-    continues = out.exists()
-    if continues:
-        _check_same(out, kind, source, _rows(source, learned if tasks else ()))
+    if out.exists():
+        _check_same(out, kind, source, rows)
         why = "the training in this folder goes on, with its own settings"
-        settings = (
-            Setting(option="config_path", value=str(last / "train_config.json"), why=why),
-            Setting(option="resume", value="true", why=why),
-        )
+        settings = [
+            Setting("config_path", str(last / "train_config.json"), why),
+            Setting("resume", "true", why),
+        ]
     else:
-        settings = (
-            *settings,
+        settings += [
             *recipe.settings,
-            Setting(option="num_workers", value=str(_workers(recipe)), why="ours: free cores"),
-            Setting(option="policy.push_to_hub", value="false", why="ours: it stays here"),
-            Setting(option="output_dir", value=str(out), why="given"),
-        )
-    return Training(
-        settings=(*settings, count), checkpoint=last, tasks=learned, continues=continues
-    )
+            Setting("num_workers", str(_workers(recipe)), "ours: free cores"),
+            Setting("policy.push_to_hub", "false", "ours: it stays here"),
+            Setting("output_dir", str(out), "given"),
+        ]
+    settings.append(recipe.steps if steps is None else Setting("steps", str(steps), "given"))
+    return Training(settings=tuple(settings), checkpoint=last, tasks=learned)
 
 
 def holds_recordings(data: Path) -> bool:
@@ -203,35 +196,21 @@ def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) ->
     return learned
 
 
-def _data_settings(recipe: Recipe, source: _Source, tasks: Sequence[str]) -> tuple[Setting, ...]:
+def _data_settings(recipe: Recipe, source: _Source, rows: list[int] | None) -> list[Setting]:
     """What is said about the data set."""
     settings = [
-        Setting(option="dataset.repo_id", value=f"local/{source.path.name}", why="any name"),
-        Setting(option="dataset.root", value=str(source.path), why="given"),
-        Setting(
-            option="dataset.video_backend", value="pyav", why="ours: needs no FFmpeg on the machine"
-        ),
+        Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
+        Setting("dataset.root", str(source.path), "given"),
+        Setting("dataset.video_backend", "pyav", "ours: needs no FFmpeg on the machine"),
     ]
-    if rows := _rows(source, tasks):
-        value = "[" + ",".join(map(str, rows)) + "]"
-        settings.append(Setting(option="dataset.episodes", value=value, why="given: their tasks"))
+    if rows:
+        listed = ",".join(map(str, rows))
+        settings.append(Setting("dataset.episodes", f"[{listed}]", "given: their tasks"))
     if source.mixes_domains() and recipe.takes_domains:
         _check_plugin()
-        settings.append(
-            Setting(
-                option="policy.domain_feature_key",
-                value=DOMAIN,
-                why="ours: simulated and real episodes are told apart; the paper does not",
-            )
-        )
-    return tuple(settings)
-
-
-def _rows(source: _Source, tasks: Sequence[str]) -> list[int] | None:
-    """Which episodes of a data set are of some tasks; None for all of them."""
-    if not tasks:
-        return None
-    return [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+        why = "ours: simulated and real episodes are told apart; the paper does not"
+        settings.append(Setting("policy.domain_feature_key", DOMAIN, why))
+    return settings
 
 
 def _check_plugin() -> None:
