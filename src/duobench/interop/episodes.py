@@ -22,7 +22,7 @@ from duobench.policy.serving.layout import Layout
 from duobench.randomness import episode_seed
 from duobench.scene.looks import DEFAULT
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, OPENING_SLOTS, SIDES
+from duobench.types import CONTROL_HZ
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -174,7 +174,7 @@ class Episodes:
         elif self._last is None:
             action = np.zeros(sum(sizes.values()), np.float32)
         else:
-            action = self.layout.foreign_action(self._measured(self._last.observation))
+            action = self.layout.measured_action(self._last.observation)
         if self.layout.actions.mode.endswith("relative"):
             is_arm = np.repeat([not part.endswith("gripper") for part in sizes], [*sizes.values()])
             action[is_arm] = 0.0
@@ -183,23 +183,6 @@ class Episodes:
     def _set_rendering(self, env: gym.Env, is_on: bool) -> None:
         if self.layout.images:
             env.get_wrapper_attr("set_rendering")(is_on)
-
-    def _measured(self, observation: Observation) -> NDArray[np.float32]:
-        """Where the arms are, as one of our actions; the displacements of relative ones are 0."""
-        joints = np.asarray(observation["agent_pos"], dtype=np.float32)
-        mode = self.layout.actions.mode
-        if mode.startswith("joint"):
-            return joints
-        openings = joints[list(OPENING_SLOTS)]
-        poses = np.split(np.asarray(observation["tcp_pose"], dtype=np.float32), len(SIDES))
-        size = self.layout.action_sizes["left_arm"]
-        return np.concatenate(
-            [
-                part
-                for pose, opening in zip(poses, openings, strict=True)
-                for part in (pose[:size], [opening])
-            ]
-        )
 
     def close(self) -> None:
         """Free the environment."""
