@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
@@ -26,8 +28,8 @@ class RemotePolicy(WebSocketPolicy):
 
     health_path = HEALTH_PATH
     _dialect: Dialect
-    _seed = 0
-    _session_id: str | None = None
+    _added: Mapping[str, Any] = MappingProxyType({})
+    """What every observation of the episode also holds."""
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode, with a connection of its own where the server knows no other way.
@@ -41,9 +43,8 @@ class RemotePolicy(WebSocketPolicy):
         super().reset(instruction, seed)
 
     def _begin(self, connection: ClientConnection, seed: int) -> None:
-        self._seed, self._session_id = seed, self._dialect.session_id()
+        message, self._added = self._dialect.messages(self._instruction, seed)
         if self._dialect.has_reset:
-            message = self._dialect.reset(self._instruction, seed, self._session_id)
             is_text = self._dialect.is_reset_answered_in_text
             self._exchange(connection, message, is_text=is_text)
 
@@ -54,8 +55,7 @@ class RemotePolicy(WebSocketPolicy):
         else:
             prompt = {} if self._dialect is OURS else {"prompt": self._instruction}
             request = {**observation, **prompt}
-        request = self._dialect.request(request, self._seed, self._session_id)
-        answer = self._exchange(connection, request)
+        answer = self._exchange(connection, {**request, **self._added})
         if layout is None:
             return as_chunk(actions_of(answer, "actions"), width=None)
         return layout.chunk(actions_of(answer, layout.actions.key))
@@ -101,10 +101,7 @@ def _described(told: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batchin
                 f"The server speaks version {protocol!r:.20} of the protocol, this client "
                 f"{PROTOCOL}. Use the same version of DuoBench on both sides."
             )
-        known = {each.name for each in fields(PolicyMetadata)}
-        metadata = msgspec.convert(
-            {key: value for key, value in told.items() if key in known}, PolicyMetadata
-        )
+        metadata = msgspec.convert(told, PolicyMetadata)
         batching = msgspec.convert({"mode": told["batch"], "size": told["max_batch"]}, Batching)
     except (msgspec.ValidationError, PolicyError, KeyError, TypeError) as error:
         raise ServingError(f"The server describes its policy wrongly: {error}.") from error

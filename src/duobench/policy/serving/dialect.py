@@ -36,29 +36,20 @@ class Dialect:
     is_seed_repeated: bool = False
     """Whether the seed is in every observation; otherwise it is in the reset."""
     has_session: bool = False
-    """Whether every message names its episode."""
+    """Whether every message names its episode, by a new name that decides nothing."""
 
-    def session_id(self) -> str | None:
-        """A new name for an episode, if there are such names; it decides nothing."""
-        return uuid.uuid4().hex if self.has_session else None
-
-    def reset(self, instruction: str, seed: int, session_id: str | None) -> dict[str, Any]:
-        """The message that begins an episode."""
-        message: dict[str, Any] = {"endpoint": "reset"}
+    def messages(self, instruction: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The message that begins an episode, and what is added to each observation of it."""
+        session = {"session_id": uuid.uuid4().hex} if self.has_session else {}
+        reset: dict[str, Any] = {"endpoint": "reset"}
         if self.has_seed:
-            message |= {"prompt": instruction, "seed": seed}
-        return message | _named(session_id)
-
-    def request(
-        self, observation: dict[str, Any], seed: int, session_id: str | None
-    ) -> dict[str, Any]:
-        """The message with an observation."""
-        message = observation | _named(session_id)
+            reset |= {"prompt": instruction, "seed": seed}
+        added: dict[str, Any] = {**session}
         if self.has_endpoint:
-            message["endpoint"] = "infer"
+            added["endpoint"] = "infer"
         if self.is_seed_repeated:
-            message["seed"] = seed
-        return message
+            added["seed"] = seed
+        return reset | session, added
 
 
 OURS = Dialect(name="duobench", has_reset=True, has_seed=True)
@@ -110,7 +101,3 @@ def actions_of(answer: Any, key: str) -> Any:
 def _words(value: object) -> str:
     """What a server says, for people."""
     return printable(str(value))[:_LONGEST_WORDS]
-
-
-def _named(session_id: str | None) -> dict[str, Any]:
-    return {} if session_id is None else {"session_id": session_id}
