@@ -194,16 +194,15 @@ def read_layout(name: str) -> Layout:
         ServingError: If the file cannot be read, or a value is of a wrong type.
     """
     if name in LAYOUTS:
-        text = files(_PACKAGE).joinpath("layouts", f"{name}.toml").read_text(encoding="utf-8")
-    elif not name.endswith(".toml"):
-        raise UnknownNameError("layout", name, [*LAYOUTS, "FILE.toml"])
+        path = files(_PACKAGE).joinpath("layouts", f"{name}.toml")
+    elif name.endswith(".toml"):
+        path = Path(name)
     else:
-        try:
-            text = Path(name).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ServingError(f"The layout {name} cannot be read: {error}.") from error
+        raise UnknownNameError("layout", name, [*LAYOUTS, "FILE.toml"])
     try:
-        document = tomllib.loads(text)
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ServingError(f"The layout {name} cannot be read: {error}.") from error
     except tomllib.TOMLDecodeError as error:
         raise ServingError(f"The layout {name} is no TOML: {error}.") from error
     _check_names("key of a layout", document, [each.name for each in fields(Layout)])
