@@ -32,19 +32,14 @@ class RemotePolicy(WebSocketPolicy):
     """What every observation of the episode also holds."""
 
     def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode, with a connection of its own where the server knows no other way.
-
-        Raises:
-            PolicyError: If the policy fails, or is too slow.
-            MachineryError: If the server cannot be reached.
-        """
-        if not self._dialect.has_reset:
+        """Begin an episode, with a connection of its own where the server knows no other way."""
+        if self._dialect.reset is None:
             self._drop()
         super().reset(instruction, seed)
 
     def _begin(self, connection: ClientConnection, seed: int) -> None:
         message, self._added = self._dialect.messages(self._instruction, seed)
-        if self._dialect.has_reset:
+        if self._dialect.reset is not None:
             is_text = self._dialect.is_reset_answered_in_text
             self._exchange(connection, message, is_text=is_text)
 

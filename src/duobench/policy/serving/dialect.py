@@ -25,40 +25,34 @@ class Dialect:
 
     name: str
     """What the kind is called."""
-    has_reset: bool = False
-    """Whether an episode begins with a message; otherwise with a new connection."""
+    reset: tuple[str, ...] | None = None
+    """Fields of the message that begins an episode; None if a new connection does."""
     is_reset_answered_in_text: bool = False
     """Whether that message is answered by text, which otherwise is an error."""
-    has_endpoint: bool = False
-    """Whether every message must say that it is an observation."""
-    has_seed: bool = False
-    """Whether a seed is understood, so that the noise follows from it."""
-    is_seed_repeated: bool = False
-    """Whether the seed is in every observation; otherwise it is in the reset."""
-    has_session: bool = False
-    """Whether every message names its episode, by a new name that decides nothing."""
+    added: tuple[str, ...] = ()
+    """Fields that are added to every observation."""
+
+    @property
+    def has_seed(self) -> bool:
+        """Whether a seed is understood, so that the noise follows from it."""
+        return "seed" in (self.reset or ())
 
     def messages(self, instruction: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """The message that begins an episode, and what is added to each observation of it."""
-        session = {"session_id": uuid.uuid4().hex} if self.has_session else {}
-        reset: dict[str, Any] = {"endpoint": "reset"}
-        if self.has_seed:
-            reset |= {"prompt": instruction, "seed": seed}
-        added: dict[str, Any] = {**session}
-        if self.has_endpoint:
-            added["endpoint"] = "infer"
-        if self.is_seed_repeated:
-            added["seed"] = seed
-        return reset | session, added
+        values = {"endpoint": "infer", "prompt": instruction, "seed": seed}
+        values["session_id"] = uuid.uuid4().hex  # a new one for each episode; it decides nothing
+        reset = {"endpoint": "reset", **{name: values[name] for name in self.reset or ()}}
+        return reset, {name: values[name] for name in self.added}
 
 
-OURS = Dialect(name="duobench", has_reset=True, has_seed=True)
+OURS = Dialect(name="duobench", reset=("prompt", "seed"))
 _OPENPI = Dialect(name="openpi")
 _ROBOARENA = Dialect(
-    name="roboarena", has_reset=True, is_reset_answered_in_text=True, has_endpoint=True
+    name="roboarena", reset=(), is_reset_answered_in_text=True, added=("endpoint",)
 )
+_ROBOARENA_SESSIONS = replace(_ROBOARENA, reset=("session_id",), added=("session_id", "endpoint"))
 _VLLM = Dialect(
-    name="vllm-omni", has_reset=True, has_seed=True, is_seed_repeated=True, has_session=True
+    name="vllm-omni", reset=("prompt", "seed", "session_id"), added=("session_id", "seed")
 )
 
 
@@ -74,7 +68,7 @@ def dialect_of(hello: Mapping[str, Any], path: str) -> Dialect:
     if path.rstrip("/") == VLLM_PATH:
         return _VLLM
     if hello.keys() & _ROBOARENA_KEYS:
-        return replace(_ROBOARENA, has_session=bool(hello.get("needs_session_id")))
+        return _ROBOARENA_SESSIONS if hello.get("needs_session_id") else _ROBOARENA
     return _OPENPI
 
 

@@ -36,13 +36,7 @@ class VLAgentsPolicy(ConnectedPolicy[CallConnection]):
     """
 
     def __init__(self, server: RemoteServer) -> None:
-        """Connect, and wait until the agent is loaded.
-
-        Raises:
-            ServingError: If the layout is one for other servers, or the server is of another
-                version.
-            MachineryError: If there is no server, or its agent is not loaded in time.
-        """
+        """Connect, and wait until the agent is loaded."""
         self._layout = server.layout or read_layout(LAYOUT)
         _check(self._layout)
         super().__init__(server)
