@@ -121,20 +121,24 @@ class LeRobotPolicy:
         Returns:
             One chunk (H, 16) for each.
         """
-        shown = [
-            self._window(session, observation)
+        pairs = [
+            (session, self._window(session, observation))
             for session, observation in zip(sessions, observations, strict=True)
         ]
-        asked = [row for row, session in enumerate(sessions) if session.left is None]
-        if asked:
-            chunks = self._predict([sessions[row] for row in asked], [shown[row] for row in asked])
-        else:
-            chunks = []
-        whole = dict(zip(asked, chunks, strict=True))
-        return [
-            self._answer(session, window, whole.get(row))
-            for row, (session, window) in enumerate(zip(sessions, shown, strict=True))
-        ]
+        asked = [pair for pair in pairs if pair[0].left is None]
+        chunks = iter(self._predict(asked) if asked else ())
+        one_by_one = (self._past or 1) - 1
+        answers = []
+        for session, window in pairs:
+            if session.left is None:
+                chunk = next(chunks)
+                answer, left = np.split(chunk, [len(chunk) - one_by_one])
+            else:
+                answer, left = np.split(session.left, [1])
+            session.left = left if len(left) else None
+            session.seen = window[1:]
+            answers.append(answer)
+        return answers
 
     def _window(self, session: LeRobotSession, observation: Observation) -> tuple[Observation, ...]:
         """The observations that the model sees, the current one last."""
@@ -142,25 +146,11 @@ class LeRobotPolicy:
         before = session.seen or (observation,) * (past - 1)
         return (*before, observation)[-past:]
 
-    def _answer(
-        self, session: LeRobotSession, window: tuple[Observation, ...], chunk: Chunk | None
-    ) -> Chunk:
-        """The actions that are executed next; notes what the session remembers."""
-        if self._past is not None:
-            session.seen = window[1:]
-        if chunk is not None:
-            one_by_one = (self._past or 1) - 1
-            given, left = np.split(chunk, [len(chunk) - one_by_one])
-        else:
-            assert session.left is not None  # a session is asked for a chunk where this is None
-            given, left = np.split(session.left, [1])
-        session.left = left if len(left) else None
-        return given
-
     def _predict(
-        self, sessions: Sequence[LeRobotSession], windows: Sequence[tuple[Observation, ...]]
+        self, asked: Sequence[tuple[LeRobotSession, tuple[Observation, ...]]]
     ) -> list[Chunk]:
         """One call of the model: the actions (steps, 16) that are executed of each chunk."""
+        sessions, windows = zip(*asked, strict=True)
         batch: dict[str, Any] = {
             STATE: self._stacked(windows, lambda seen: np.asarray(seen["agent_pos"], np.float32))
         }
@@ -232,7 +222,6 @@ def _rename_map(processor: Any) -> Mapping[str, str]:
 
 
 def _dtype(model: Any) -> str:
-    """The numbers that a model consists of."""
     return "+".join(sorted({str(v.dtype).removeprefix("torch.") for v in model.parameters()}))
 
 

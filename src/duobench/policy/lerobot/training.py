@@ -135,10 +135,11 @@ class _Source:
             raise DataError(
                 f"{path} has LeRobot's format {info.get('codebase_version')}; v3.0 is needed."
             )
-        features = info.get("features")
-        features = features if isinstance(features, dict) else {}
-        action = features.get(ACTION)
-        shape = action.get("shape") if isinstance(action, dict) else None
+        features = info.get("features") or {}
+        try:
+            shape = features[ACTION]["shape"]
+        except (KeyError, TypeError):
+            shape = None
         if shape != [FLAT_SIZE]:
             raise DataError(f"Actions of {path} have shape {shape}; [{FLAT_SIZE}] is needed.")
         self.has_domains = DOMAIN in features
@@ -175,7 +176,6 @@ class _Source:
 
 
 def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) -> tuple[str, ...]:
-    """The tasks that are learned."""
     episodes = source.episodes()
     if episodes is None:
         if wanted:
@@ -197,7 +197,6 @@ def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) ->
 
 
 def _data_settings(recipe: Recipe, source: _Source, rows: list[int] | None) -> list[Setting]:
-    """What is said about the data set."""
     settings = [
         Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
         Setting("dataset.root", str(source.path), "given"),
