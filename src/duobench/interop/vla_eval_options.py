@@ -71,7 +71,6 @@ def tasks_by_id(references: Sequence[str] | None) -> dict[str, str]:
 
 
 def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
-    """The environment's action mode."""
     control, relative = next((key for key, mode in MODES.items() if mode == usual), (usual, "none"))
     asked = str(control_mode or control).lower(), str(relative_to or relative).lower()
     if asked in MODES:
@@ -85,7 +84,6 @@ def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
 
 
 def _size(resolution: Resolution | None, layout: Layout) -> tuple[int, int]:
-    """Height and width of all images."""
     if resolution is None:
         return layout.image_size
     if not isinstance(resolution, Mapping):

@@ -31,6 +31,9 @@ _PREFIX = "duobench/"
 class TaskEnv(EvalEnv):
     """A task whose episode n is the n-th of our evaluation; success is its termination."""
 
+    language_instruction = ""
+    """The instruction of the running episode."""
+
     def __init__(
         self, env_id: str, execution_horizon: int | None = None, **env_kwargs: Any
     ) -> None:
@@ -48,7 +51,6 @@ class TaskEnv(EvalEnv):
         self._task = catalog.get(self._reference)
         self._seed: int | None = None
         self._steps = 0
-        self._instruction = ""
         self._left_of_chunk = 0
         super().__init__(env_id, execution_horizon=execution_horizon, **env_kwargs)
 
@@ -85,7 +87,7 @@ class TaskEnv(EvalEnv):
         self._seed = None if seed is None else episode_seed(self._task.id, seed, split)
         self._steps = 0
         observation, info = self.env.reset(seed=self._seed, options=options)
-        self._instruction = info["instruction"]
+        self.language_instruction = info["instruction"]
         return self._obs(observation), info
 
     def chunk_step(
@@ -122,11 +124,6 @@ class TaskEnv(EvalEnv):
         is_seen = self._left_of_chunk <= 0 or terminated or truncated
         return self._obs(seen, is_seen=is_seen), float(reward), terminated, truncated, info
 
-    @property
-    def language_instruction(self) -> str:
-        """The instruction of the running episode."""
-        return self._instruction
-
     def _obs(self, observation: Mapping[str, Any], *, is_seen: bool = True) -> Obs:
         """An observation as theirs, with images where somebody sees it, if only in a video."""
         cameras = self._config.cameras
@@ -136,4 +133,4 @@ class TaskEnv(EvalEnv):
         info: dict[str, Any] = {STEP: self._steps, MODE: self._config.action_mode}
         if self._seed is not None:
             info[SEED] = self._seed
-        return as_obs(observation, self._instruction, info)
+        return as_obs(observation, self.language_instruction, info)

@@ -237,21 +237,17 @@ def _check_same(out: Path, kind: str, source: _Source, rows: list[int] | None) -
             f"{out} exists and holds no checkpoint to go on from: no {path.relative_to(out)}. "
             "Train into another folder, or delete this one."
         ) from error
-    now = {"policy": kind, "data set": str(source.path), "episodes": rows}
-    if rows is None:  # no task is named; others may have been chosen by an option of LeRobot
-        now["episodes"] = facts["episodes"]
+    now: dict[str, object] = {"policy": kind, "data set": str(source.path)}
+    if rows is not None:  # else no task is named; an option of LeRobot may have chosen some
+        now["episodes"] = rows
     if changed := [
-        f"{name}: {_shown(now[name])}, was {_shown(facts[name])}"
-        for name in now
-        if now[name] != facts[name]
+        f"{name}: {fact!s:.200}, was {'all' if facts[name] is None else facts[name]!s:.200}"
+        for name, fact in now.items()
+        if fact != facts[name]
     ]:
         raise OtherRunError(
             f"{out} holds another training; this one differs in {'; '.join(changed)}."
         )
-
-
-def _shown(fact: object) -> str:
-    return "all" if fact is None else f"{fact!s:.200}"
 
 
 def _workers(recipe: Recipe) -> int:

@@ -58,7 +58,6 @@ class RemotePolicy(WebSocketPolicy):
     def _exchange(
         self, connection: ClientConnection, message: dict[str, Any], *, is_text: bool = False
     ) -> Any:
-        """Send a message and wait for its answer."""
         connection.send(pack(message))
         reply = connection.recv(self._left())
         if not isinstance(reply, str):

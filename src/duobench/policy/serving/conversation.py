@@ -109,7 +109,6 @@ class Conversation:
         return pack({"actions": chunk, "server_timing": timing})
 
     async def _begin(self, episode: _Episode) -> Session:
-        """Begin an episode in place of the last one."""
         self.close()
         future = self._loop.begin(episode.prompt, episode.seed)
         try:

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from duobench.errors import PolicyError, printable
+from duobench.policy.serving.connection import reported
 
 VLLM_PATH = "/v1/realtime/robot/openpi"
 """Where vLLM-Omni serves robot policies."""
 _ROBOARENA_KEYS = {"needs_session_id", "n_external_cameras", "needs_wrist_camera"}
 """What the first message of a RoboArena server holds."""
-_LONGEST_WORDS = 1000
-"""Characters of what a server says that are kept."""
+_LONGEST_LIST = 1000
+"""Characters of a list of names that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -83,15 +84,8 @@ def actions_of(answer: Any, key: str) -> Any:
     if not isinstance(answer, dict):
         raise PolicyError(f"The policy's server answers with a {type(answer).__name__}, no map.")
     if isinstance(kind := answer.get("type"), str) and kind == "error":
-        raise PolicyError(f"The policy's server reports: {_words(answer.get('message'))}")
+        raise reported(str(answer.get("message")))
     if key not in answer:
-        raise PolicyError(
-            f"The policy's server answers without {key!r}; it gives "
-            f"{_words(', '.join(sorted(answer))) or 'nothing'}."
-        )
+        known = printable(", ".join(sorted(answer)))[:_LONGEST_LIST] or "nothing"
+        raise PolicyError(f"The policy's server answers without {key!r}; it gives {known}.")
     return answer[key]
-
-
-def _words(value: object) -> str:
-    """What a server says, for people."""
-    return printable(str(value))[:_LONGEST_WORDS]

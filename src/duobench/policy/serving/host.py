@@ -96,7 +96,6 @@ class PolicyHost:
     async def _serve(
         self, host: str, port: int, listening: Future[tuple[int, asyncio.AbstractEventLoop]]
     ) -> None:
-        """Listen until the policy has ended."""
         try:
             server = await serve(
                 self._converse,

@@ -23,7 +23,7 @@ from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.connection import reported
 from duobench.policy.serving.dialect import actions_of
 from duobench.policy.serving.layout import read_layout
-from duobench.policy.serving.limits import VLA_EVAL_HEALTH_PATH, VLA_EVAL_PROTOCOL
+from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.vla_eval_specs import Declared, contradictions
 from duobench.policy.serving.websocket import WebSocketPolicy
 
@@ -36,7 +36,7 @@ _LONGEST_NAME = 80
 class VlaEvalPolicy(WebSocketPolicy):
     """A policy at a model server, as a plain one; its noise follows from no seed."""
 
-    health_path = VLA_EVAL_HEALTH_PATH
+    health_path = "/health"
     _seq = 0
     _start_seq = 0
     _is_playing = False

@@ -88,7 +88,6 @@ class VLAgentsPolicy(ConnectedPolicy[CallConnection]):
 
 
 def _check(layout: Layout) -> None:
-    """Reject a layout for other servers."""
     wrong = [key for key in (*layout.images, *layout.state) if not _FIELD.fullmatch(key)]
     if wrong or layout.prompt != _PROMPT or not layout.state:
         raise ServingError(
