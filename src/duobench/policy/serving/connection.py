@@ -198,7 +198,8 @@ class ConnectedPolicy(ABC, Generic[C]):
             served = None
         if served is None or self._served not in (None, served):
             raise MachineryError("The server has another policy now than when the run began.")
-        self._served = self.metadata, self.batching = served
+        self._served = served
+        self.metadata, self.batching = served
 
     def _wait(self, pause_s: float, fault: str) -> None:
         """Wait before the next attempt.
