@@ -32,8 +32,8 @@ EPISODES = 2
 
 
 def environment() -> dict[str, str]:
-    """That of a process of vla-eval, which finds the tasks of the tests."""
-    return {**os.environ, "PYTHONPATH": str(ROOT)}
+    """That of a process of vla-eval, which finds the tasks of the tests, and what they test."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])}
 
 
 @contextmanager

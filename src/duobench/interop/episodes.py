@@ -13,16 +13,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.envs.config import EnvConfig
+from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.registration import make
 from duobench.policy.batch import Observation
 from duobench.policy.protocol import dimensions
 from duobench.policy.serving.layout import Layout
 from duobench.randomness import episode_seed
-from duobench.scene.looks import DEFAULT
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, OPENING_SLOTS, SIDES
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -57,38 +55,24 @@ class Turn:
 class Episodes:
     """Plays episodes one after the other, in an environment that fits a layout."""
 
-    def __init__(
-        self,
-        layout: Layout,
-        *,
-        horizon: int | None = None,
-        binary_gripper: bool = False,
-        control_rate_hz: float = CONTROL_HZ,
-        look: str = DEFAULT,
-    ) -> None:
+    def __init__(self, layout: Layout, **options: Any) -> None:
         """Choose the environments; one is made when it is needed.
 
         Args:
             layout: What is shown, and what actions mean.
-            horizon: Control steps after which an episode is truncated; None takes the task's.
-            binary_gripper: Whether openings are rounded to open or closed.
-            control_rate_hz: Control steps a second; there is one rate.
-            look: How images look.
+            options: Of the environments, beside what follows from the layout; see
+                `duobench.envs.config.EnvConfig`.
 
         Raises:
             DuoBenchError: If there is no such environment.
         """
         metadata = layout.metadata("", "", seeded=False)
-        self._options: dict[str, Any] = {
+        self._options = {
             "cameras": metadata.cameras,
+            "image_size": metadata.image_size or IMAGE_SIZE,
             "action_mode": metadata.action_mode,
-            "horizon": horizon,
-            "binary_gripper": binary_gripper,
-            "control_rate_hz": control_rate_hz,
-            "look": look,
+            **options,
         }
-        if metadata.image_size is not None:
-            self._options["image_size"] = metadata.image_size
         EnvConfig.from_options(self._options)
         self.layout = layout
         """What is shown, and what actions mean."""
@@ -96,17 +80,6 @@ class Episodes:
         self._env: gym.Env | None = None
         self._instruction = ""
         self._last: Turn | None = None
-
-    @property
-    def last(self) -> Turn:
-        """What the last chunk has led to, or the reset.
-
-        Raises:
-            ResetNeededError: If no episode has begun.
-        """
-        if self._last is None:
-            raise ResetNeededError("No episode has begun; begin one first.")
-        return self._last
 
     def begin(self, task: str, index: int) -> Turn:
         """Begin an episode of the evaluation.
@@ -139,10 +112,10 @@ class Episodes:
             PolicyError: If they are no chunk of finite numbers; the next episode can be played.
             ResetNeededError: If no episode is running.
         """
-        if self._env is None:
+        if self._env is None or self._last is None:
             raise ResetNeededError("No episode is running; begin one first.")
         chunk = self.layout.chunk([actions] if dimensions(actions) == 1 else actions)
-        turn = self.last
+        turn = self._last
         try:
             for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
                 self._set_rendering(self._env, left == 0)
@@ -174,7 +147,7 @@ class Episodes:
         elif self._last is None:
             action = np.zeros(sum(sizes.values()), np.float32)
         else:
-            action = self.layout.foreign_action(self._measured(self._last.observation))
+            action = self.layout.measured_action(self._last.observation)
         if self.layout.actions.mode.endswith("relative"):
             is_arm = np.repeat([not part.endswith("gripper") for part in sizes], [*sizes.values()])
             action[is_arm] = 0.0
@@ -183,23 +156,6 @@ class Episodes:
     def _set_rendering(self, env: gym.Env, is_on: bool) -> None:
         if self.layout.images:
             env.get_wrapper_attr("set_rendering")(is_on)
-
-    def _measured(self, observation: Observation) -> NDArray[np.float32]:
-        """Where the arms are, as one of our actions; the displacements of relative ones are 0."""
-        joints = np.asarray(observation["agent_pos"], dtype=np.float32)
-        mode = self.layout.actions.mode
-        if mode.startswith("joint"):
-            return joints
-        openings = joints[list(OPENING_SLOTS)]
-        poses = np.split(np.asarray(observation["tcp_pose"], dtype=np.float32), len(SIDES))
-        size = self.layout.action_sizes["left_arm"]
-        return np.concatenate(
-            [
-                part
-                for pose, opening in zip(poses, openings, strict=True)
-                for part in (pose[:size], [opening])
-            ]
-        )
 
     def close(self) -> None:
         """Free the environment."""

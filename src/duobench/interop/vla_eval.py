@@ -20,8 +20,9 @@ from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
 from duobench.errors import OptionError, PolicyError, UnknownNameError
 from duobench.interop.episodes import Episodes, Turn
-from duobench.interop.vla_eval_options import Resolution, horizon_of, layout_for, tasks_by_id
+from duobench.interop.vla_eval_options import Resolution, layout_for, tasks_by_id
 from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
+from duobench.tasks import catalog
 
 
 class DuoBench(StepBenchmark):
@@ -76,7 +77,7 @@ class DuoBench(StepBenchmark):
         self._first_episode = seed
         self._max_steps = max_steps
         self._recorder = NullEpisodeRecorder()
-        chosen = layout_for(
+        self._layout = layout_for(
             layout,
             control_mode=control_mode,
             relative_to=relative_to,
@@ -84,9 +85,8 @@ class DuoBench(StepBenchmark):
             send_wrist_image=send_wrist_image,
             camera_resolution=camera_resolution,
         )
-        self._layout = chosen
         self._episodes = Episodes(
-            chosen,
+            self._layout,
             horizon=max_steps,
             binary_gripper=binary_gripper,
             control_rate_hz=frequency,
@@ -176,7 +176,7 @@ class DuoBench(StepBenchmark):
 
     def get_metadata(self) -> dict[str, Any]:
         """Most calls of an episode, for a server that gives one action a call; and their size."""
-        longest = self._max_steps or max(map(horizon_of, self._tasks.values()))
+        longest = self._max_steps or max(catalog.get(name).horizon for name in self._tasks.values())
         return {"max_steps": longest, "action_dim": sum(self._layout.action_sizes.values())}
 
     def get_hold_action(self, last_action: dict[str, Any] | None) -> dict[str, Any]:

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from duobench.envs.config import EnvConfig
-from duobench.errors import OptionError, UnknownNameError
+from duobench.errors import OptionError
 from duobench.policy.serving.layout import Layout, read_layout
 from duobench.policy.serving.vla_eval_specs import MODES
 from duobench.tasks import catalog
-from duobench.types import HEAD, POLICY_CAMERAS
+from duobench.types import HEAD
 
 Size = Sequence[int] | int
 Resolution = Mapping[str, Size] | Size
@@ -70,13 +70,7 @@ def tasks_by_id(references: Sequence[str] | None) -> dict[str, str]:
     return found
 
 
-def horizon_of(reference: str) -> int:
-    """Control steps after which a task truncates an episode."""
-    return catalog.get(reference).horizon
-
-
 def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
-    """The environment's action mode."""
     control, relative = next((key for key, mode in MODES.items() if mode == usual), (usual, "none"))
     asked = str(control_mode or control).lower(), str(relative_to or relative).lower()
     if asked in MODES:
@@ -90,14 +84,11 @@ def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
 
 
 def _size(resolution: Resolution | None, layout: Layout) -> tuple[int, int]:
-    """Height and width of all images."""
     if resolution is None:
         return layout.image_size
     if not isinstance(resolution, Mapping):
         return _checked(resolution)
-    for camera in resolution:
-        if camera not in POLICY_CAMERAS:
-            raise UnknownNameError("camera", camera, POLICY_CAMERAS)
+    EnvConfig.from_options({"cameras": resolution.keys()})
     sizes = {_checked(size) for size in resolution.values()}
     if not set(layout.images.values()) <= resolution.keys():
         sizes.add(layout.image_size)

@@ -201,11 +201,8 @@ class SessionPolicy:
         self._policy = policy
         self._batching = batching
         self._session: Session | None = None
-
-    @property
-    def metadata(self) -> PolicyMetadata:
+        self.metadata = policy.metadata
         """That of the policy."""
-        return self._policy.metadata
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode, and end the one before."""

@@ -127,7 +127,7 @@ class InferenceLoop:
             while self._errands:
                 errand = self._errands.popleft()
                 if errand.future.set_running_or_notify_cancel():
-                    self._settle(errand.future, errand.call)
+                    self._run_errand(errand)
             if batch := self._take():
                 self._answer(batch)
         for waiting in (*self._errands, *self._questions):
@@ -155,34 +155,33 @@ class InferenceLoop:
 
     def _answer(self, batch: list[_Question]) -> None:
         """Answer a batch; if that fails, each by itself, so that one of them spoils no other."""
-        if len(batch) > 1:
-            try:
-                with self._busy():
-                    chunks = answer(
-                        self._policy,
-                        [question.session for question in batch],
-                        [question.observation for question in batch],
-                        self._batching,
-                    )
-            except BaseException:  # noqa: BLE001 - somebody else's code; asked again below
-                _log.warning("A batch failed; its observations are answered one by one.")
-            else:
-                for question, chunk in zip(batch, chunks, strict=True):
-                    question.future.set_result(chunk)
-                return
-        for question in batch:
-            self._settle(question.future, lambda question=question: self._answer_alone(question))
-
-    def _answer_alone(self, question: _Question) -> Chunk:
-        (chunk,) = answer(self._policy, [question.session], [question.observation], self._batching)
-        return chunk
-
-    def _settle(self, future: Future[Any], call: Callable[[], Any]) -> None:
-        """Give a future what a call returns or raises, `sys.exit` included."""
+        sessions = [question.session for question in batch]
+        observations = [question.observation for question in batch]
         try:
             with self._busy():
-                result = call()
+                chunks = answer(self._policy, sessions, observations, self._batching)
         except BaseException as error:  # noqa: BLE001 - somebody else's code
-            future.set_exception(PolicyError(traceback_text(error).strip()))
+            if len(batch) == 1:
+                _fail(batch[0].future, error)
+                return
         else:
-            future.set_result(result)
+            for question, chunk in zip(batch, chunks, strict=True):
+                question.future.set_result(chunk)
+            return
+        _log.warning("A batch failed; its observations are answered one by one.")
+        for question in batch:
+            self._answer([question])
+
+    def _run_errand(self, errand: _Errand) -> None:
+        try:
+            with self._busy():
+                result = errand.call()
+        except BaseException as error:  # noqa: BLE001 - somebody else's code
+            _fail(errand.future, error)
+        else:
+            errand.future.set_result(result)
+
+
+def _fail(future: Future[Any], error: BaseException) -> None:
+    """Give a future what was raised, `sys.exit` included, as an error of the policy."""
+    future.set_exception(PolicyError(traceback_text(error).strip()))

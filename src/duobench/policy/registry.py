@@ -110,7 +110,6 @@ def _made(path: str) -> object:
 
 
 def _factory(path: str) -> Callable[[], object]:
-    """What `module:attribute` names."""
     try:
         return load(path, "class or function", callable)
     except DuoBenchError as error:
@@ -118,7 +117,6 @@ def _factory(path: str) -> Callable[[], object]:
 
 
 def _lerobot_class() -> Callable[[str], object]:
-    """The class of LeRobot's checkpoints, which needs LeRobot."""
     try:
         from duobench.policy.lerobot.policy import LeRobotPolicy
     except ImportError as error:

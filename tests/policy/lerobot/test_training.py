@@ -39,7 +39,7 @@ def test_thirty_actions_are_executed(kind: str, tmp_path: Path) -> None:
     command = arguments(kind, export(tmp_path / "data", TASKS[:1]))
     assert command[0] == "lerobot-train"
     assert "--policy.n_action_steps=30" in command
-    assert f"--steps={RECIPES[kind].steps}" in command
+    assert RECIPES[kind].steps.argument in command
     assert "--policy.push_to_hub=false" in command
 
 

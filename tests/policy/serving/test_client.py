@@ -209,7 +209,8 @@ def test_server_that_describes_itself_wrongly_is_refused_and_left(
     remote: Connect, monkeypatch: pytest.MonkeyPatch, told: object
 ) -> None:
     left: list[object] = []
-    monkeypatch.setattr(RemotePolicy, "close", lambda self: (left.append(self), self._drop()))
+    drop = RemotePolicy._drop
+    monkeypatch.setattr(RemotePolicy, "_drop", lambda self: (left.append(self), drop(self)))
     with foreign_server({"duobench": told}, lambda _message: None) as port:
         with pytest.raises(ServingError, match=r"version|wrongly"):
             remote(port)

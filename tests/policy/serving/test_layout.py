@@ -62,7 +62,7 @@ def test_vla_eval_nests_images_and_orders_arms_before_grippers() -> None:
     np.testing.assert_array_equal(request["states"], np.arange(16))
     given = np.concatenate([np.arange(7), np.arange(8, 15), [7, 15]])
     np.testing.assert_array_equal(layout.chunk(given[None]), np.arange(16)[None])
-    np.testing.assert_array_equal(layout.foreign_action(np.arange(16.0)), given)
+    np.testing.assert_array_equal(layout.measured_action(observation()), given)
 
 
 def test_poses_are_parts_of_a_state(tmp_path: Path) -> None:

@@ -18,8 +18,8 @@ from duobench.policy import Batching, Session, SessionPolicy
 from duobench.policy.inference import InferenceLoop
 from duobench.policy.serving import limits
 from duobench.policy.serving.codec import pack, unpack
+from duobench.policy.serving.conversation import Conversation
 from duobench.policy.serving.host import PolicyHost
-from duobench.policy.serving.server import PolicyServer, _Conversation
 from tests.evaluation.processes import wait_until
 from tests.policy.serving.hostile import messages
 from tests.policy.serving.serving import TIMEOUT_S, Serve
@@ -225,9 +225,8 @@ def test_page_in_a_browser_is_kept_out(serve: Serve) -> None:
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.1", "somewhere.example"])
 def test_host_that_others_reach_needs_a_key(host: str) -> None:
-    loop = InferenceLoop(Network(), Batching())
     with pytest.raises(ServingError, match="DUOBENCH_API_KEY"):
-        PolicyServer(loop, {}, host=host)
+        PolicyHost(Network(), Network.metadata, Batching(), host=host)
 
 
 def test_port_that_is_taken_is_told(serve: Serve) -> None:
@@ -262,7 +261,7 @@ def test_twenty_thousand_hostile_requests_change_nothing() -> None:
     async def answers() -> tuple[int, int]:
         read = refused = 0
         for data in messages(20_000):
-            conversation = _Conversation(loop)
+            conversation = Conversation(loop)
             try:
                 await conversation.reply(data)
                 read += 1

@@ -291,9 +291,11 @@ def test_other_policy_at_the_same_address_does_not_go_on(remote: Connect) -> Non
     port = free_port()
     with ModelServer(acting(CHUNK)).running(port):
         policy = remote(port)
-    other = ModelServer(acting(CHUNK), {"model_server": "Other"})
-    with other.running(port), pytest.raises(MachineryError, match="another policy now"):
-        policy.reset("Do it.", 0)
+    changes: list[Message] = [{"model_server": "Other"}, {"protocol_version": 2}]
+    for change in changes:  # also a server that would be refused at the beginning of a run
+        other = ModelServer(acting(CHUNK), change)
+        with other.running(port), pytest.raises(MachineryError, match="another policy now"):
+            policy.reset("Do it.", 0)
 
 
 def test_server_that_speaks_openpi_is_told_apart(remote: Connect, serve: Serve) -> None:

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from importlib import import_module
 from typing import Any
 
@@ -57,12 +57,9 @@ def _app() -> Any:
     main_app.command("start-server")(start_server)
     theirs = evaluation.start_server
 
-    @contextmanager
-    def started(agent_name: str, kwargs: dict[str, Any], *where: Any) -> Iterator[Any]:
+    def started(agent_name: str, *options: Any) -> AbstractContextManager[Any]:
         """The server that an evaluation asks; theirs would not know our agent."""
-        server = _server if agent_name == AGENT else theirs
-        with server(agent_name, kwargs, *where) as process:
-            yield process
+        return (_server if agent_name == AGENT else theirs)(agent_name, *options)
 
     evaluation.start_server = started
     return main_app

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import Any
 
 import gymnasium as gym
@@ -32,6 +31,9 @@ _PREFIX = "duobench/"
 class TaskEnv(EvalEnv):
     """A task whose episode n is the n-th of our evaluation; success is its termination."""
 
+    language_instruction = ""
+    """The instruction of the running episode."""
+
     def __init__(
         self, env_id: str, execution_horizon: int | None = None, **env_kwargs: Any
     ) -> None:
@@ -49,7 +51,6 @@ class TaskEnv(EvalEnv):
         self._task = catalog.get(self._reference)
         self._seed: int | None = None
         self._steps = 0
-        self._instruction = ""
         self._left_of_chunk = 0
         super().__init__(env_id, execution_horizon=execution_horizon, **env_kwargs)
 
@@ -62,7 +63,11 @@ class TaskEnv(EvalEnv):
         Raises:
             DuoBenchError: If there is no such task, option or value.
         """
-        return make(self._reference, **self.env_kwargs)
+        env = make(self._reference, **self.env_kwargs)
+        self._config = env.get_wrapper_attr("config")
+        if self._config.cameras:
+            env.get_wrapper_attr("set_rendering")(False)  # `_obs` renders what an agent sees
+        return env
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
@@ -82,7 +87,7 @@ class TaskEnv(EvalEnv):
         self._seed = None if seed is None else episode_seed(self._task.id, seed, split)
         self._steps = 0
         observation, info = self.env.reset(seed=self._seed, options=options)
-        self._instruction = info["instruction"]
+        self.language_instruction = info["instruction"]
         return self._obs(observation), info
 
     def chunk_step(
@@ -113,37 +118,19 @@ class TaskEnv(EvalEnv):
             PolicyError: If it is no action of both arms.
         """
         (size,) = self.env.action_space.shape or (0,)
-        self._left_of_chunk -= 1
-        self._set_rendering(self._left_of_chunk <= 0)
-        try:
-            seen, reward, terminated, truncated, info = self.env.step(as_action(action, size))
-        finally:
-            self._set_rendering(True)
+        seen, reward, terminated, truncated, info = self.env.step(as_action(action, size))
         self._steps += 1
-        if terminated or truncated:
-            seen = self._with_images(seen)
-        return self._obs(seen), float(reward), terminated, truncated, info
+        self._left_of_chunk -= 1
+        is_seen = self._left_of_chunk <= 0 or terminated or truncated
+        return self._obs(seen, is_seen=is_seen), float(reward), terminated, truncated, info
 
-    @property
-    def language_instruction(self) -> str:
-        """The instruction of the running episode."""
-        return self._instruction
-
-    def _set_rendering(self, is_on: bool) -> None:
-        with suppress(AttributeError):  # without cameras there is nobody to tell
-            self.env.get_wrapper_attr("set_rendering")(is_on)
-
-    def _with_images(self, observation: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The last observation of an episode, for VLAgents' videos; it may end within a chunk."""
-        config = self.env.get_wrapper_attr("config")
-        if PIXELS in observation or not config.cameras:
-            return observation
-        images = base_of(self.env).backend.images(config.cameras, config.image_size)
-        return {**observation, PIXELS: images}
-
-    def _obs(self, observation: Mapping[str, Any]) -> Obs:
-        mode = self.env.get_wrapper_attr("config").action_mode
-        info: dict[str, Any] = {STEP: self._steps, MODE: mode}
+    def _obs(self, observation: Mapping[str, Any], *, is_seen: bool = True) -> Obs:
+        """An observation as theirs, with images where somebody sees it, if only in a video."""
+        cameras = self._config.cameras
+        if is_seen and cameras:
+            images = base_of(self.env).backend.images(cameras, self._config.image_size)
+            observation = {**observation, PIXELS: images}
+        info: dict[str, Any] = {STEP: self._steps, MODE: self._config.action_mode}
         if self._seed is not None:
             info[SEED] = self._seed
-        return as_obs(observation, self._instruction, info)
+        return as_obs(observation, self.language_instruction, info)

@@ -16,7 +16,8 @@ from vlagents.policies.interface import (  # pyright: ignore[reportMissingImport
 
 from duobench.errors import PolicyError
 from duobench.policy import as_chunk
-from duobench.types import ARM_JOINTS, SIDES, Side
+from duobench.policy.serving.vlagents_messages import action_from
+from duobench.types import ARM_JOINTS, SIDES
 
 LEFT, RIGHT = map(str, SIDES)
 
@@ -91,16 +92,5 @@ def as_action(act: Mapping[str, SingleAct], size: int) -> NDArray[np.float32]:
     Raises:
         PolicyError: If an arm or a gripper is missing, or it has another size.
     """
-    parts = [_arm(act, side, size // 2) for side in SIDES]
-    return as_chunk(np.concatenate(parts)[None], size)[0]
-
-
-def _arm(act: Mapping[str, SingleAct], side: Side, size: int) -> NDArray[np.float64]:
-    arm = act.get(str(side))
-    if arm is None or arm.gripper is None or np.shape(arm.action) != (size - 1,):
-        raise PolicyError(
-            f"An action has {size - 1} numbers and a gripper for each of the arms 'left' and "
-            f"'right'; {side} got {None if arm is None else np.shape(arm.action)} and the gripper "
-            f"{None if arm is None else arm.gripper}."
-        )
-    return np.append(np.asarray(arm.action, dtype=np.float64), arm.gripper)
+    arms = {side: vars(arm) for side, arm in act.items()}
+    return as_chunk(action_from(arms)[None], size)[0]

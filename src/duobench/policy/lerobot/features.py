@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 from duobench.errors import PolicyError
@@ -20,23 +19,19 @@ DIFFUSION = "diffusion"
 """The kind that sees the last `n_obs_steps` observations."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Inputs:
-    """What a checkpoint sees, in the names of this benchmark."""
-
-    cameras: tuple[str, ...]
-    """Cameras of the environment, each shown as `observation.images.<camera>`."""
-    image_size: tuple[int, int] | None
-    """Height and width of their images; None without cameras."""
-
-
-def inputs(config: Any, rename_map: Mapping[str, str]) -> Inputs:
-    """What a checkpoint sees.
+def inputs(
+    config: Any, rename_map: Mapping[str, str]
+) -> tuple[tuple[str, ...], tuple[int, int] | None]:
+    """What a checkpoint sees, in the names of this benchmark.
 
     Args:
         config: Its configuration, LeRobot's `PreTrainedConfig`.
         rename_map: From names of the environment to names in the checkpoint, as its processor has
             it.
+
+    Returns:
+        Cameras of the environment, each shown as `observation.images.<camera>`; height and width of
+        their images, None without cameras.
 
     Raises:
         PolicyError: It sees or controls what this benchmark does not have.
@@ -59,10 +54,7 @@ def inputs(config: Any, rename_map: Mapping[str, str]) -> Inputs:
     if len(sizes) > 1:
         listed = ", ".join(f"{key} {h}x{w}" for key, (h, w) in shapes.items())
         raise PolicyError(f"All images have one size here; the checkpoint's differ: {listed}.")
-    return Inputs(
-        cameras=tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes),
-        image_size=next(iter(sizes), None),
-    )
+    return tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes), next(iter(sizes), None)
 
 
 def horizon(config: Any) -> int:
@@ -109,9 +101,5 @@ def _camera_problem(key: str) -> str | None:
     name = key.removeprefix(IMAGE_PREFIX)
     if key != name and name in POLICY_CAMERAS:
         return None
-    near = _near(name, POLICY_CAMERAS)
-    return f"{key!r}" + (f" (did you mean {IMAGE_PREFIX}{near}?)" if near else "")
-
-
-def _near(name: str, known: Iterable[str]) -> str | None:
-    return next(iter(difflib.get_close_matches(name, list(known), n=1)), None)
+    near = difflib.get_close_matches(name, POLICY_CAMERAS, n=1)
+    return f"{key!r}" + "".join(f" (did you mean {IMAGE_PREFIX}{camera}?)" for camera in near)

@@ -20,25 +20,16 @@ from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports
     auto_select_torch_device,
     is_torch_device_available,
 )
-from numpy.typing import NDArray
 
 from duobench.errors import PolicyError
-from duobench.policy.batch import Session
+from duobench.policy.batch import Chunk, Observation, Session
 from duobench.policy.lerobot import checkpoint
 from duobench.policy.lerobot.address import EXECUTED, SCHEME, parse
-from duobench.policy.lerobot.features import (
-    DIFFUSION,
-    IMAGE_PREFIX,
-    STATE,
-    horizon,
-    inputs,
-)
+from duobench.policy.lerobot.features import DIFFUSION, IMAGE_PREFIX, STATE, horizon, inputs
 from duobench.policy.lerobot.noise import EpisodeNoise
 from duobench.policy.lerobot.weights import check_loaded
 from duobench.policy.protocol import PolicyMetadata
 
-Observation = Mapping[str, Any]
-Chunk = NDArray[np.float32]
 _RENAMING = "rename_observations_processor"
 _DTYPES = ("bfloat16", "float32")
 
@@ -102,12 +93,11 @@ class LeRobotPolicy:
             if config.use_amp
             else nullcontext()
         )
-        seen = inputs(config, _rename_map(self._before))
-        self._cameras = seen.cameras
+        self._cameras, image_size = inputs(config, _rename_map(self._before))
         self.metadata = PolicyMetadata(
             name=f"{SCHEME} {config.type}",
-            cameras=seen.cameras,
-            image_size=seen.image_size,
+            cameras=self._cameras,
+            image_size=image_size,
             version=_version(folder, self._steps, self._model, device, config.use_amp),
             horizon=None if self._past is not None else self._steps,
             dtype=_dtype(self._model),
@@ -131,20 +121,24 @@ class LeRobotPolicy:
         Returns:
             One chunk (H, 16) for each.
         """
-        shown = [
-            self._window(session, observation)
+        pairs = [
+            (session, self._window(session, observation))
             for session, observation in zip(sessions, observations, strict=True)
         ]
-        asked = [row for row, session in enumerate(sessions) if session.left is None]
-        if asked:
-            chunks = self._predict([sessions[row] for row in asked], [shown[row] for row in asked])
-        else:
-            chunks = []
-        whole = dict(zip(asked, chunks, strict=True))
-        return [
-            self._answer(session, window, whole.get(row))
-            for row, (session, window) in enumerate(zip(sessions, shown, strict=True))
-        ]
+        asked = [pair for pair in pairs if pair[0].left is None]
+        chunks = iter(self._predict(asked) if asked else ())
+        one_by_one = (self._past or 1) - 1
+        answers = []
+        for session, window in pairs:
+            if session.left is None:
+                chunk = next(chunks)
+                answer, left = np.split(chunk, [len(chunk) - one_by_one])
+            else:
+                answer, left = np.split(session.left, [1])
+            session.left = left if len(left) else None
+            session.seen = window[1:]
+            answers.append(answer)
+        return answers
 
     def _window(self, session: LeRobotSession, observation: Observation) -> tuple[Observation, ...]:
         """The observations that the model sees, the current one last."""
@@ -152,25 +146,11 @@ class LeRobotPolicy:
         before = session.seen or (observation,) * (past - 1)
         return (*before, observation)[-past:]
 
-    def _answer(
-        self, session: LeRobotSession, window: tuple[Observation, ...], chunk: Chunk | None
-    ) -> Chunk:
-        """The actions that are executed next; notes what the session remembers."""
-        if self._past is not None:
-            session.seen = window[1:]
-        if chunk is not None:
-            one_by_one = (self._past or 1) - 1
-            given, left = np.split(chunk, [len(chunk) - one_by_one])
-        else:
-            assert session.left is not None  # a session is asked for a chunk where this is None
-            given, left = np.split(session.left, [1])
-        session.left = left if len(left) else None
-        return given
-
     def _predict(
-        self, sessions: Sequence[LeRobotSession], windows: Sequence[tuple[Observation, ...]]
+        self, asked: Sequence[tuple[LeRobotSession, tuple[Observation, ...]]]
     ) -> list[Chunk]:
         """One call of the model: the actions (steps, 16) that are executed of each chunk."""
+        sessions, windows = zip(*asked, strict=True)
         batch: dict[str, Any] = {
             STATE: self._stacked(windows, lambda seen: np.asarray(seen["agent_pos"], np.float32))
         }
@@ -242,7 +222,6 @@ def _rename_map(processor: Any) -> Mapping[str, str]:
 
 
 def _dtype(model: Any) -> str:
-    """The numbers that a model consists of."""
     return "+".join(sorted({str(v.dtype).removeprefix("torch.") for v in model.parameters()}))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 from duobench.policy.lerobot.address import EXECUTED
 
@@ -12,8 +13,7 @@ DOMAIN = "domain"
 """Column of an export that says where a row is from: 0 simulation, 1 real robot."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Setting:
+class Setting(NamedTuple):
     """One option of `lerobot-train`."""
 
     option: str
@@ -35,14 +35,10 @@ class Recipe:
 
     settings: tuple[Setting, ...]
     """Options, in the order in which they are given."""
-    steps: int
-    """Steps of the optimizer."""
-    steps_why: str
-    """Where their number comes from."""
+    steps: Setting
+    """Steps of the optimizer, unless others are asked for."""
     workers: int
     """Most processes that decode images."""
-    extra: str
-    """Extra of LeRobot that this kind of policy needs."""
     one_task: bool = False
     """Whether a policy learns one task; otherwise it is told what to do."""
     takes_domains: bool = False
@@ -50,104 +46,92 @@ class Recipe:
 
 
 _EXECUTED = Setting(
-    option="policy.n_action_steps",
-    value=str(EXECUTED),
-    why=f"paper: {EXECUTED} actions are executed of each chunk",
+    "policy.n_action_steps", str(EXECUTED), f"paper: {EXECUTED} actions are executed of each chunk"
 )
-_BFLOAT16 = Setting(
-    option="policy.dtype", value="bfloat16", why="ours: half the memory; the paper does not say"
-)
-_BATCH = Setting(option="batch_size", value="32", why="ours: the paper does not say")
+_BFLOAT16 = Setting("policy.dtype", "bfloat16", "ours: half the memory; the paper does not say")
+_BATCH = Setting("batch_size", "32", "ours: the paper does not say")
 
 _ACT = (
-    Setting(option="policy.type", value="act", why="paper: one ACT for each task"),
+    Setting("policy.type", "act", "paper: one ACT for each task"),
     Setting(
-        option="policy.chunk_size",
-        value=str(EXECUTED),
-        why="ours: it predicts what is executed; the paper does not say",
+        "policy.chunk_size",
+        str(EXECUTED),
+        "ours: it predicts what is executed; the paper does not say",
     ),
     _EXECUTED,
 )
 
 _SMALL_ACT = (
+    Setting("policy.pretrained_backbone_weights", "null", "ours: nothing to download"),
+    Setting("policy.dim_model", "128", "ours: a quarter of the default"),
+    Setting("policy.n_heads", "4", "ours: 32 numbers a head"),
+    Setting("policy.dim_feedforward", "512", "ours: four times dim_model"),
+    Setting("policy.n_encoder_layers", "2", "ours: half the default"),
+    Setting("policy.n_vae_encoder_layers", "2", "ours: half the default"),
+    Setting("policy.dropout", "0.0", "ours: too few steps to overfit"),
     Setting(
-        option="policy.pretrained_backbone_weights", value="null", why="ours: nothing to download"
+        "policy.optimizer_lr",
+        "1e-4",
+        "ours: ten times the default, because there are 25 times fewer steps",
     ),
-    Setting(option="policy.dim_model", value="128", why="ours: a quarter of the default"),
-    Setting(option="policy.n_heads", value="4", why="ours: 32 numbers a head"),
-    Setting(option="policy.dim_feedforward", value="512", why="ours: four times dim_model"),
-    Setting(option="policy.n_encoder_layers", value="2", why="ours: half the default"),
-    Setting(option="policy.n_vae_encoder_layers", value="2", why="ours: half the default"),
-    Setting(option="policy.dropout", value="0.0", why="ours: too few steps to overfit"),
+    Setting("policy.optimizer_lr_backbone", "1e-4", "ours: it learns from nothing"),
+    Setting("batch_size", "16", "ours: half a second a step on two cores"),
+    Setting("save_freq", "500", "ours: a checkpoint every few minutes"),
+)
+
+_PI05 = (
+    Setting("policy.type", "pi05", "paper: one π0.5 for all tasks"),
     Setting(
-        option="policy.optimizer_lr",
-        value="1e-4",
-        why="ours: ten times the default, because there are 25 times fewer steps",
+        "policy.pretrained_path",
+        "lerobot/pi05_base",
+        "ours: LeRobot's copy of the published weights",
+    ),
+    _EXECUTED,
+    _BFLOAT16,
+    Setting("policy.gradient_checkpointing", "true", "ours: fits into 80 GB"),
+    _BATCH,
+)
+
+_XVLA = (
+    Setting(
+        "policy.path",
+        "lerobot/xvla-base",
+        "paper: one X-VLA for all tasks; LeRobot's copy of the weights",
     ),
     Setting(
-        option="policy.optimizer_lr_backbone", value="1e-4", why="ours: it learns from nothing"
+        "policy.input_features", "null", "ours: names of the data set's cameras, not of the base's"
     ),
-    Setting(option="batch_size", value="16", why="ours: half a second a step on two cores"),
-    Setting(option="save_freq", value="500", why="ours: a checkpoint every few minutes"),
+    Setting(
+        "policy.action_mode",
+        "auto",
+        "paper: joint actions of 16 numbers; the base's mode is tool poses",
+    ),
+    _EXECUTED,
+    _BFLOAT16,
+    _BATCH,
 )
 
 RECIPES: Mapping[str, Recipe] = MappingProxyType(
     {
         "act": Recipe(
             settings=(*_ACT, _BATCH),
-            steps=100_000,
-            steps_why="ours: LeRobot's default; the paper does not say",
+            steps=Setting("steps", "100000", "ours: LeRobot's default; the paper does not say"),
             workers=14,
-            extra="training",
             one_task=True,
         ),
         "pi05": Recipe(
-            settings=(
-                Setting(option="policy.type", value="pi05", why="paper: one π0.5 for all tasks"),
-                Setting(
-                    option="policy.pretrained_path",
-                    value="lerobot/pi05_base",
-                    why="ours: LeRobot's copy of the published weights",
-                ),
-                _EXECUTED,
-                _BFLOAT16,
-                Setting(
-                    option="policy.gradient_checkpointing",
-                    value="true",
-                    why="ours: fits into 80 GB",
-                ),
-                _BATCH,
+            settings=_PI05,
+            steps=Setting(
+                "steps",
+                "30000",
+                "ours: the length of its learning rate's decay; the paper does not say",
             ),
-            steps=30_000,
-            steps_why="ours: the length of its learning rate's decay; the paper does not say",
             workers=14,
-            extra="training,pi",
         ),
         "xvla": Recipe(
-            settings=(
-                Setting(
-                    option="policy.path",
-                    value="lerobot/xvla-base",
-                    why="paper: one X-VLA for all tasks; LeRobot's copy of the weights",
-                ),
-                Setting(
-                    option="policy.input_features",
-                    value="null",
-                    why="ours: names of the data set's cameras, not of the base's",
-                ),
-                Setting(
-                    option="policy.action_mode",
-                    value="auto",
-                    why="paper: joint actions of 16 numbers; the base's mode is tool poses",
-                ),
-                _EXECUTED,
-                _BFLOAT16,
-                _BATCH,
-            ),
-            steps=20_000,
-            steps_why="ours: the paper does not say",
+            settings=_XVLA,
+            steps=Setting("steps", "20000", "ours: the paper does not say"),
             workers=14,
-            extra="training,xvla",
             takes_domains=True,
         ),
     }
@@ -158,10 +142,8 @@ SMALL: Mapping[str, Recipe] = MappingProxyType(
     {
         "act": Recipe(
             settings=(*_ACT, *_SMALL_ACT),
-            steps=4000,
-            steps_why="ours: about half an hour on two cores",
+            steps=Setting("steps", "4000", "ours: about half an hour on two cores"),
             workers=1,
-            extra="training",
             one_task=True,
         )
     }

@@ -35,8 +35,6 @@ class Training:
     """Where the policy will be."""
     tasks: tuple[str, ...]
     """Ids of the tasks that it learns, as far as the data set says."""
-    continues: bool
-    """Whether an earlier training goes on."""
 
     def command(self, more: Sequence[str] = ()) -> list[str]:
         """The command.
@@ -78,33 +76,28 @@ def plan(
         raise UnknownNameError("small recipe" if small else "recipe", kind, recipes)
     recipe, source = recipes[kind], _Source(data.absolute())
     learned = _tasks(recipe, kind, source, tasks)
-    settings = _data_settings(recipe, source, learned if tasks else ())
-    count = Setting(
-        option="steps",
-        value=str(recipe.steps if steps is None else steps),
-        why=recipe.steps_why if steps is None else "given",
-    )
+    rows = None
+    if tasks:
+        rows = [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+    settings = _data_settings(recipe, source, rows)
     out = out.absolute()
     last = out / LAST
-    continues = out.exists()
-    if continues:
-        _check_same(out, kind, source, _rows(source, learned if tasks else ()))
+    if out.exists():
+        _check_same(out, kind, source, rows)
         why = "the training in this folder goes on, with its own settings"
-        settings = (
-            Setting(option="config_path", value=str(last / "train_config.json"), why=why),
-            Setting(option="resume", value="true", why=why),
-        )
+        settings = [
+            Setting("config_path", str(last / "train_config.json"), why),
+            Setting("resume", "true", why),
+        ]
     else:
-        settings = (
-            *settings,
+        settings += [
             *recipe.settings,
-            Setting(option="num_workers", value=str(_workers(recipe)), why="ours: free cores"),
-            Setting(option="policy.push_to_hub", value="false", why="ours: it stays here"),
-            Setting(option="output_dir", value=str(out), why="given"),
-        )
-    return Training(
-        settings=(*settings, count), checkpoint=last, tasks=learned, continues=continues
-    )
+            Setting("num_workers", str(_workers(recipe)), "ours: free cores"),
+            Setting("policy.push_to_hub", "false", "ours: it stays here"),
+            Setting("output_dir", str(out), "given"),
+        ]
+    settings.append(recipe.steps if steps is None else Setting("steps", str(steps), "given"))
+    return Training(settings=tuple(settings), checkpoint=last, tasks=learned)
 
 
 def holds_recordings(data: Path) -> bool:
@@ -142,10 +135,11 @@ class _Source:
             raise DataError(
                 f"{path} has LeRobot's format {info.get('codebase_version')}; v3.0 is needed."
             )
-        features = info.get("features")
-        features = features if isinstance(features, dict) else {}
-        action = features.get(ACTION)
-        shape = action.get("shape") if isinstance(action, dict) else None
+        features = info.get("features") or {}
+        try:
+            shape = features[ACTION]["shape"]
+        except (KeyError, TypeError):
+            shape = None
         if shape != [FLAT_SIZE]:
             raise DataError(f"Actions of {path} have shape {shape}; [{FLAT_SIZE}] is needed.")
         self.has_domains = DOMAIN in features
@@ -182,7 +176,6 @@ class _Source:
 
 
 def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) -> tuple[str, ...]:
-    """The tasks that are learned."""
     episodes = source.episodes()
     if episodes is None:
         if wanted:
@@ -203,35 +196,20 @@ def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) ->
     return learned
 
 
-def _data_settings(recipe: Recipe, source: _Source, tasks: Sequence[str]) -> tuple[Setting, ...]:
-    """What is said about the data set."""
+def _data_settings(recipe: Recipe, source: _Source, rows: list[int] | None) -> list[Setting]:
     settings = [
-        Setting(option="dataset.repo_id", value=f"local/{source.path.name}", why="any name"),
-        Setting(option="dataset.root", value=str(source.path), why="given"),
-        Setting(
-            option="dataset.video_backend", value="pyav", why="ours: needs no FFmpeg on the machine"
-        ),
+        Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
+        Setting("dataset.root", str(source.path), "given"),
+        Setting("dataset.video_backend", "pyav", "ours: needs no FFmpeg on the machine"),
     ]
-    if rows := _rows(source, tasks):
-        value = "[" + ",".join(map(str, rows)) + "]"
-        settings.append(Setting(option="dataset.episodes", value=value, why="given: their tasks"))
+    if rows:
+        listed = ",".join(map(str, rows))
+        settings.append(Setting("dataset.episodes", f"[{listed}]", "given: their tasks"))
     if source.mixes_domains() and recipe.takes_domains:
         _check_plugin()
-        settings.append(
-            Setting(
-                option="policy.domain_feature_key",
-                value=DOMAIN,
-                why="ours: simulated and real episodes are told apart; the paper does not",
-            )
-        )
-    return tuple(settings)
-
-
-def _rows(source: _Source, tasks: Sequence[str]) -> list[int] | None:
-    """Which episodes of a data set are of some tasks; None for all of them."""
-    if not tasks:
-        return None
-    return [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+        why = "ours: simulated and real episodes are told apart; the paper does not"
+        settings.append(Setting("policy.domain_feature_key", DOMAIN, why))
+    return settings
 
 
 def _check_plugin() -> None:
@@ -259,21 +237,17 @@ def _check_same(out: Path, kind: str, source: _Source, rows: list[int] | None) -
             f"{out} exists and holds no checkpoint to go on from: no {path.relative_to(out)}. "
             "Train into another folder, or delete this one."
         ) from error
-    now = {"policy": kind, "data set": str(source.path), "episodes": rows}
-    if rows is None:  # no task is named; others may have been chosen by an option of LeRobot
-        now["episodes"] = facts["episodes"]
+    now: dict[str, object] = {"policy": kind, "data set": str(source.path)}
+    if rows is not None:  # else no task is named; an option of LeRobot may have chosen some
+        now["episodes"] = rows
     if changed := [
-        f"{name}: {_shown(now[name])}, was {_shown(facts[name])}"
-        for name in now
-        if now[name] != facts[name]
+        f"{name}: {fact!s:.200}, was {'all' if facts[name] is None else facts[name]!s:.200}"
+        for name, fact in now.items()
+        if fact != facts[name]
     ]:
         raise OtherRunError(
             f"{out} holds another training; this one differs in {'; '.join(changed)}."
         )
-
-
-def _shown(fact: object) -> str:
-    return "all" if fact is None else f"{fact!s:.200}"
 
 
 def _workers(recipe: Recipe) -> int:

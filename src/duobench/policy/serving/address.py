@@ -61,6 +61,12 @@ class RemoteServer:
             raise ServingError(f"At least one action of a chunk is executed, got {self.execute}.")
 
     @property
+    def executed(self) -> str:
+        """How much of each chunk is executed, for the version of a policy."""
+        count = "all" if self.execute is None else f"first {self.execute}"
+        return f"{count} actions of a chunk"
+
+    @property
     def parts(self) -> SplitResult:
         """The parts of the address."""
         try:

@@ -6,13 +6,14 @@ Whole numbers, texts and tuples are written; what else RPyC may send is read as 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from duobench.errors import MessageError
 from duobench.policy.serving import limits
 
-_NONE, _EMPTY, _EMPTY_TUPLE, _TRUE, _FALSE, _NOT_IMPLEMENTED, _ELLIPSIS = range(7)
+_CONSTANTS = (None, b"", (), True, False, None, None)
+"""What the first tags mean; the last two are RPyC's words for `NotImplemented` and `...`."""
 _TEXT = 0x08
 _BYTES, _BYTES_LONG, _BYTES_LONGER = 0x0A, 0x0E, 0x0F  # 1 to 4 bytes, then with a length of 1 or 4
 _TUPLE, _TUPLE_LONG, _TUPLE_LONGER = 0x10, 0x14, 0x15
@@ -23,15 +24,6 @@ _SMALL = range(-0x30, 0xA0)
 _SMALL_AT = 0x50
 _FEW = 4
 _SHORT = 0xFF
-_CONSTANTS: Mapping[int, Any] = {
-    _NONE: None,
-    _EMPTY: b"",
-    _EMPTY_TUPLE: (),
-    _TRUE: True,
-    _FALSE: False,
-    _NOT_IMPLEMENTED: None,
-    _ELLIPSIS: None,
-}
 
 
 def dump(value: object) -> bytes:
@@ -50,14 +42,15 @@ def dump(value: object) -> bytes:
         return bytes([_INT, len(digits)]) + digits
     if isinstance(value, str):
         data = value.encode()
-        return bytes([_TEXT]) + (_head(len(data), _BYTES) if data else bytes([_EMPTY])) + data
+        return bytes([_TEXT]) + _head(len(data), _BYTES, empty=b"") + data
     if isinstance(value, tuple):
-        head = _head(len(value), _TUPLE) if value else bytes([_EMPTY_TUPLE])
-        return head + b"".join(map(dump, value))
+        return _head(len(value), _TUPLE, empty=()) + b"".join(map(dump, value))
     raise MessageError(f"Whole numbers, texts and tuples are sent, not {type(value).__name__}.")
 
 
-def _head(size: int, tag: int) -> bytes:
+def _head(size: int, tag: int, empty: bytes | tuple[()]) -> bytes:
+    if not size:
+        return bytes([_CONSTANTS.index(empty)])
     if size <= _FEW:
         return bytes([tag + size - 1])
     if size <= _SHORT:
@@ -104,7 +97,7 @@ class _Reader:
                 f"A message has at most {limits.MAX_DEPTH} levels and {limits.MAX_ITEMS} items."
             )
         tag = self._take(1)[0]
-        if tag in _CONSTANTS:
+        if tag < len(_CONSTANTS):
             return _CONSTANTS[tag]
         if tag - _SMALL_AT in _SMALL:
             return tag - _SMALL_AT

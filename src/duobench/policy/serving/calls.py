@@ -9,8 +9,8 @@ from __future__ import annotations
 import itertools
 import socket
 import struct
-import time
 import zlib
+from collections.abc import Callable
 from typing import Any
 
 from duobench.errors import LONGEST_TEXT, MessageError, ServingError, printable
@@ -34,42 +34,34 @@ class CallError(ServingError):
 
 
 class CallConnection:
-    """A connection over which methods are called, one after the other."""
+    """A connection over which methods are called, one after the other.
 
-    def __init__(self, host: str, port: int, deadline: float) -> None:
+    After any error but `CallError`, nothing more may be asked.
+    """
+
+    def __init__(self, host: str, port: int, left: Callable[[], float]) -> None:
         """Connect.
 
         Args:
             host: Name or address of the server.
             port: Its port.
-            deadline: When to give up, on the clock of `time.monotonic`.
+            left: Gives the seconds that everything may still take, at any time.
 
         Raises:
-            OSError: If there is no server.
-            EOFError: If it ends the connection.
-            TimeoutError: If it takes too long.
-            MessageError: If what comes cannot be read.
+            OSError: If there is no server; if it takes too long, a `TimeoutError`.
         """
-        self._deadline = deadline
+        self._left = left
         self._numbers = itertools.count()
-        timeout = min(limits.HANDSHAKE_S, self._left())
+        self._root: object = None
+        timeout = min(limits.HANDSHAKE_S, self._remaining())
         self._socket = socket.create_connection((host, port), timeout)
-        try:
-            label, self._root = self._ask(_ROOT, (_VALUE, ()))
-            if label != _MINE or not _is_reference(self._root):
-                raise MessageError("The server has no object whose methods can be called.")
-        except BaseException:
-            self.close()
-            raise
 
-    def call(self, name: str, *arguments: str, deadline: float) -> Any:
+    def call(self, name: str, *arguments: str) -> Any:
         """Call a method.
 
         Args:
             name: Its name.
             arguments: What it is called with.
-            deadline: When to give up, on the clock of `time.monotonic`. After that, and after
-                any other error but `CallError`, nothing more may be asked.
 
         Returns:
             What it returns, if that is a plain value.
@@ -80,18 +72,15 @@ class CallConnection:
             EOFError: If the server ends the connection.
             MessageError: If what comes cannot be read, or is no plain value.
         """
-        self._deadline = deadline
-        what = ((_YOURS, self._root), (_VALUE, name), (_VALUE, arguments), (_VALUE, ()))
-        label, value = self._ask(_CALL, (_TUPLE, what))
+        label, value = self._ask_root(_CALL, (_VALUE, name), (_VALUE, arguments), (_VALUE, ()))
         if label != _VALUE:
             raise MessageError(f"{name} returned an object, no plain value.")
         return value
 
-    def has(self, name: str, *, deadline: float) -> bool:
+    def has(self, name: str) -> bool:
         """Whether there is a method of that name; errors are those of `call`."""
-        self._deadline = deadline
         try:
-            self._ask(_ATTRIBUTE, (_TUPLE, ((_YOURS, self._root), (_VALUE, name))))
+            self._ask_root(_ATTRIBUTE, (_VALUE, name))
         except CallError:
             return False
         return True
@@ -100,11 +89,21 @@ class CallConnection:
         """Close the connection."""
         self._socket.close()
 
+    def _ask_root(self, handler: int, *arguments: tuple[int, Any]) -> tuple[Any, Any]:
+        """Ask for something about the server's root object, which is asked for first."""
+        if self._root is None:
+            match self._ask(_ROOT, (_VALUE, ())):
+                case (int(label), (str(), int(), int()) as root) if label == _MINE:
+                    self._root = root
+                case _:
+                    raise MessageError("The server has no object whose methods can be called.")
+        return self._ask(handler, (_TUPLE, ((_YOURS, self._root), *arguments)))
+
     def _ask(self, handler: int, arguments: tuple[Any, ...]) -> tuple[Any, Any]:
         """Send a request and wait for its answer, a label and a value."""
         number = next(self._numbers)
         message = bytes([_REQUEST]) + dump((number, (handler, arguments)))
-        self._socket.settimeout(self._left())
+        self._socket.settimeout(self._remaining())
         self._socket.sendall(_HEADER.pack(len(message), 0) + message + _END)
         kind, answered, content = self._receive()
         if kind == _REQUEST and isinstance(content, tuple) and content[:1] == (_CLOSE,):
@@ -133,20 +132,20 @@ class CallConnection:
     def _read(self, count: int) -> bytes:
         data = bytearray()
         while len(data) < count:
-            self._socket.settimeout(self._left())
+            self._socket.settimeout(self._remaining())
             piece = self._socket.recv(min(_PIECE, count - len(data)))
             if not piece:
                 raise EOFError("the server ended it")
             data += piece
         return bytes(data)
 
-    def _left(self) -> float:
-        """Seconds until the deadline.
+    def _remaining(self) -> float:
+        """Seconds that are left.
 
         Raises:
-            TimeoutError: If it is over.
+            TimeoutError: If there are none.
         """
-        left = self._deadline - time.monotonic()
+        left = self._left()
         if left <= 0:
             raise TimeoutError("there was no answer in time")
         return left
@@ -163,14 +162,6 @@ def _decompressed(data: bytes) -> bytes:
             f"A compressed message is not whole, or has more than {limits.MAX_CALL_REPLY} bytes."
         )
     return unpacked
-
-
-def _is_reference(value: object) -> bool:
-    """Whether a value names an object of the other side."""
-    match value:
-        case (str(), int(), int()):
-            return True
-    return False
 
 
 def _told(error: object) -> str:

@@ -8,6 +8,7 @@ written for servers that read no others.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import msgpack
@@ -93,11 +94,9 @@ class _Counter:
             raise MessageError(f"A message holds at most {limits.MAX_ITEMS} items.")
         return items
 
-    def pairs(self, pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+    def pairs(self, pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
         self(pairs)
-        if not all(isinstance(key, str | bytes) for key, _ in pairs):
-            raise MessageError("The keys of a map are texts.")
-        return dict(pairs)
+        return {_text(key): value for key, value in pairs}
 
 
 def _packed(value: object) -> dict[bytes, Any]:
@@ -128,19 +127,20 @@ def _checked(value: Any, depth: int) -> Any:
         if not isinstance(value, _PLAIN):
             raise MessageError(f"A message holds no {type(value).__name__}.")
         return value
-    fields = {_text(key): item for key, item in value.items()}
-    if _ARRAY in fields:
-        return _array(fields)
-    if _SCALAR in fields:
-        return _scalar(fields)
-    return {key: _checked(item, depth + 1) for key, item in fields.items()}
+    if _ARRAY in value:
+        return _array(value)
+    if _SCALAR in value:
+        return _scalar(value)
+    return {key: _checked(item, depth + 1) for key, item in value.items()}
 
 
-def _text(key: str | bytes) -> str:
-    try:
-        return key.decode() if isinstance(key, bytes) else key
-    except UnicodeDecodeError as error:
-        raise MessageError("The keys of a map are texts.") from error
+def _text(key: object) -> str:
+    if isinstance(key, bytes):
+        with suppress(UnicodeDecodeError):
+            return key.decode()
+    if not isinstance(key, str):
+        raise MessageError("The keys of a map are texts.")
+    return key
 
 
 def _array(fields: dict[str, Any]) -> np.ndarray:

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from duobench.errors import PolicyError, printable
+from duobench.policy.serving.connection import reported
 
 VLLM_PATH = "/v1/realtime/robot/openpi"
 """Where vLLM-Omni serves robot policies."""
 _ROBOARENA_KEYS = {"needs_session_id", "n_external_cameras", "needs_wrist_camera"}
 """What the first message of a RoboArena server holds."""
-_LONGEST_WORDS = 1000
-"""Characters of what a server says that are kept."""
+_LONGEST_LIST = 1000
+"""Characters of a list of names that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -25,49 +26,34 @@ class Dialect:
 
     name: str
     """What the kind is called."""
-    has_reset: bool = False
-    """Whether an episode begins with a message; otherwise with a new connection."""
+    reset: tuple[str, ...] | None = None
+    """Fields of the message that begins an episode; None if a new connection does."""
     is_reset_answered_in_text: bool = False
     """Whether that message is answered by text, which otherwise is an error."""
-    has_endpoint: bool = False
-    """Whether every message must say that it is an observation."""
-    has_seed: bool = False
-    """Whether a seed is understood, so that the noise follows from it."""
-    is_seed_repeated: bool = False
-    """Whether the seed is in every observation; otherwise it is in the reset."""
-    has_session: bool = False
-    """Whether every message names its episode."""
+    added: tuple[str, ...] = ()
+    """Fields that are added to every observation."""
 
-    def session_id(self) -> str | None:
-        """A new name for an episode, if there are such names; it decides nothing."""
-        return uuid.uuid4().hex if self.has_session else None
+    @property
+    def has_seed(self) -> bool:
+        """Whether a seed is understood, so that the noise follows from it."""
+        return "seed" in (self.reset or ())
 
-    def reset(self, instruction: str, seed: int, session_id: str | None) -> dict[str, Any]:
-        """The message that begins an episode."""
-        message: dict[str, Any] = {"endpoint": "reset"}
-        if self.has_seed:
-            message |= {"prompt": instruction, "seed": seed}
-        return message | _named(session_id)
-
-    def request(
-        self, observation: dict[str, Any], seed: int, session_id: str | None
-    ) -> dict[str, Any]:
-        """The message with an observation."""
-        message = observation | _named(session_id)
-        if self.has_endpoint:
-            message["endpoint"] = "infer"
-        if self.is_seed_repeated:
-            message["seed"] = seed
-        return message
+    def messages(self, instruction: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The message that begins an episode, and what is added to each observation of it."""
+        values = {"endpoint": "infer", "prompt": instruction, "seed": seed}
+        values["session_id"] = uuid.uuid4().hex  # a new one for each episode; it decides nothing
+        reset = {"endpoint": "reset", **{name: values[name] for name in self.reset or ()}}
+        return reset, {name: values[name] for name in self.added}
 
 
-OURS = Dialect(name="duobench", has_reset=True, has_seed=True)
+OURS = Dialect(name="duobench", reset=("prompt", "seed"))
 _OPENPI = Dialect(name="openpi")
 _ROBOARENA = Dialect(
-    name="roboarena", has_reset=True, is_reset_answered_in_text=True, has_endpoint=True
+    name="roboarena", reset=(), is_reset_answered_in_text=True, added=("endpoint",)
 )
+_ROBOARENA_SESSIONS = replace(_ROBOARENA, reset=("session_id",), added=("session_id", "endpoint"))
 _VLLM = Dialect(
-    name="vllm-omni", has_reset=True, has_seed=True, is_seed_repeated=True, has_session=True
+    name="vllm-omni", reset=("prompt", "seed", "session_id"), added=("session_id", "seed")
 )
 
 
@@ -83,7 +69,7 @@ def dialect_of(hello: Mapping[str, Any], path: str) -> Dialect:
     if path.rstrip("/") == VLLM_PATH:
         return _VLLM
     if hello.keys() & _ROBOARENA_KEYS:
-        return replace(_ROBOARENA, has_session=bool(hello.get("needs_session_id")))
+        return _ROBOARENA_SESSIONS if hello.get("needs_session_id") else _ROBOARENA
     return _OPENPI
 
 
@@ -98,19 +84,8 @@ def actions_of(answer: Any, key: str) -> Any:
     if not isinstance(answer, dict):
         raise PolicyError(f"The policy's server answers with a {type(answer).__name__}, no map.")
     if isinstance(kind := answer.get("type"), str) and kind == "error":
-        raise PolicyError(f"The policy's server reports: {_words(answer.get('message'))}")
+        raise reported(str(answer.get("message")))
     if key not in answer:
-        raise PolicyError(
-            f"The policy's server answers without {key!r}; it gives "
-            f"{_words(', '.join(sorted(answer))) or 'nothing'}."
-        )
+        known = printable(", ".join(sorted(answer)))[:_LONGEST_LIST] or "nothing"
+        raise PolicyError(f"The policy's server answers without {key!r}; it gives {known}.")
     return answer[key]
-
-
-def _words(value: object) -> str:
-    """What a server says, for people."""
-    return printable(str(value))[:_LONGEST_WORDS]
-
-
-def _named(session_id: str | None) -> dict[str, Any]:
-    return {} if session_id is None else {"session_id": session_id}

@@ -1,17 +1,36 @@
-"""A policy by its name, its inference loop and its server, put together."""
+"""A policy at a server that speaks openpi's protocol: WebSocket, and MessagePack in it.
+
+Inference happens in another thread than the server's, so that pings, `/healthz` and other clients
+are answered meanwhile.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+import asyncio
+import http
+import threading
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import asdict
 from typing import Any
 
+import websockets
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.http11 import Request, Response
+
+from duobench.errors import DuoBenchError, ServingError
 from duobench.policy.batch import Batching, BatchPolicy
-from duobench.policy.inference import InferenceLoop
+from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.pool import PolicyPool
-from duobench.policy.protocol import Policy, PolicyMetadata
+from duobench.policy.protocol import PolicyMetadata
 from duobench.policy.registry import make, make_any, versioned_metadata
-from duobench.policy.serving.server import PolicyServer, greeting
+from duobench.policy.serving import access, limits
+from duobench.policy.serving.codec import pack
+from duobench.policy.serving.conversation import Conversation
+from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
+
+_GOING_AWAY, _INTERNAL_ERROR, _TRY_AGAIN = 1001, 1011, 1013
 
 
 class PolicyHost:
@@ -42,11 +61,22 @@ class PolicyHost:
         Raises:
             ServingError: If the address cannot be had, or needs a key.
         """
+        access.check_access(host, key)
         self._policy = policy
         self._loop = InferenceLoop(policy, batching, busy=busy)
-        hello = greeting(metadata, batching)
-        self._server = PolicyServer(self._loop, hello, host=host, port=port, key=key)
-        self.port = self._server.start()
+        served = {**asdict(metadata), "batch": batching.mode, "max_batch": batching.size}
+        self._hello = pack({"duobench": {"protocol": PROTOCOL, **served}})
+        self._key = key
+        self._clients = 0
+        self._over = asyncio.Event()
+        listening: Future[tuple[int, asyncio.AbstractEventLoop]] = Future()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._serve(host, port, listening)),
+            name="policy-server",
+            daemon=True,
+        )
+        self._thread.start()
+        self.port, self._events = listening.result()
         """The port that it listens at."""
 
     def run(self) -> None:
@@ -54,12 +84,99 @@ class PolicyHost:
         try:
             self._loop.run()
         finally:
-            self._server.close()
+            with suppress(RuntimeError):  # it is over already
+                self._events.call_soon_threadsafe(self._over.set)
+            self._thread.join()
             getattr(self._policy, "close", lambda: None)()
 
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
         self._loop.stop()
+
+    async def _serve(
+        self, host: str, port: int, listening: Future[tuple[int, asyncio.AbstractEventLoop]]
+    ) -> None:
+        try:
+            server = await serve(
+                self._converse,
+                host,
+                port,
+                process_request=self._admit,
+                origins=[None],  # a browser, which may act for any web page, names its origin
+                compression=None,
+                max_size=limits.MAX_REQUEST,
+                max_queue=limits.MAX_QUEUED_MESSAGES,
+                open_timeout=limits.HANDSHAKE_S,
+                close_timeout=limits.CLOSE_S,
+                server_header=None,
+            )
+        except (OSError, OverflowError, ValueError) as error:  # also ports and hosts that none are
+            reason = str(getattr(error, "strerror", None) or error).rstrip(".")
+            listening.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
+            return
+        async with server:
+            actual = next(iter(server.sockets)).getsockname()[1]
+            listening.set_result((actual, asyncio.get_running_loop()))
+            await self._over.wait()
+
+    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer what is no conversation, and turn away who may not have one."""
+        if request.path == HEALTH_PATH:
+            return connection.respond(http.HTTPStatus.OK, "OK\n")
+        if not access.is_allowed(request.headers.get("Authorization"), self._key):
+            return connection.respond(http.HTTPStatus.UNAUTHORIZED, "A key is needed.\n")
+        if self._clients >= limits.MAX_CONNECTIONS:
+            return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n")
+        return None
+
+    async def _converse(self, connection: ServerConnection) -> None:
+        """Answer one client until it leaves; its mistakes end its own connection only."""
+        self._clients += 1
+        conversation = Conversation(self._loop)
+        try:
+            await _send(connection, self._hello)
+            while True:
+                async with asyncio.timeout(limits.IDLE_S):
+                    frame = await connection.recv()
+                reply = await _unless_gone(connection, conversation.reply(frame))
+                if reply is None:
+                    return
+                await _send(connection, reply)
+                conversation.note_sent()
+        except websockets.ConnectionClosed:
+            pass
+        except TimeoutError:
+            await connection.close(_GOING_AWAY, "Silent for too long.")
+        except BusyError as error:
+            await connection.close(_TRY_AGAIN, str(error))
+        except DuoBenchError as error:
+            with suppress(TimeoutError, websockets.ConnectionClosed):
+                await _send(connection, str(error))
+            reason = "Internal server error. Traceback included in previous frame."
+            await connection.close(_INTERNAL_ERROR, reason)
+        finally:
+            self._clients -= 1
+            conversation.close()
+
+
+async def _unless_gone(
+    connection: ServerConnection, answering: Coroutine[Any, Any, bytes]
+) -> bytes | None:
+    """An answer, or None once nobody is there any more to get it."""
+    answer = asyncio.create_task(answering)
+    gone = asyncio.create_task(connection.wait_closed())
+    try:
+        await asyncio.wait({answer, gone}, return_when=asyncio.FIRST_COMPLETED)
+        return answer.result() if answer.done() else None
+    finally:
+        answer.cancel()
+        gone.cancel()
+
+
+async def _send(connection: ServerConnection, message: str | bytes) -> None:
+    """Send a message to a client that reads it."""
+    async with asyncio.timeout(limits.SEND_S):
+        await connection.send(message)
 
 
 def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetadata, Batching]:
@@ -81,8 +198,5 @@ def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetad
     metadata = versioned_metadata(name, made)
     if isinstance(made, BatchPolicy):
         return made, metadata, batching
-    return _pool(name, made, batching), metadata, Batching(mode="dynamic", size=batching.size)
-
-
-def _pool(name: str, first: Policy, batching: Batching) -> BatchPolicy:
-    return PolicyPool(first, lambda: make(name), batching.size)
+    pool = PolicyPool(made, lambda: make(name), batching.size)
+    return pool, metadata, Batching(mode="dynamic", size=batching.size)

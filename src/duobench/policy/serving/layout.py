@@ -148,20 +148,18 @@ class Layout:
         if dimensions(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
             actions = actions[0]
         chunk = as_chunk(actions, sum(sizes.values()))
-        return self._reordered(chunk, self.actions.order, _PARTS)
-
-    def foreign_action(self, action: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-        """One of our actions (n,) as the server would give it."""
-        chunk = as_chunk(action[None], sum(self.action_sizes.values()))
-        return self._reordered(chunk, _PARTS, self.actions.order)[0]
-
-    def _reordered(self, chunk: Chunk, before: Sequence[str], after: Sequence[str]) -> Chunk:
-        """A chunk with the parts of its actions in another order, and its grippers turned."""
-        sizes = self.action_sizes
-        ends = np.cumsum([sizes[part] for part in before])
-        parts = dict(zip(before, np.split(chunk, ends[:-1], axis=1), strict=True))
+        ends = np.cumsum([*sizes.values()])
+        parts = dict(zip(sizes, np.split(chunk, ends[:-1], axis=1), strict=True))
         self._flip(parts)
-        return np.concatenate([parts[part] for part in after], axis=1)
+        return np.concatenate([parts[part] for part in _PARTS], axis=1)
+
+    def measured_action(self, observation: Observation) -> NDArray[np.float32]:
+        """Where the arms are, as an action (n,) that the server would give."""
+        parts = self._state_parts(observation)
+        if self.actions.mode.startswith("cartesian"):
+            parts["left_arm"], parts["right_arm"] = (parts[pose] for pose in _POSES)
+        sizes = self.action_sizes
+        return np.concatenate([parts[part][:size] for part, size in sizes.items()])
 
     def _image(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         if self.bars:
@@ -196,16 +194,15 @@ def read_layout(name: str) -> Layout:
         ServingError: If the file cannot be read, or a value is of a wrong type.
     """
     if name in LAYOUTS:
-        text = files(_PACKAGE).joinpath("layouts", f"{name}.toml").read_text(encoding="utf-8")
-    elif not name.endswith(".toml"):
-        raise UnknownNameError("layout", name, [*LAYOUTS, "FILE.toml"])
+        path = files(_PACKAGE).joinpath("layouts", f"{name}.toml")
+    elif name.endswith(".toml"):
+        path = Path(name)
     else:
-        try:
-            text = Path(name).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ServingError(f"The layout {name} cannot be read: {error}.") from error
+        raise UnknownNameError("layout", name, [*LAYOUTS, "FILE.toml"])
     try:
-        document = tomllib.loads(text)
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ServingError(f"The layout {name} cannot be read: {error}.") from error
     except tomllib.TOMLDecodeError as error:
         raise ServingError(f"The layout {name} is no TOML: {error}.") from error
     _check_names("key of a layout", document, [each.name for each in fields(Layout)])

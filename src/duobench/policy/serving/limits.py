@@ -9,8 +9,6 @@ HEALTH_PATH = "/healthz"
 """Where a server of ours says that it lives."""
 VLA_EVAL_PROTOCOL = 1
 """Version of vla-eval's protocol that is spoken."""
-VLA_EVAL_HEALTH_PATH = "/health"
-"""Where a server of vla-eval says that it lives."""
 
 MAX_REQUEST = 16 << 20
 """Bytes of a message to a server: three images of 720 x 1280 take 8.3 MB."""

@@ -7,32 +7,25 @@ an `error` with its `seq`. Images are sent as they are rendered.
 
 from __future__ import annotations
 
-import hashlib
 import time
 from contextlib import suppress
 from typing import Any
 
 import msgspec
-import numpy as np
 from websockets.sync.client import ClientConnection
 
 from duobench import __version__
-from duobench.errors import (
-    DuoBenchError,
-    MachineryError,
-    MessageError,
-    ServingError,
-    printable,
-)
+from duobench.errors import DuoBenchError, MachineryError, MessageError, ServingError, printable
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.protocol import PolicyMetadata, dimensions
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, unpack
-from duobench.policy.serving.connection import ConnectedPolicy, reported
+from duobench.policy.serving.connection import reported
 from duobench.policy.serving.dialect import actions_of
-from duobench.policy.serving.layout import Layout, read_layout
-from duobench.policy.serving.limits import VLA_EVAL_HEALTH_PATH, VLA_EVAL_PROTOCOL
+from duobench.policy.serving.layout import read_layout
+from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.vla_eval_specs import Declared, contradictions
+from duobench.policy.serving.websocket import WebSocketPolicy
 
 LAYOUT = "vla_eval"
 """The layout of a server for which no other is given."""
@@ -40,66 +33,18 @@ _LONGEST_NAME = 80
 """Characters of a server's name and version that are kept."""
 
 
-class VlaEvalPolicy(ConnectedPolicy):
+class VlaEvalPolicy(WebSocketPolicy):
     """A policy at a model server, as a plain one; its noise follows from no seed."""
 
-    health_path = VLA_EVAL_HEALTH_PATH
-    batching: Batching | None = None
-    """How many observations the server answers together, which it does not tell."""
+    health_path = "/health"
+    _seq = 0
+    _start_seq = 0
+    _is_playing = False
 
     def __init__(self, server: RemoteServer) -> None:
-        """Connect, and compare what the server says about itself with the layout.
-
-        Args:
-            server: Where the policy is served.
-
-        Raises:
-            ServingError: If the server speaks another version of the protocol, or contradicts the
-                layout.
-            MachineryError: If there is no server, or what answers is none of vla-eval.
-        """
-        self._hello: dict[str, Any] | None = None
-        self._seq = 0
-        self._start_seq = 0
-        self._is_playing = False
-        self._instruction = ""
+        """Connect, and compare what the server says about itself with the layout."""
         self._layout = server.layout or read_layout(LAYOUT)
         super().__init__(server)
-        try:
-            self.metadata = _described(self._hello or {}, self._layout, server.execute)
-            """What the policy expects of the environment."""
-        except DuoBenchError:
-            self._drop()
-            raise
-
-    def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode, and end the one before; the server does not answer to it.
-
-        Raises:
-            MachineryError: If the server cannot be reached.
-        """
-        self._start_clock()
-        self._instruction = instruction
-        self._begin(lambda: self._start_episode(seed))
-
-    def act(self, observation: Observation) -> Chunk:
-        """The next actions (H, n); an answer with a single action is a chunk of one.
-
-        Raises:
-            PolicyError: If the policy fails, is too slow, or gives no chunk of actions.
-            MachineryError: If the connection is lost, or what comes is no answer.
-        """
-        self._start_clock()
-        if self._connection is None:
-            raise MachineryError("The connection to the policy's server is lost.")
-        request = self._layout.request(observation, self._instruction)
-        with self._talking() as connection:
-            seq = self._send(connection, "observation", request)
-            answer = self._answer(connection, seq)
-        actions = actions_of(answer, self._layout.actions.key)
-        if dimensions(actions) == 1:
-            actions = np.asarray(actions)[None]
-        return self._layout.chunk(actions)[: self._server.execute]
 
     def close(self) -> None:
         """End the episode, and close the connection."""
@@ -108,22 +53,32 @@ class VlaEvalPolicy(ConnectedPolicy):
                 self._end_episode(connection)
         self._drop()
 
-    def _start_episode(self, seed: int) -> None:
-        with self._talking() as connection:
-            self._end_episode(connection)
-            task = {"name": self._instruction, "seed": seed}
-            self._start_seq = self._send(connection, "episode_start", {"task": task})
-            self._is_playing = True
+    def _begin(self, connection: ClientConnection, seed: int) -> None:
+        """Begin an episode, and end the one before; the server does not answer to it."""
+        self._end_episode(connection)
+        task = {"name": self._instruction, "seed": seed}
+        self._start_seq = self._send(connection, "episode_start", {"task": task})
+        self._is_playing = True
 
     def _end_episode(self, connection: ClientConnection) -> None:
         if self._is_playing:
             self._send(connection, "episode_end", {})
         self._is_playing = False
 
-    def _drop(self) -> None:
-        """End the connection; the server ends the episode on it."""
-        super()._drop()
-        self._is_playing = False
+    def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
+        """The chunk for an observation; an answer with a single action is a chunk of one."""
+        request = self._layout.request(observation, self._instruction)
+        asked = self._send(connection, "observation", request)
+        kind, answer, seq = self._receive(connection)
+        if kind == "error" and seq in (asked, self._start_seq):
+            self._drop()  # of one about the start, the observation is still to be answered
+            raise reported(str(answer.get("error")))
+        if kind not in ("action", "error"):
+            raise MessageError(f"An observation is answered by an action, got {kind!r:.40}.")
+        if seq != asked:
+            raise MessageError(f"Message {asked} was answered, but the answer is to {seq!r:.40}.")
+        actions = actions_of(answer, self._layout.actions.key)
+        return self._layout.chunk([actions] if dimensions(actions) == 1 else actions)
 
     def _send(self, connection: ClientConnection, kind: str, payload: dict[str, Any]) -> int:
         """Send a message; its number."""
@@ -147,19 +102,8 @@ class VlaEvalPolicy(ConnectedPolicy):
             raise MessageError("A message has a type, a payload and a seq.")
         return kind, payload, seq
 
-    def _answer(self, connection: ClientConnection, asked: int) -> dict[str, Any]:
-        """What answers an observation, or what made the episode impossible to begin."""
-        kind, payload, seq = self._receive(connection)
-        if kind == "error" and seq in (asked, self._start_seq):
-            raise reported(str(payload.get("error")))
-        if kind not in ("action", "error"):
-            raise MessageError(f"An observation is answered by an action, got {kind!r:.40}.")
-        if seq != asked:
-            raise MessageError(f"Message {asked} was answered, but the answer is to {seq!r:.40}.")
-        return payload
-
-    def _greet(self, connection: ClientConnection) -> None:
-        """Say hello, and read what is served: the same as before, or another run begins."""
+    def _greet(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
+        self._is_playing = False  # the server has ended the episode on the last connection
         ours = {"harness_version": __version__, "protocol_version": VLA_EVAL_PROTOCOL}
         self._send(connection, "hello", ours)
         try:
@@ -174,30 +118,17 @@ class VlaEvalPolicy(ConnectedPolicy):
                 f"The server speaks version {version!r:.40} of vla-eval's protocol, this client "
                 f"{VLA_EVAL_PROTOCOL}. Servers of vla-eval 0.8 do too."
             )
-        if self._hello is not None and repr(hello) != repr(self._hello):
-            raise MachineryError("The server has another policy now than when the run began.")
-        self._hello = hello
-
-
-def _described(hello: dict[str, Any], layout: Layout, execute: int | None) -> PolicyMetadata:
-    """What a server's policy expects, as far as it tells.
-
-    Raises:
-        ServingError: If it describes itself wrongly, or otherwise than the layout.
-    """
-    try:
-        declared = msgspec.convert(hello, Declared)
-    except msgspec.ValidationError as error:
-        raise ServingError(f"The server describes its policy wrongly: {error}.") from error
-    if problems := list(contradictions(declared, layout)):
-        raise ServingError(
-            f"The server and the layout contradict each other: {'; '.join(problems)}. Use a layout "
-            "that says what this server does, or a server that was made for this one."
-        )
-    name = printable(declared.model_server)[:_LONGEST_NAME] or LAYOUT
-    harness = printable(declared.harness_version)[:_LONGEST_NAME] or "unknown"
-    told = {key: hello.get(key) for key in ("observation_params", "action_spec")}
-    digest = hashlib.sha256(repr((layout, told)).encode(errors="replace")).hexdigest()[:16]
-    asked = "all" if execute is None else f"first {execute}"
-    version = f"vla-eval {harness}, {name}, layout {digest}, {asked} actions of a chunk"
-    return layout.metadata(name, version, seeded=False)
+        try:
+            declared = msgspec.convert(hello, Declared)
+        except msgspec.ValidationError as error:
+            raise ServingError(f"The server describes its policy wrongly: {error}.") from error
+        if problems := list(contradictions(declared, self._layout)):
+            raise ServingError(
+                f"The server and the layout contradict each other: {'; '.join(problems)}. Use a "
+                "layout that says what this server does, or a server that was made for this one."
+            )
+        name = printable(declared.model_server)[:_LONGEST_NAME] or LAYOUT
+        harness = printable(declared.harness_version)[:_LONGEST_NAME] or "unknown"
+        told = {key: hello.get(key) for key in ("observation_params", "action_spec")}
+        version = f"vla-eval {harness}, {name}"
+        return self._foreign_metadata(self._layout, name, version, (self._layout, told)), None

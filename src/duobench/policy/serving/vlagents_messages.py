@@ -59,10 +59,26 @@ def actions_from(text: object) -> NDArray[np.float64]:
     acts = answer.get("acts") if isinstance(answer, dict) else None
     if not isinstance(acts, list) or not acts:
         raise PolicyError("The policy's server answers without any `acts`.")
-    rows = [_action(act) for act in acts]
+    rows = [action_from(act) for act in acts]
     if len({len(row) for row in rows}) > 1:
         raise PolicyError("The policy's server answers with actions of different lengths.")
     return np.stack(rows)
+
+
+def action_from(act: object) -> NDArray[np.float64]:
+    """One action (n,) of both arms, from a map of their `action` and `gripper`.
+
+    Raises:
+        PolicyError: If an arm has none, or they are no numbers, or not as many in each arm.
+    """
+    parts = [_arm(act, str(side)) for side in SIDES]
+    left, right = (len(part) for part in parts)
+    if left != right:
+        raise PolicyError(
+            f"The policy's server gives the left arm {left} numbers and the right one {right}, the "
+            "opening included."
+        )
+    return np.concatenate(parts)
 
 
 def _packed(value: object) -> dict[str, Any]:
@@ -72,18 +88,6 @@ def _packed(value: object) -> dict[str, Any]:
         )
     data = base64.b64encode(value.tobytes()).decode()
     return {_ARRAY: data, _DTYPE: value.dtype.str, _SHAPE: value.shape}
-
-
-def _action(act: object) -> NDArray[np.float64]:
-    """One action of both arms."""
-    parts = [_arm(act, str(side)) for side in SIDES]
-    left, right = (len(part) for part in parts)
-    if left != right:
-        raise PolicyError(
-            f"The policy's server gives the left arm {left} numbers and the right one {right}, the "
-            "opening included."
-        )
-    return np.concatenate(parts)
 
 
 def _arm(act: object, side: str) -> NDArray[np.float64]:
