@@ -6,6 +6,7 @@ import logging
 import random
 import time
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import gymnasium as gym
@@ -24,7 +25,7 @@ from duobench.errors import (
     printable,
     traceback_text,
 )
-from duobench.evaluation.limits import EpisodeClock, TimedPolicy, TimeLimits
+from duobench.evaluation.limits import EpisodeClock, TimeLimits
 from duobench.evaluation.policies import PolicySource, is_expert
 from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
@@ -168,9 +169,10 @@ class EpisodeRunner:
         random.seed(episode.seed)
         np.random.seed(episode.seed)  # noqa: NPY002 - the generator that policies share
         error = None
-        self._clock.start_episode()
+        busy = partial(self._clock.timed, self._limits)
         try:
-            rollout(env, policy, seed=episode.seed, watchers=watchers)
+            with self._clock.playing():
+                rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)
         except (RenderingError, MachineryError, OutputError) as fault:
             if self._recorder is not None:
                 self._recorder.discard()
@@ -180,8 +182,6 @@ class EpisodeRunner:
             raise
         except BaseException as caught:  # noqa: BLE001 - kept in the record
             error = caught
-        finally:
-            self._clock.end_episode()
         if error is not None:
             if self._recorder is not None:
                 self._recorder.finish(
@@ -208,7 +208,7 @@ class EpisodeRunner:
             self._close_environment()
             try:
                 self._env = make(task.reference, **asdict(self.setup.config))
-                bound = self._source.bind(self._env)
+                self._policy = self._source.bind(self._env)
                 if self._recording is not None:
                     self._env = self._recorder = self._recorded(self._env, self._recording)
             except (DuoBenchError, KeyboardInterrupt):
@@ -217,8 +217,6 @@ class EpisodeRunner:
                 raise EvaluationError(
                     f"The environment of task {task.id!r} cannot be made.\n{traceback_text(error)}"
                 ) from error
-            (action_size,) = self._env.action_space.shape or (0,)
-            self._policy = TimedPolicy(bound, self._limits, self._clock, action_size)
             self._task = task
         return self._env, self._policy
 

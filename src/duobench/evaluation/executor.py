@@ -12,7 +12,7 @@ from typing import Protocol
 import msgspec
 
 from duobench import errors
-from duobench.errors import EvaluationError, MachineryError, PolicyTimeoutError
+from duobench.errors import EvaluationError, MachineryError
 from duobench.evaluation.choice import PolicyChoice, find_source
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
 from duobench.evaluation.limits import TimeLimits
@@ -354,16 +354,10 @@ class ProcessExecutor:
         """Fail the episode of a policy that takes too long; its worker cannot be used again."""
         if worker.episode is None or self._setup is None:
             return
-        limits, clock = self._limits, worker.clock
-        late: PolicyTimeoutError | None = None
-        if clock.answer_s() > limits.act_s:
-            late = limits.late_answer()
-        elif clock.answer_s() and clock.episode_s() > limits.episode_s:
-            late = limits.late_episode()
-        elif clock.episode_s() > limits.episode_s + GRACE_S:
-            self._replace(worker, "the simulation did not come back within the time limit.")
-        if late is not None:
+        if late := worker.clock.late(self._limits):
             record = EpisodeRecorder(worker.episode).record(self._setup, late)
             self._workers.remove(worker)
             worker.kill()
             yield EpisodeResult(record=record)
+        elif worker.clock.episode_s() > self._limits.episode_s + GRACE_S:
+            self._replace(worker, "the simulation did not come back within the time limit.")
