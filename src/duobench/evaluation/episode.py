@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 import random
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
 import gymnasium as gym
+import msgspec
 import numpy as np
 
 from duobench.data import Actor, ActorKind, DataSet, Outcome, Recorder
@@ -25,13 +26,15 @@ from duobench.errors import (
     printable,
     traceback_text,
 )
+from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.limits import EpisodeClock, TimeLimits
 from duobench.evaluation.policies import PolicySource, is_expert
 from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.video import VideoRecorder
-from duobench.policy import Policy, PolicyMetadata
+from duobench.policy import Policy
+from duobench.randomness import EVAL
 from duobench.scene.cameras import OVERVIEW
 from duobench.scene.looks import DEFAULT
 from duobench.sim.rendering import Renderer, describe
@@ -59,6 +62,21 @@ class RecordingPlan:
         return self.keep_failures or (outcome.success and not outcome.cut)
 
 
+class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
+    """What plays episodes, and how: all that executors, runners and workers are told."""
+
+    policy: PolicyChoice
+    """The policy."""
+    tasks: tuple[TaskInfo, ...]
+    """The tasks of the suite."""
+    limits: TimeLimits
+    """How long the policy may take."""
+    look: str = DEFAULT
+    """Name of the look of every image, videos included."""
+    recording: RecordingPlan | None = None
+    """Whether and where episodes are recorded."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EpisodeResult:
     """An episode that was played."""
@@ -69,22 +87,6 @@ class EpisodeResult:
     """Its video as a WebM file, if there is one."""
     seconds: float | None = None
     """How long it took, video included; None if nobody knows."""
-
-
-def config_for(metadata: PolicyMetadata, look: str = DEFAULT) -> EnvConfig:
-    """The configuration of the environments that a policy expects, in a look.
-
-    Raises:
-        UnknownNameError: It expects a camera or an action mode that does not exist.
-        OptionError: It expects images of an invalid size, or another control rate.
-    """
-    return EnvConfig(
-        cameras=metadata.cameras,
-        action_mode=metadata.action_mode,
-        control_rate_hz=metadata.control_rate_hz,
-        image_size=metadata.image_size or IMAGE_SIZE,
-        look=look,
-    )
 
 
 def _inference(source: PolicySource) -> str | None:
@@ -102,40 +104,42 @@ class EpisodeRunner:
     def __init__(
         self,
         source: PolicySource,
-        limits: TimeLimits,
+        job: Job,
         clock: EpisodeClock | None = None,
         *,
-        look: str = DEFAULT,
-        recording: RecordingPlan | None = None,
         is_interruptible: bool = True,
     ) -> None:
         """Take a policy; environments are made when they are needed.
 
         Args:
-            source: The policy, which belongs to the runner from now on.
-            limits: How long it may take.
+            source: The policy of the job, which belongs to the runner from now on.
+            job: How it plays.
             clock: Where its times are noted, for another process.
-            look: Name of the look of every image, videos included.
-            recording: Whether and where its episodes are recorded.
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
 
         Raises:
-            DuoBenchError: If the policy expects what no environment has.
+            UnknownNameError: The policy expects a camera or an action mode that does not exist.
+            OptionError: It expects images of an invalid size, or another control rate.
         """
         self._source = source
-        self._limits = limits
+        self._limits = job.limits
+        self._recording = job.recording
         self._clock = clock or EpisodeClock()
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
         self._task: TaskInfo | None = None
         self._env: gym.Env | None = None
         self._policy: Policy | None = None
         self._renderer: Renderer | None = None
-        metadata = self._source.metadata
-        config = config_for(metadata, look)
-        if recording is not None:
-            config = replace(config, split=recording.split)
-        self._recording = recording
         self._recorder: Recorder | None = None
+        metadata = source.metadata
+        config = EnvConfig(
+            cameras=metadata.cameras,
+            action_mode=metadata.action_mode,
+            control_rate_hz=metadata.control_rate_hz,
+            image_size=metadata.image_size or IMAGE_SIZE,
+            split=job.recording.split if job.recording else EVAL,
+            look=job.look,
+        )
         renderer = describe().renderer if config.cameras else None
         self.setup = Setup(
             policy=source.name,

@@ -31,12 +31,13 @@ from duobench.errors import (
     DuoBenchError,
     EvaluationError,
     MachineryError,
+    MessageError,
     printable,
     traceback_text,
 )
-from duobench.evaluation.choice import PolicyChoice, find_source
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
-from duobench.evaluation.limits import EpisodeClock, TimeLimits
+from duobench.evaluation.choice import find_source
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
+from duobench.evaluation.limits import EpisodeClock
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.policy.serving import importing
@@ -59,16 +60,6 @@ _START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[3]); "
     "from duobench.evaluation.worker import work; work(int(sys.argv[1]), int(sys.argv[2]))"
 )
-
-
-class Begin(msgspec.Struct, tag=True, frozen=True):
-    """To a worker: make the policy."""
-
-    policy: PolicyChoice
-    tasks: tuple[TaskInfo, ...]
-    limits: TimeLimits
-    look: str
-    recording: RecordingPlan | None = None
 
 
 class Play(msgspec.Struct, tag=True, frozen=True):
@@ -113,16 +104,9 @@ class Rejected(msgspec.Struct, tag=True, frozen=True):
     message: str
 
 
-Order = Begin | Play | Stop
+Order = Job | Play | Stop
+"""To a worker: a job comes first."""
 Report = Ready | Hosting | Finished | Faulty | Rejected
-
-
-class ClosedError(Exception):
-    """The other end of the channel is closed."""
-
-
-class UnreadableError(Exception):
-    """What arrived is no message of the expected kind."""
 
 
 class Channel(Generic[T]):
@@ -156,20 +140,20 @@ class Channel(Generic[T]):
         message leaves it incomplete, also while a child of it keeps the channel open.
 
         Raises:
-            ClosedError: The other end is closed.
-            UnreadableError: A message is none of the expected kind.
+            EOFError: The other end is closed.
+            MessageError: A message is none of the expected kind.
         """
         try:
             piece = self.socket.recv(_PIECE)
         except ConnectionError:
             piece = b""
         if not piece:
-            raise ClosedError
+            raise EOFError
         self._received += piece
         while len(self._received) >= _LENGTH.size:
             (length,) = _LENGTH.unpack_from(self._received)
             if length > _LONGEST:
-                raise UnreadableError(f"{length} bytes long")
+                raise MessageError(f"{length} bytes long")
             end = _LENGTH.size + length
             if len(self._received) < end:
                 return
@@ -178,7 +162,7 @@ class Channel(Generic[T]):
             try:
                 message = self._decoder.decode(data)
             except (msgspec.MsgspecError, DuoBenchError) as error:
-                raise UnreadableError(str(error)) from error
+                raise MessageError(str(error)) from error
             yield message
 
     def close(self) -> None:
@@ -189,11 +173,11 @@ class Channel(Generic[T]):
 class Worker:
     """A worker as its parent sees it."""
 
-    def __init__(self, begin: Begin) -> None:
+    def __init__(self, job: Job) -> None:
         """Start the process and have it make the policy.
 
         Args:
-            begin: What it will play.
+            job: What it will play.
 
         Raises:
             MachineryError: The process cannot be started.
@@ -227,7 +211,7 @@ class Worker:
         finally:
             theirs.close()
             os.close(memory)
-        self.send(begin)
+        self.send(job)
 
     def send(self, order: Order) -> None:
         """Give an order; whether the worker still lives is found out elsewhere."""
@@ -312,21 +296,14 @@ def work(connection: int, clock: int) -> None:
 
 def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: EpisodeClock) -> None:
     """Make the policy, then play one episode after the other."""
-    begin = orders.get()
-    if not isinstance(begin, Begin):
+    job = orders.get()
+    if not isinstance(job, Job):
         return
-    source = find_source(begin.policy, begin.tasks, begin.limits)
+    source = find_source(job.policy, job.tasks, job.limits)
     if source.batch_policy is not None:
         _host(channel, orders, clock, source)
         return
-    runner = EpisodeRunner(
-        source,
-        begin.limits,
-        clock,
-        look=begin.look,
-        recording=begin.recording,
-        is_interruptible=False,
-    )
+    runner = EpisodeRunner(source, job, clock, is_interruptible=False)
     _report(channel, Ready(setup=runner.setup))
     while isinstance(order := orders.get(), Play):
         try:
@@ -378,6 +355,6 @@ def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order], parent: i
             if wait([channel.socket], LOOK_S):
                 for order in channel.receive():
                     orders.put(order)
-    except (ClosedError, OSError):
+    except (EOFError, OSError):
         pass
     _end_group()
