@@ -77,8 +77,7 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """Whether and where episodes are recorded."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class EpisodeResult:
+class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """An episode that was played."""
 
     record: EpisodeRecord

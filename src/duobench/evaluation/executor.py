@@ -20,7 +20,6 @@ from duobench.evaluation.records import EpisodeRecorder
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.worker import (
     Faulty,
-    Finished,
     Hosting,
     Play,
     Ready,
@@ -273,9 +272,9 @@ class ProcessExecutor(_JobExecutor):
                 worker.is_ready = True
                 served = replace(self._job.policy, server=server)
                 self._for_workers = msgspec.structs.replace(self._job, policy=served)
-            case Finished(result=result):
+            case EpisodeResult():
                 worker.episode = None
-                yield result
+                yield report
             case Faulty(fault=fault):
                 if self._host and (death := self._host.death_within(HOST_DEATH_S)):
                     fault = f"of the policy, {death}"

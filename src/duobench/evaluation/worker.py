@@ -84,12 +84,6 @@ class Hosting(msgspec.Struct, tag=True, frozen=True):
     server: RemoteServer
 
 
-class Finished(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: an episode is over."""
-
-    result: EpisodeResult
-
-
 class Faulty(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the episode could not be played; play it again."""
 
@@ -106,7 +100,7 @@ class Rejected(msgspec.Struct, tag=True, frozen=True):
 
 Order = Job | Play | Stop
 """To a worker: a job comes first."""
-Report = Ready | Hosting | Finished | Faulty | Rejected
+Report = Ready | Hosting | EpisodeResult | Faulty | Rejected
 
 
 class Channel(Generic[T]):
@@ -307,7 +301,7 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
     _report(channel, Ready(setup=runner.setup))
     while isinstance(order := orders.get(), Play):
         try:
-            report = Finished(result=runner.play(order.episode))
+            report = runner.play(order.episode)
         except MachineryError as fault:
             report = Faulty(fault=printable(str(fault)))
         _report(channel, report)
