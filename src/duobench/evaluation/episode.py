@@ -5,8 +5,9 @@ from __future__ import annotations
 import logging
 import random
 import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 
 import gymnasium as gym
@@ -105,6 +106,7 @@ class EpisodeRunner:
         source: PolicySource,
         job: Job,
         clock: EpisodeClock | None = None,
+        tell: Callable[[EpisodeRecord], None] = lambda _record: None,
         *,
         is_interruptible: bool = True,
     ) -> None:
@@ -114,6 +116,7 @@ class EpisodeRunner:
             source: The policy of the job, which belongs to the runner from now on.
             job: How it plays.
             clock: Where its times are noted, for another process.
+            tell: Takes the record of an episode so far, whenever it has reached a new stage.
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
 
         Raises:
@@ -124,6 +127,7 @@ class EpisodeRunner:
         self._limits = job.limits
         self._recording = job.recording
         self._clock = clock or EpisodeClock()
+        self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
         self._task: TaskInfo | None = None
         self._env: gym.Env | None = None
@@ -162,7 +166,7 @@ class EpisodeRunner:
         """
         start = time.perf_counter()
         env, policy = self._prepare(episode.task)
-        recorder = EpisodeRecorder(episode)
+        recorder = EpisodeRecorder(episode, lambda: self._tell(recorder.record(self.setup)))
         watchers: list[Watcher] = [recorder]
         if self._recorder is not None:
             self._recorder.begin_as(episode.name)
@@ -171,8 +175,11 @@ class EpisodeRunner:
             watchers.append(video)
         random.seed(episode.seed)
         np.random.seed(episode.seed)  # noqa: NPY002 - the generator that policies share
+
+        def busy() -> AbstractContextManager[None]:
+            return self._clock.timed(self._limits, recorder.steps)
+
         error = None
-        busy = partial(self._clock.timed, self._limits)
         try:
             with self._clock.playing():
                 rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)

@@ -22,6 +22,7 @@ from duobench.evaluation.worker import (
     Faulty,
     Hosting,
     Play,
+    Reached,
     Ready,
     Rejected,
     Report,
@@ -217,7 +218,7 @@ class ProcessExecutor(_JobExecutor):
         for worker in self._workers:
             if worker.is_ready and worker.episode is None and self._left():
                 worker.episode = self._next(worker.task)
-                worker.task = worker.episode.task
+                worker.task, worker.reached = worker.episode.task, None
                 worker.send(Play(episode=worker.episode))
         starting = sum(not worker.is_ready for worker in self._workers)
         wanted = min(self._left() - starting, self._most - len(self._workers))
@@ -272,6 +273,8 @@ class ProcessExecutor(_JobExecutor):
                 worker.is_ready = True
                 served = replace(self._job.policy, server=server)
                 self._for_workers = msgspec.structs.replace(self._job, policy=served)
+            case Reached(record=record):
+                worker.reached = record
             case EpisodeResult():
                 worker.episode = None
                 yield report
@@ -332,9 +335,9 @@ class ProcessExecutor(_JobExecutor):
         if worker.episode is None or self._setup is None:
             return
         if late := worker.clock.late(self._job.limits):
-            record = EpisodeRecorder(worker.episode).record(self._setup, late)
             self._workers.remove(worker)
             worker.kill()
-            yield EpisodeResult(record=record)
+            record = worker.reached or EpisodeRecorder(worker.episode).record(self._setup)
+            yield EpisodeResult(record=record.stopped(late, worker.clock.steps))
         elif worker.clock.episode_s() > self._job.limits.episode_s + GRACE_S:
             self._replace(worker, "the simulation did not come back within the time limit.")

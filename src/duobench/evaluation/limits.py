@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from duobench.errors import EvaluationError, PolicyTimeoutError
 from duobench.policy.serving.address import MAX_S
 
-_EPISODE, _ANSWER = range(2)
+_EPISODE, _ANSWER, _STEPS = range(3)
 _NO_FILE = -1
 _HEALTH_CHECK_S = 10.0
 """Seconds of a time limit that are kept for looking after a server."""
@@ -44,14 +44,14 @@ class TimeLimits:
 
 
 class EpisodeClock:
-    """Since when an episode runs, and since when its policy is busy.
+    """Since when an episode runs, since when its policy is busy, and after how many steps.
 
-    The times lie in shared memory, so that another process sees them even while a policy keeps
+    The numbers lie in shared memory, so that another process sees them even while a policy keeps
     this one from doing anything at all.
     """
 
-    SIZE = 2 * 8
-    """Bytes that it takes: two doubles."""
+    SIZE = 3 * 8
+    """Bytes that it takes: three doubles."""
 
     def __init__(self, file: int = _NO_FILE) -> None:
         """Make a clock.
@@ -59,7 +59,7 @@ class EpisodeClock:
         Args:
             file: Descriptor of a memory file of `SIZE` bytes that another process has too.
         """
-        self._since = memoryview(mmap.mmap(file, self.SIZE)).cast("d")
+        self._numbers = memoryview(mmap.mmap(file, self.SIZE)).cast("d")
 
     def playing(self) -> AbstractContextManager[None]:
         """An episode runs as long as the block lasts."""
@@ -70,12 +70,17 @@ class EpisodeClock:
         return self._running(_ANSWER)
 
     @contextmanager
-    def timed(self, limits: TimeLimits) -> Iterator[None]:
+    def timed(self, limits: TimeLimits, steps: int) -> Iterator[None]:
         """The policy thinks as long as the block lasts, which is checked at its end.
+
+        Args:
+            limits: How long it may take.
+            steps: Control steps that the episode has had.
 
         Raises:
             PolicyTimeoutError: It took too long, or the episode did.
         """
+        self._numbers[_STEPS] = steps
         with self.answering():
             yield
             if late := self.late(limits):
@@ -94,6 +99,11 @@ class EpisodeClock:
             )
         return None
 
+    @property
+    def steps(self) -> int:
+        """Control steps that the episode had when its policy was last asked."""
+        return int(self._numbers[_STEPS])
+
     def episode_s(self) -> float:
         """Seconds since the episode began, 0 between episodes."""
         return self._seconds(_EPISODE)
@@ -104,12 +114,12 @@ class EpisodeClock:
 
     @contextmanager
     def _running(self, which: int) -> Iterator[None]:
-        self._since[which] = time.monotonic()
+        self._numbers[which] = time.monotonic()
         try:
             yield
         finally:
-            self._since[which] = 0.0
+            self._numbers[which] = 0.0
 
     def _seconds(self, which: int) -> float:
-        since = self._since[which]
+        since = self._numbers[which]
         return time.monotonic() - since if since else 0.0

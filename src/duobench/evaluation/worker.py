@@ -39,6 +39,7 @@ from duobench.evaluation.choice import find_source
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.limits import EpisodeClock
 from duobench.evaluation.policies import PolicySource
+from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
@@ -84,6 +85,13 @@ class Hosting(msgspec.Struct, tag=True, frozen=True):
     server: RemoteServer
 
 
+class Reached(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the episode has begun, or reached a new stage."""
+
+    record: EpisodeRecord
+    """Its record so far."""
+
+
 class Faulty(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the episode could not be played; play it again."""
 
@@ -100,7 +108,7 @@ class Rejected(msgspec.Struct, tag=True, frozen=True):
 
 Order = Job | Play | Stop
 """To a worker: a job comes first."""
-Report = Ready | Hosting | EpisodeResult | Faulty | Rejected
+Report = Ready | Hosting | Reached | EpisodeResult | Faulty | Rejected
 
 
 class Channel(Generic[T]):
@@ -187,6 +195,8 @@ class Worker:
         """Whether it has made the policy."""
         self.episode: Episode | None = None
         """What it is playing."""
+        self.reached: EpisodeRecord | None = None
+        """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
         """The task whose environment it has."""
         files = (theirs.fileno(), memory)
@@ -297,7 +307,13 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
     if source.batch_policy is not None:
         _host(channel, orders, clock, source)
         return
-    runner = EpisodeRunner(source, job, clock, is_interruptible=False)
+    runner = EpisodeRunner(
+        source,
+        job,
+        clock,
+        lambda record: _report(channel, Reached(record=record)),
+        is_interruptible=False,
+    )
     _report(channel, Ready(setup=runner.setup))
     while isinstance(order := orders.get(), Play):
         try:
