@@ -13,6 +13,8 @@ from duobench.policy.serving.address import MAX_S
 
 _EPISODE, _ANSWER, _STEPS = range(3)
 _NO_FILE = -1
+_ENDLESS_S = 1e9
+"""A limit in seconds that is as good as none, for JSON knows no infinity."""
 _HEALTH_CHECK_S = 10.0
 """Seconds of a time limit that are kept for looking after a server."""
 
@@ -27,12 +29,14 @@ class TimeLimits:
     """Seconds for an episode; it is checked whenever the policy is asked."""
 
     def __post_init__(self) -> None:
-        """Reject limits that are not positive."""
+        """Reject limits that are not positive; infinite ones become very long."""
         if not (self.act_s > 0 and self.episode_s > 0):
             raise EvaluationError(
                 f"Time limits are positive, got {self.act_s} s for an answer and {self.episode_s} "
                 "s for an episode."
             )
+        object.__setattr__(self, "act_s", min(self.act_s, _ENDLESS_S))
+        object.__setattr__(self, "episode_s", min(self.episode_s, _ENDLESS_S))
 
     @property
     def served_s(self) -> float:
