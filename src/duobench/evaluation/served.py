@@ -4,26 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
+from pkgutil import resolve_name
 from types import MappingProxyType
-from typing import Protocol
+from typing import Any
 
-from duobench.policy import Batching, Policy
 from duobench.policy.serving import importing
 from duobench.policy.serving.address import WEBSOCKET, RemoteServer
-
-
-class ServedPolicy(Policy, Protocol):
-    """A policy that is asked at a server."""
-
-    @property
-    def batching(self) -> Batching | None:
-        """How many observations it answers together, if it tells."""
-        ...
-
-    def close(self) -> None:
-        """Close the connection."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -35,16 +21,18 @@ class ServerKind:
     schemes: tuple[str, ...] = WEBSOCKET
     """What the address of such a server may begin with."""
 
-    def connect(self, server: RemoteServer) -> ServedPolicy:
+    def connect(self, server: RemoteServer) -> Any:
         """Connect to a server of this kind.
+
+        Returns:
+            The policy there: a `Policy` with `batching` (None if unknown) and `close`.
 
         Raises:
             ServingError: If the server cannot be asked, or a package is missing.
             MachineryError: If there is no server.
         """
-        module, _, name = self.client.partition(":")
         with importing():
-            client = getattr(import_module(module), name)
+            client = resolve_name(self.client)
         return client(server)
 
 
