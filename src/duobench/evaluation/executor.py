@@ -19,6 +19,7 @@ from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecorder
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.worker import (
+    LOOK_S,
     Faulty,
     Hosting,
     Play,
@@ -105,11 +106,7 @@ class _JobExecutor:
         self._faults: Counter[Episode] = Counter()
 
     def _note_fault(self, episode: Episode, fault: str) -> None:
-        """Note a fault of the machinery; the episode is to be played again.
-
-        Raises:
-            MachineryError: If it was played often enough.
-        """
+        """Note a fault of the machinery; an episode that had too many of them ends the run."""
         self._faults[episode] += 1
         if self._faults[episode] == MAX_ATTEMPTS:
             raise MachineryError(
@@ -244,11 +241,11 @@ class ProcessExecutor(_JobExecutor):
             reports, fault = [], None
             try:
                 if worker.channel.socket in news:
-                    reports = list(worker.channel.receive())
+                    reports = worker.channel.receive()
                 else:
                     fault = worker.death()
             except EOFError:
-                fault = worker.last_words()
+                fault = worker.death_within(LOOK_S) or "its process closed the connection."
             except MessageError as error:
                 fault = f"its result cannot be read ({error})."
             for report in reports:

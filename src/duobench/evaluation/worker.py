@@ -14,12 +14,10 @@ import queue
 import secrets
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -46,9 +44,8 @@ from duobench.policy.serving.address import RemoteServer
 
 T = TypeVar("T")
 
-_LENGTH = struct.Struct("!Q")
 _PIECE = 1 << 20
-_LONGEST = 1 << 30
+"""Bytes that are read at a time."""
 _KEY_BYTES = 32
 """Random bytes of the key of a hosted policy."""
 _HOST_WAIT_S = 5.0
@@ -112,7 +109,7 @@ Report = Ready | Hosting | Reached | EpisodeResult | Faulty | Rejected
 
 
 class Channel(Generic[T]):
-    """One end of a connection: sends any message, receives those of one kind."""
+    """One end of a connection, on which every message is a line of JSON."""
 
     def __init__(self, connection: socket.socket, kind: type[T]) -> None:
         """Take a connected socket.
@@ -122,9 +119,9 @@ class Channel(Generic[T]):
             kind: Type of the messages that are received, or a union of such types.
         """
         self.socket = connection
-        """The socket, to wait for."""
-        self._decoder = msgspec.msgpack.Decoder(kind)
-        self._received = bytearray()
+        """The socket, to wait for, and to close."""
+        self._decoder = msgspec.json.Decoder(kind)
+        self._rest = b""
 
     def send(self, message: Order | Report) -> None:
         """Send a message.
@@ -132,11 +129,10 @@ class Channel(Generic[T]):
         Raises:
             OSError: The other end is closed.
         """
-        data = msgspec.msgpack.encode(message)
-        self.socket.sendall(_LENGTH.pack(len(data)) + data)
+        self.socket.sendall(msgspec.json.encode(message) + b"\n")
 
-    def receive(self) -> Iterator[T]:
-        """Read what has arrived, and give the messages that are complete.
+    def receive(self) -> list[T]:
+        """Read what has arrived; the messages that are complete.
 
         It waits only if nothing has arrived: an end of the channel that dies in the middle of a
         message leaves it incomplete, also while a child of it keeps the channel open.
@@ -151,25 +147,11 @@ class Channel(Generic[T]):
             piece = b""
         if not piece:
             raise EOFError
-        self._received += piece
-        while len(self._received) >= _LENGTH.size:
-            (length,) = _LENGTH.unpack_from(self._received)
-            if length > _LONGEST:
-                raise MessageError(f"{length} bytes long")
-            end = _LENGTH.size + length
-            if len(self._received) < end:
-                return
-            data = bytes(self._received[_LENGTH.size : end])
-            del self._received[:end]
-            try:
-                message = self._decoder.decode(data)
-            except (msgspec.MsgspecError, DuoBenchError) as error:
-                raise MessageError(str(error)) from error
-            yield message
-
-    def close(self) -> None:
-        """Close this end."""
-        self.socket.close()
+        *lines, self._rest = (self._rest + piece).split(b"\n")
+        try:
+            return [self._decoder.decode(line) for line in lines]
+        except (msgspec.MsgspecError, DuoBenchError) as error:
+            raise MessageError(str(error)) from error
 
 
 class Worker:
@@ -177,9 +159,6 @@ class Worker:
 
     def __init__(self, job: Job) -> None:
         """Start the process and have it make the policy.
-
-        Args:
-            job: What it will play.
 
         Raises:
             MachineryError: The process cannot be started.
@@ -245,10 +224,6 @@ class Worker:
             time.sleep(seconds / 100)
         return death
 
-    def last_words(self) -> str:
-        """Why it has closed the connection."""
-        return self.death_within(LOOK_S) or "its process closed the connection."
-
     def kill(self) -> None:
         """End the process and all of its group."""
         with suppress(OSError):
@@ -256,7 +231,7 @@ class Worker:
         # A process that a driver keeps from dying is not waited for.
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(DEATH_S)
-        self.channel.close()
+        self.channel.socket.close()
 
 
 def _module_folders() -> list[str]:
