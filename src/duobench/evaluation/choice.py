@@ -26,11 +26,6 @@ class PolicyChoice:
     server: RemoteServer | None = None
     """Where it is served."""
 
-    @staticmethod
-    def of(policy: str | PolicyChoice) -> PolicyChoice:
-        """A choice from what may be a name only."""
-        return PolicyChoice(name=policy) if isinstance(policy, str) else policy
-
     def check(self) -> None:
         """Reject what cannot be chosen, without making a policy.
 
@@ -50,11 +45,6 @@ def find_source(
     choice: PolicyChoice, tasks: Sequence[TaskInfo], limits: TimeLimits
 ) -> PolicySource:
     """Make the policy of a choice, or connect to it.
-
-    Args:
-        choice: What was chosen.
-        tasks: What it will play.
-        limits: How long it may take; a server gets a little less.
 
     Raises:
         UnknownNameError: If there is no policy of that name.

@@ -29,7 +29,7 @@ from duobench.errors import (
 )
 from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.limits import EpisodeClock, TimeLimits
-from duobench.evaluation.policies import PolicySource, is_expert
+from duobench.evaluation.policies import PolicySource, expert_variety
 from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
@@ -192,11 +192,9 @@ class EpisodeRunner:
             raise
         except BaseException as caught:  # noqa: BLE001 - kept in the record
             error = caught
-        if error is not None:
             if self._recorder is not None:
-                self._recorder.finish(
-                    kept=False, reason=printable(f"{type(error).__name__}: {error}")
-                )
+                reason = printable(f"{type(error).__name__}: {error}")
+                self._recorder.finish(kept=False, reason=reason)
             self._close_environment()  # whatever broke may have left it in any state
         return EpisodeResult(
             record=recorder.record(self.setup, error),
@@ -232,12 +230,9 @@ class EpisodeRunner:
 
     def _recorded(self, env: gym.Env, plan: RecordingPlan) -> Recorder:
         """An environment that records what is played in it."""
-        metadata = self.setup.metadata
-        actor = Actor(
-            kind=ActorKind.EXPERT if is_expert(self.setup.policy) else ActorKind.POLICY,
-            name=self.setup.policy,
-            version=metadata.version,
-        )
+        name, version = self.setup.policy, self.setup.metadata.version
+        kind = ActorKind.POLICY if expert_variety(name) is None else ActorKind.EXPERT
+        actor = Actor(kind=kind, name=name, version=version)
         return Recorder(env, DataSet(Path(plan.folder)), actor, keep=plan.keeps)
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:

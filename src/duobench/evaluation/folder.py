@@ -61,15 +61,14 @@ class RunFolder:
                 raise OtherRunError(
                     f"{self.path} holds another evaluation; this one has {'; '.join(differences)}."
                 )
-        elif self.path.exists() and not all(map(self._is_unfinished, self.path.iterdir())):
+        elif self.path.exists() and not all(
+            each.match(f".{self.description.name}.*{TEMPORARY_SUFFIX}")  # of a run that was killed
+            for each in self.path.iterdir()
+        ):
             raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
         if run != before:
             write(self.description, run.to_json())
         remove_temporary(self.path)
-
-    def _is_unfinished(self, path: Path) -> bool:
-        """Whether it is a description that a killed run was writing."""
-        return path.match(f".{self.description.name}.*{TEMPORARY_SUFFIX}")
 
     def locked(self) -> AbstractContextManager[None]:
         """Keep a second evaluation out of the folder; see `duobench.files.locked`."""
@@ -141,10 +140,8 @@ class RunFolder:
 
     def discard(self, record: EpisodeRecord) -> None:
         """Remove record and video of an episode, which makes it one that is still to be played."""
-        for path in (
-            self.video(record.task, record.episode),
-            self.record(record.task, record.episode),
-        ):
+        for name in (self.video, self.record):
+            path = name(record.task, record.episode)
             with writing(path):
                 path.unlink(missing_ok=True)
 

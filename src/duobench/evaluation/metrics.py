@@ -160,12 +160,7 @@ def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
 
 
 def summarize(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Results:
-    """Results of a run.
-
-    Args:
-        tasks: Its tasks.
-        records: Its finished episodes, in any order.
-    """
+    """Results of a run from its tasks and its finished episodes, in any order."""
     each = tuple(task_result(task, records) for task in tasks)
     categories = tuple(
         score(category, [r for one in each if one.task.category == category for r in one.records])

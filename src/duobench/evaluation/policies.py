@@ -62,24 +62,21 @@ class ExpertPolicy(Expert):
         self.metadata = _expert_metadata(variety)
 
 
-def is_expert(name: str) -> bool:
-    """Whether a name is that of the scripted experts."""
-    return name.partition(":")[0] == EXPERT
+def expert_variety(name: str) -> Variety | None:
+    """The variety of the expert that a name asks for; None if it is that of another policy.
+
+    Raises:
+        UnknownNameError: There is no such variety.
+    """
+    first, is_varied, variety = name.partition(":")
+    if first != EXPERT:
+        return None
+    return find_variety(variety) if is_varied else NONE
 
 
 def _expert_metadata(variety: Variety) -> PolicyMetadata:
     name = EXPERT if variety is NONE else f"{EXPERT}:{variety.name}"
     return PolicyMetadata(name=name, cameras=())
-
-
-def _variety(name: str) -> Variety:
-    """The variety that the name of an expert asks for.
-
-    Raises:
-        UnknownNameError: There is no such variety.
-    """
-    _, is_varied, variety = name.partition(":")
-    return find_variety(variety) if is_varied else NONE
 
 
 def check_name(name: str) -> None:
@@ -91,9 +88,7 @@ def check_name(name: str) -> None:
     """
     if not name.isprintable():
         raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
-    if is_expert(name):
-        _variety(name)
-    elif ":" not in name and name not in BASELINES:
+    if expert_variety(name) is None and ":" not in name and name not in BASELINES:
         experts = [EXPERT, *(f"{EXPERT}:{variety}" for variety in VARIETIES)]
         known = [*experts, *BASELINES, *SERVED, "lerobot:PATH_OR_ID", "module:attribute"]
         raise UnknownNameError("policy", name, known)
@@ -116,8 +111,8 @@ def source(
             has no expert.
     """
     check_name(name)
-    if is_expert(name):
-        variety = _variety(name)
+    variety = expert_variety(name)
+    if variety is not None:
         modules = {find_script(task.reference).__module__ for task in tasks}
         if variety is not NONE:
             modules.add(Variety.__module__)

@@ -45,11 +45,8 @@ def read_results(folder: RunFolder) -> tuple[Run, Results]:
 def write_report(folder: RunFolder) -> Results:
     """Compute everything from the records in a folder, and write it beside them.
 
-    Args:
-        folder: The folder of a run, finished or not.
-
     Returns:
-        What the records add up to.
+        What the records of the run, finished or not, add up to.
 
     Raises:
         EvaluationError: If the folder holds no run, or a record cannot be read.
