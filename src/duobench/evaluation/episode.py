@@ -196,8 +196,9 @@ class EpisodeRunner:
                 reason = printable(f"{type(error).__name__}: {error}")
                 self._recorder.finish(kept=False, reason=reason)
             self._close_environment()  # whatever broke may have left it in any state
+        record = recorder.record(self.setup)
         return EpisodeResult(
-            record=recorder.record(self.setup, error),
+            record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
             seconds=time.perf_counter() - start,
         )

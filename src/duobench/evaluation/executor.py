@@ -335,6 +335,6 @@ class ProcessExecutor(_JobExecutor):
             self._workers.remove(worker)
             worker.kill()
             record = worker.reached or EpisodeRecorder(worker.episode).record(self._setup)
-            yield EpisodeResult(record=record.stopped(late, worker.clock.steps))
+            yield EpisodeResult(record=record.broken(late, worker.clock.steps))
         elif worker.clock.episode_s() > self._job.limits.episode_s + GRACE_S:
             self._replace(worker, "the simulation did not come back within the time limit.")

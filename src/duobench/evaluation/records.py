@@ -108,11 +108,13 @@ class EpisodeRecord:
         """Stage after that many control steps; the last one stays once the episode is over."""
         return max((stage for when, stage in self.stage_changes if when <= step), default=0)
 
-    def stopped(self, error: PolicyTimeoutError, steps: int) -> EpisodeRecord:
-        """The record of the episode if its policy is stopped, so many steps after its start."""
-        return replace(
-            self, success=False, success_at_end=False, steps=steps, error=_error_text(error)
-        )
+    def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
+        """The record of the episode if it breaks off, so many control steps after its start."""
+        if isinstance(error, PolicyTimeoutError):  # nobody knows where it was stuck
+            text = f"{type(error).__name__}: {error}\n"
+        else:
+            text = traceback_text(error)
+        return replace(self, success=False, success_at_end=False, steps=steps, error=text)
 
     def to_json(self) -> str:
         """As JSON text, one field a line; the same record always gives the same text."""
@@ -179,13 +181,8 @@ class EpisodeRecorder:
         """Highest stage so far."""
         return self._stage_changes[-1][1] if self._stage_changes else 0
 
-    def record(self, setup: Setup, error: BaseException | None = None) -> EpisodeRecord:
-        """The record of the episode.
-
-        Args:
-            setup: What played it.
-            error: What broke the episode.
-        """
+    def record(self, setup: Setup) -> EpisodeRecord:
+        """The record of the episode so far, which such a set-up plays."""
         task, last = self._episode.task, self._last
         return EpisodeRecord(
             suite_version=SUITE_VERSION,
@@ -196,8 +193,8 @@ class EpisodeRecorder:
             policy_version=setup.metadata.version,
             config=setup.config,
             instruction=self._instruction,
-            success=self.stage == task.max_stage and error is None,
-            success_at_end=bool(last and last.info["success_at_end"]) and error is None,
+            success=self.stage == task.max_stage,
+            success_at_end=bool(last and last.info["success_at_end"]),
             final_stage=self.stage,
             max_stage=task.max_stage,
             stage_changes=tuple(self._stage_changes),
@@ -205,15 +202,8 @@ class EpisodeRecorder:
             horizon=task.horizon,
             terminated=bool(last and last.terminated),
             truncated=bool(last and last.truncated),
-            error=None if error is None else _error_text(error),
+            error=None,
             layout=self._layout,
             state_hash=self._state_hash,
             versions=setup.versions,
         )
-
-
-def _error_text(error: BaseException) -> str:
-    """The traceback; of a late answer only what it is, since nobody knows where it was stuck."""
-    if isinstance(error, PolicyTimeoutError):
-        return f"{type(error).__name__}: {error}\n"
-    return traceback_text(error)
