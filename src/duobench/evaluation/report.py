@@ -11,17 +11,9 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from duobench.evaluation import figures
-from duobench.evaluation.figures import ink_on, stage_colours
+from duobench.evaluation import figures, metrics
 from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.metrics import (
-    Results,
-    Score,
-    interval_percent,
-    percent,
-    progress_text,
-    summarize,
-)
+from duobench.evaluation.metrics import Results, Score, summarize
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Run
 from duobench.files import write
@@ -112,12 +104,9 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
         suite=run.suite,
         results=results,
         set_ups=dict.fromkeys(tuple(record.versions.items()) for record in records),
-        figures={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
+        svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
         control_rate_hz=CONTROL_HZ,
-        colours=stage_colours,
-        ink_on=ink_on,
-        percent=percent,
-        interval_percent=interval_percent,
-        progress_text=progress_text,
+        figures=figures,
+        metrics=metrics,
         video=video,
     )

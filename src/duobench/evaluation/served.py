@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pkgutil import resolve_name
 from types import MappingProxyType
-from typing import Any
 
-from duobench.policy.serving import importing
-from duobench.policy.serving.address import WEBSOCKET, RemoteServer
+from duobench.policy.serving.address import WEBSOCKET
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -17,23 +14,10 @@ class ServerKind:
     """How servers of one kind are asked."""
 
     client: str
-    """Import path of the class that connects when it is called with a `RemoteServer`."""
+    """Import path of the class that connects when it is called with a `RemoteServer`: a `Policy`
+    that also has `batching`, None if that is unknown, and `close`."""
     schemes: tuple[str, ...] = WEBSOCKET
     """What the address of such a server may begin with."""
-
-    def connect(self, server: RemoteServer) -> Any:
-        """Connect to a server of this kind.
-
-        Returns:
-            The policy there: a `Policy` with `batching` (None if unknown) and `close`.
-
-        Raises:
-            ServingError: If the server cannot be asked, or a package is missing.
-            MachineryError: If there is no server.
-        """
-        with importing():
-            client = resolve_name(self.client)
-        return client(server)
 
 
 OPENPI = ServerKind(client="duobench.policy.serving.client:RemotePolicy")
