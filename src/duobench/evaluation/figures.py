@@ -112,20 +112,13 @@ def _stage_bar(axes: Axes, row: int, result: TaskResult) -> None:
         share = count / result.score.episodes
         if not count:
             continue
-        axes.barh(row, share, left=left, height=0.68, color=colours[stage], linewidth=0)
+        colour = colours[stage]
+        bar = axes.barh(row, share, left=left, height=0.68, color=colour, linewidth=0)
         if left:
             axes.plot([left, left], [row - 0.34, row + 0.34], color="white", linewidth=0.8)
         if share >= _SHORTEST_LABELLED:
             label = "✓" if stage == result.task.max_stage else str(stage)
-            axes.text(
-                left + share / 2,
-                row,
-                label,
-                ha="center",
-                va="center",
-                color=ink_on(colours[stage]),
-                fontsize=8,
-            )
+            axes.bar_label(bar, [label], label_type="center", color=ink_on(colour), fontsize=8)
         left += share
 
 
