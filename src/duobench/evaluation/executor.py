@@ -24,7 +24,6 @@ from duobench.evaluation.worker import (
     Hosting,
     Play,
     Reached,
-    Ready,
     Rejected,
     Report,
     Stop,
@@ -258,10 +257,10 @@ class ProcessExecutor(_JobExecutor):
     def _take(self, worker: Worker, report: Report) -> Iterator[EpisodeResult]:
         """Act on a report."""
         match report:
-            case Ready(setup=setup):
-                if self._setup not in (None, setup):
+            case Setup():
+                if self._setup not in (None, report):
                     raise EvaluationError("The policy has changed while the run was going on.")
-                self._setup = setup
+                self._setup = report
                 self._failed_starts = 0
                 worker.is_ready = True
             case Hosting(server=server):

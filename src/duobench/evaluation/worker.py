@@ -46,8 +46,6 @@ T = TypeVar("T")
 
 _PIECE = 1 << 20
 """Bytes that are read at a time."""
-_KEY_BYTES = 32
-"""Random bytes of the key of a hosted policy."""
 _HOST_WAIT_S = 5.0
 """Seconds to wait for a host that has said that it listens."""
 LOOK_S = 1.0
@@ -68,12 +66,6 @@ class Play(msgspec.Struct, tag=True, frozen=True):
 
 class Stop(msgspec.Struct, tag=True, frozen=True):
     """To a worker: free everything and leave."""
-
-
-class Ready(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the policy is made."""
-
-    setup: Setup
 
 
 class Hosting(msgspec.Struct, tag=True, frozen=True):
@@ -104,8 +96,9 @@ class Rejected(msgspec.Struct, tag=True, frozen=True):
 
 
 Order = Job | Play | Stop
-"""To a worker: a job comes first."""
-Report = Ready | Hosting | Reached | EpisodeResult | Faulty | Rejected
+"""To a worker; a job comes first, which has it make the policy."""
+Report = Setup | Hosting | Reached | EpisodeResult | Faulty | Rejected
+"""From a worker; the set-up says that the policy is made."""
 
 
 class Channel(Generic[T]):
@@ -289,7 +282,7 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
         lambda record: _report(channel, Reached(record=record)),
         is_interruptible=False,
     )
-    _report(channel, Ready(setup=runner.setup))
+    _report(channel, runner.setup)
     while isinstance(order := orders.get(), Play):
         try:
             report = runner.play(order.episode)
@@ -310,7 +303,7 @@ def _host(
         from duobench.policy.serving.host import PolicyHost
     if source.batch_policy is None or source.batching is None:
         raise AssertionError("Only a batch policy is hosted.")
-    key = secrets.token_urlsafe(_KEY_BYTES)
+    key = secrets.token_urlsafe()
     host = PolicyHost(
         source.batch_policy, source.metadata, source.batching, key=key, busy=clock.answering
     )
