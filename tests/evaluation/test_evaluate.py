@@ -171,6 +171,14 @@ def test_impossible_time_limit_is_refused(limits: dict[str, float]) -> None:
         TimeLimits(**limits)
 
 
+@pytest.mark.parametrize("workers", [0, 1])
+def test_there_may_be_no_time_limit(play: Play, workers: int) -> None:
+    limits = TimeLimits(act_s=float("inf"), episode_s=float("inf"))
+    folder, results = play("hold", episodes=1, limits=limits, workers=workers)
+    assert (results.overall.episodes, results.overall.errors) == (2, 0)
+    assert folder.read_run().limits == limits
+
+
 def test_policy_that_moves_elsewhere_does_not_take_the_records_along(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,7 +10,7 @@ from duobench.evaluation import executor
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.suite import find_tasks
 from tests.evaluation import toy_tasks
-from tests.evaluation.conftest import Play, assert_same_episodes
+from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until
 
 
@@ -72,6 +72,25 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> 
     )
     assert first.versions == second.versions
     assert second.error is None
+
+
+@pytest.mark.parametrize("limits", [{"act_s": 3.0}, {"episode_s": 5.0}])
+def test_stopped_policy_keeps_what_its_episode_had_reached(
+    play: Play, limits: dict[str, float]
+) -> None:
+    asked = {
+        "tasks": find_tasks([toy_tasks.WAVE_NAME]),
+        "first_episode": 2,
+        "episodes": 1,
+        "limits": TimeLimits(**limits),
+    }
+    alone, _ = play("Tires", "alone", **asked)
+    folder, results = play("Tires", workers=1, **asked)
+    ((record,),) = [one.records for one in results.tasks]
+    assert record.reason.startswith("PolicyTimeoutError")
+    assert record.stage_changes == ((16, 1), (21, 2))
+    assert (record.steps, record.final_stage, record.success) == (22, 2, False)
+    assert compared(folder) == compared(alone)
 
 
 def test_what_looks_like_an_interrupt_of_a_policy_is_its_error(play: Play) -> None:

@@ -50,7 +50,7 @@ def test_record_says_what_the_environment_said() -> None:
 
 def test_episode_that_never_began_still_has_a_record() -> None:
     recorder = EpisodeRecorder(Episode(task=WAVE, index=3))
-    record = recorder.record(SETUP, PolicyTimeoutError("too late"))
+    record = recorder.record(SETUP).broken(PolicyTimeoutError("too late"), 0)
     assert record.error == "PolicyTimeoutError: too late\n"
     assert record.policy_version == "7"
     assert (record.success, record.final_stage, record.steps, record.state_hash) == (

@@ -207,6 +207,20 @@ class Hangs(HoldPolicy):
         return super().act(observation)
 
 
+class Tires(RandomPolicy):
+    """Random, but takes six seconds for its 23rd answer."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        self._acts = 0
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        self._acts += 1
+        if self._acts == 23:
+            time.sleep(6.0)
+        return super().act(observation)
+
+
 class HasNoGraphics(HoldPolicy):
     """Meets graphics that do not work."""
 

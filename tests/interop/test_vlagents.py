@@ -15,7 +15,8 @@ import pytest
 
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError
 from duobench.evaluation import policies
-from duobench.evaluation.episode import EpisodeRunner
+from duobench.evaluation.choice import PolicyChoice
+from duobench.evaluation.episode import EpisodeRunner, Job
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.records import EpisodeRecord
@@ -116,8 +117,9 @@ def source(policy: Any) -> PolicySource:
 
 
 def played(which: PolicySource, task: str, episodes: int = 1) -> list[EpisodeRecord]:
-    runner = EpisodeRunner(which, TimeLimits())
     (info,) = find_tasks([task])
+    job = Job(policy=PolicyChoice(name=which.name), tasks=(info,), limits=TimeLimits())
+    runner = EpisodeRunner(which, job)
     records = [runner.play(Episode(task=info, index=index)).record for index in range(episodes)]
     runner.close()
     return records

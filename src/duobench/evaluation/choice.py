@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pkgutil import resolve_name
 
 from duobench.errors import PolicyError
 from duobench.evaluation import policies
@@ -12,6 +13,7 @@ from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.served import OPENPI, SERVED
 from duobench.evaluation.suite import TaskInfo
 from duobench.policy import Batching
+from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
 
 
@@ -25,11 +27,6 @@ class PolicyChoice:
     """How many observations a `BatchPolicy` answers together; None takes the default."""
     server: RemoteServer | None = None
     """Where it is served."""
-
-    @staticmethod
-    def of(policy: str | PolicyChoice) -> PolicyChoice:
-        """A choice from what may be a name only."""
-        return PolicyChoice(name=policy) if isinstance(policy, str) else policy
 
     def check(self) -> None:
         """Reject what cannot be chosen, without making a policy.
@@ -51,11 +48,6 @@ def find_source(
 ) -> PolicySource:
     """Make the policy of a choice, or connect to it.
 
-    Args:
-        choice: What was chosen.
-        tasks: What it will play.
-        limits: How long it may take; a server gets a little less.
-
     Raises:
         UnknownNameError: If there is no policy of that name.
         PolicyError: If it cannot be made.
@@ -66,7 +58,9 @@ def find_source(
     if choice.server is None:
         return policies.source(choice.name, tasks, choice.batching)
     kind = SERVED.get(choice.name, OPENPI)  # a policy of another name is hosted by another process
-    remote = kind.connect(replace(choice.server, answer_s=limits.served_s))
+    with importing():
+        client = resolve_name(kind.client)
+    remote = client(replace(choice.server, answer_s=limits.served_s))
     return PolicySource(
         name=choice.name,
         metadata=remote.metadata,

@@ -5,10 +5,13 @@ from __future__ import annotations
 import logging
 import random
 import time
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import gymnasium as gym
+import msgspec
 import numpy as np
 
 from duobench.data import Actor, ActorKind, DataSet, Outcome, Recorder
@@ -24,13 +27,15 @@ from duobench.errors import (
     printable,
     traceback_text,
 )
-from duobench.evaluation.limits import EpisodeClock, TimedPolicy, TimeLimits
-from duobench.evaluation.policies import PolicySource, is_expert
+from duobench.evaluation.choice import PolicyChoice
+from duobench.evaluation.limits import EpisodeClock, TimeLimits
+from duobench.evaluation.policies import PolicySource, expert_variety
 from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.video import VideoRecorder
-from duobench.policy import Policy, PolicyMetadata
+from duobench.policy import Policy
+from duobench.randomness import EVAL
 from duobench.scene.cameras import OVERVIEW
 from duobench.scene.looks import DEFAULT
 from duobench.sim.rendering import Renderer, describe
@@ -58,8 +63,22 @@ class RecordingPlan:
         return self.keep_failures or (outcome.success and not outcome.cut)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class EpisodeResult:
+class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
+    """What plays episodes, and how: all that executors, runners and workers are told."""
+
+    policy: PolicyChoice
+    """The policy."""
+    tasks: tuple[TaskInfo, ...]
+    """The tasks of the suite."""
+    limits: TimeLimits
+    """How long the policy may take."""
+    look: str = DEFAULT
+    """Name of the look of every image, videos included."""
+    recording: RecordingPlan | None = None
+    """Whether and where episodes are recorded."""
+
+
+class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """An episode that was played."""
 
     record: EpisodeRecord
@@ -68,22 +87,6 @@ class EpisodeResult:
     """Its video as a WebM file, if there is one."""
     seconds: float | None = None
     """How long it took, video included; None if nobody knows."""
-
-
-def config_for(metadata: PolicyMetadata, look: str = DEFAULT) -> EnvConfig:
-    """The configuration of the environments that a policy expects, in a look.
-
-    Raises:
-        UnknownNameError: It expects a camera or an action mode that does not exist.
-        OptionError: It expects images of an invalid size, or another control rate.
-    """
-    return EnvConfig(
-        cameras=metadata.cameras,
-        action_mode=metadata.action_mode,
-        control_rate_hz=metadata.control_rate_hz,
-        image_size=metadata.image_size or IMAGE_SIZE,
-        look=look,
-    )
 
 
 def _inference(source: PolicySource) -> str | None:
@@ -101,40 +104,45 @@ class EpisodeRunner:
     def __init__(
         self,
         source: PolicySource,
-        limits: TimeLimits,
+        job: Job,
         clock: EpisodeClock | None = None,
+        tell: Callable[[EpisodeRecord], None] = lambda _record: None,
         *,
-        look: str = DEFAULT,
-        recording: RecordingPlan | None = None,
         is_interruptible: bool = True,
     ) -> None:
         """Take a policy; environments are made when they are needed.
 
         Args:
-            source: The policy, which belongs to the runner from now on.
-            limits: How long it may take.
+            source: The policy of the job, which belongs to the runner from now on.
+            job: How it plays.
             clock: Where its times are noted, for another process.
-            look: Name of the look of every image, videos included.
-            recording: Whether and where its episodes are recorded.
+            tell: Takes the record of an episode so far, whenever it has reached a new stage.
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
 
         Raises:
-            DuoBenchError: If the policy expects what no environment has.
+            UnknownNameError: The policy expects a camera or an action mode that does not exist.
+            OptionError: It expects images of an invalid size, or another control rate.
         """
         self._source = source
-        self._limits = limits
+        self._limits = job.limits
+        self._recording = job.recording
         self._clock = clock or EpisodeClock()
+        self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
         self._task: TaskInfo | None = None
         self._env: gym.Env | None = None
         self._policy: Policy | None = None
         self._renderer: Renderer | None = None
-        metadata = self._source.metadata
-        config = config_for(metadata, look)
-        if recording is not None:
-            config = replace(config, split=recording.split)
-        self._recording = recording
         self._recorder: Recorder | None = None
+        metadata = source.metadata
+        config = EnvConfig(
+            cameras=metadata.cameras,
+            action_mode=metadata.action_mode,
+            control_rate_hz=metadata.control_rate_hz,
+            image_size=metadata.image_size or IMAGE_SIZE,
+            split=job.recording.split if job.recording else EVAL,
+            look=job.look,
+        )
         renderer = describe().renderer if config.cameras else None
         self.setup = Setup(
             policy=source.name,
@@ -158,7 +166,7 @@ class EpisodeRunner:
         """
         start = time.perf_counter()
         env, policy = self._prepare(episode.task)
-        recorder = EpisodeRecorder(episode)
+        recorder = EpisodeRecorder(episode, lambda: self._tell(recorder.record(self.setup)))
         watchers: list[Watcher] = [recorder]
         if self._recorder is not None:
             self._recorder.begin_as(episode.name)
@@ -167,10 +175,14 @@ class EpisodeRunner:
             watchers.append(video)
         random.seed(episode.seed)
         np.random.seed(episode.seed)  # noqa: NPY002 - the generator that policies share
+
+        def busy() -> AbstractContextManager[None]:
+            return self._clock.timed(self._limits, recorder.steps)
+
         error = None
-        self._clock.start_episode()
         try:
-            rollout(env, policy, seed=episode.seed, watchers=watchers)
+            with self._clock.playing():
+                rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)
         except (RenderingError, MachineryError, OutputError) as fault:
             if self._recorder is not None:
                 self._recorder.discard()
@@ -180,16 +192,13 @@ class EpisodeRunner:
             raise
         except BaseException as caught:  # noqa: BLE001 - kept in the record
             error = caught
-        finally:
-            self._clock.end_episode()
-        if error is not None:
             if self._recorder is not None:
-                self._recorder.finish(
-                    kept=False, reason=printable(f"{type(error).__name__}: {error}")
-                )
+                reason = printable(f"{type(error).__name__}: {error}")
+                self._recorder.finish(kept=False, reason=reason)
             self._close_environment()  # whatever broke may have left it in any state
+        record = recorder.record(self.setup)
         return EpisodeResult(
-            record=recorder.record(self.setup, error),
+            record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
             seconds=time.perf_counter() - start,
         )
@@ -208,7 +217,7 @@ class EpisodeRunner:
             self._close_environment()
             try:
                 self._env = make(task.reference, **asdict(self.setup.config))
-                bound = self._source.bind(self._env)
+                self._policy = self._source.bind(self._env)
                 if self._recording is not None:
                     self._env = self._recorder = self._recorded(self._env, self._recording)
             except (DuoBenchError, KeyboardInterrupt):
@@ -217,19 +226,14 @@ class EpisodeRunner:
                 raise EvaluationError(
                     f"The environment of task {task.id!r} cannot be made.\n{traceback_text(error)}"
                 ) from error
-            (action_size,) = self._env.action_space.shape or (0,)
-            self._policy = TimedPolicy(bound, self._limits, self._clock, action_size)
             self._task = task
         return self._env, self._policy
 
     def _recorded(self, env: gym.Env, plan: RecordingPlan) -> Recorder:
         """An environment that records what is played in it."""
-        metadata = self.setup.metadata
-        actor = Actor(
-            kind=ActorKind.EXPERT if is_expert(self.setup.policy) else ActorKind.POLICY,
-            name=self.setup.policy,
-            version=metadata.version,
-        )
+        name, version = self.setup.policy, self.setup.metadata.version
+        kind = ActorKind.POLICY if expert_variety(name) is None else ActorKind.EXPERT
+        actor = Actor(kind=kind, name=name, version=version)
         return Recorder(env, DataSet(Path(plan.folder)), actor, keep=plan.keeps)
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:

@@ -126,7 +126,7 @@ def executor_for(
         raise EvaluationError(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
-    choice = PolicyChoice.of(policy)
+    choice = PolicyChoice(name=policy) if isinstance(policy, str) else policy
     choice.check()
     if workers == 0:
         return LocalExecutor(choice, suite.tasks, limits, suite.look, recording)

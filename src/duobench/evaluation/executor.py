@@ -12,24 +12,21 @@ from typing import Protocol
 import msgspec
 
 from duobench import errors
-from duobench.errors import EvaluationError, MachineryError, PolicyTimeoutError
+from duobench.errors import EvaluationError, MachineryError, MessageError
 from duobench.evaluation.choice import PolicyChoice, find_source
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job, RecordingPlan
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecorder
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.worker import (
-    Begin,
-    ClosedError,
+    LOOK_S,
     Faulty,
-    Finished,
     Hosting,
     Play,
-    Ready,
+    Reached,
     Rejected,
     Report,
     Stop,
-    UnreadableError,
     Worker,
 )
 from duobench.scene.looks import DEFAULT
@@ -82,35 +79,8 @@ class Executor(Protocol):
         ...
 
 
-class Attempts:
-    """How often each episode was hit by a fault of the machinery."""
-
-    def __init__(self) -> None:
-        """Begin without a fault."""
-        self._faults: Counter[Episode] = Counter()
-
-    def note(self, episode: Episode, fault: str) -> None:
-        """Note a fault; the episode is to be played again.
-
-        Raises:
-            MachineryError: If it was played often enough.
-        """
-        self._faults[episode] += 1
-        if self._faults[episode] == MAX_ATTEMPTS:
-            raise MachineryError(
-                f"{episode.task.id}, episode {episode.index} cannot be played; in each of "
-                f"{MAX_ATTEMPTS} attempts something failed, the last time: {fault} What is "
-                "finished is kept, and the rest is still to be played."
-            )
-
-
-class LocalExecutor:
-    """Plays in this process: for debugging, notebooks and tests.
-
-    It cannot outlive a policy that crashes its process, it cannot stop one that hangs (an answer
-    that comes too late fails the episode once it comes), and it leaves alone what a policy has
-    started. `ProcessExecutor` does all of that, with one worker too.
-    """
+class _JobExecutor:
+    """What both executors know: their job, and what went wrong in it."""
 
     def __init__(
         self,
@@ -129,30 +99,49 @@ class LocalExecutor:
             look: Name of the look of the suite.
             recording: Whether and where episodes are recorded.
         """
-        self._arguments = policy, tasks, limits
-        self._options = look, recording
-        self._runner: EpisodeRunner | None = None
+        self._job = Job(
+            policy=policy, tasks=tuple(tasks), limits=limits, look=look, recording=recording
+        )
+        self._faults: Counter[Episode] = Counter()
+
+    def _note_fault(self, episode: Episode, fault: str) -> None:
+        """Note a fault of the machinery; an episode that had too many of them ends the run."""
+        self._faults[episode] += 1
+        if self._faults[episode] == MAX_ATTEMPTS:
+            raise MachineryError(
+                f"{episode.task.id}, episode {episode.index} cannot be played; in each of "
+                f"{MAX_ATTEMPTS} attempts something failed, the last time: {fault} What is "
+                "finished is kept, and the rest is still to be played."
+            )
+
+
+class LocalExecutor(_JobExecutor):
+    """Plays in this process: for debugging, notebooks and tests.
+
+    It cannot outlive a policy that crashes its process, it cannot stop one that hangs (an answer
+    that comes too late fails the episode once it comes), and it leaves alone what a policy has
+    started. `ProcessExecutor` does all of that, with one worker too.
+    """
+
+    _runner: EpisodeRunner | None = None
 
     def prepare(self) -> Setup:
         """Make the policy, and say what plays."""
-        policy, tasks, limits = self._arguments
-        look, recording = self._options
-        source = find_source(policy, tasks, limits)
-        self._runner = EpisodeRunner(source, limits, look=look, recording=recording)
+        job = self._job
+        self._runner = EpisodeRunner(find_source(job.policy, job.tasks, job.limits), job)
         return self._runner.setup
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
         """Play episodes in their order."""
         if self._runner is None:
             raise AssertionError("An executor is prepared before it plays.")
-        attempts = Attempts()
         for episode in episodes:
             result = None
             while result is None:
                 try:
                     result = self._runner.play(episode)
                 except MachineryError as fault:
-                    attempts.note(episode, str(fault))
+                    self._note_fault(episode, str(fault))
             yield result
 
     def close(self) -> None:
@@ -162,7 +151,7 @@ class LocalExecutor:
             self._runner = None
 
 
-class ProcessExecutor:
+class ProcessExecutor(_JobExecutor):
     """Plays in processes of their own, side by side; one that hangs or dies is replaced.
 
     Workers are new processes that import only what they need: a script that calls this needs no
@@ -178,27 +167,14 @@ class ProcessExecutor:
         look: str = DEFAULT,
         recording: RecordingPlan | None = None,
     ) -> None:
-        """Remember what to play; processes are started when they are needed.
-
-        Args:
-            policy: The policy.
-            tasks: The tasks of the suite.
-            limits: How long the policy may take.
-            workers: Most processes at a time.
-            look: Name of the look of the suite.
-            recording: Whether and where episodes are recorded.
-        """
-        self._begin = Begin(
-            policy=policy, tasks=tuple(tasks), limits=limits, look=look, recording=recording
-        )
-        self._limits = limits
+        """Remember what to play, by at most so many processes, which are started when needed."""
+        super().__init__(policy, tasks, limits, look, recording)
+        self._for_workers = self._job
         self._most = workers
-        self._choice = policy
         self._host: Worker | None = None
         self._is_hosted = False
         self._workers: list[Worker] = []
         self._waiting: dict[str, deque[Episode]] = {}
-        self._attempts = Attempts()
         self._failed_starts = 0
         self._setup: Setup | None = None
 
@@ -206,7 +182,7 @@ class ProcessExecutor:
         """Start a first worker, and say what plays."""
         while self._setup is None:
             if not self._workers:
-                self._workers.append(Worker(self._begin))
+                self._workers.append(Worker(self._for_workers))
             for _ in self._look():
                 pass
         return self._setup
@@ -238,13 +214,13 @@ class ProcessExecutor:
         for worker in self._workers:
             if worker.is_ready and worker.episode is None and self._left():
                 worker.episode = self._next(worker.task)
-                worker.task = worker.episode.task
+                worker.task, worker.reached = worker.episode.task, None
                 worker.send(Play(episode=worker.episode))
         starting = sum(not worker.is_ready for worker in self._workers)
         wanted = min(self._left() - starting, self._most - len(self._workers))
         if self._is_hosted and self._host is None:  # the next one is to be the host
             wanted = 1 - len(self._workers)
-        self._workers.extend(Worker(self._begin) for _ in range(wanted))
+        self._workers.extend(Worker(self._for_workers) for _ in range(wanted))
 
     def _next(self, task: TaskInfo | None) -> Episode:
         """Take the next episode: of the task that a worker has, else of the one with most left."""
@@ -261,17 +237,18 @@ class ProcessExecutor:
         self._look_after_host()
         news = wait([worker.channel.socket for worker in self._workers], TICK_S)
         for worker in list(self._workers):
-            death, fault = worker.death(), None
+            reports, fault = [], None
             try:
                 if worker.channel.socket in news:
-                    for report in worker.channel.receive():
-                        yield from self._take(worker, report)
-            except ClosedError:
-                fault = worker.last_words()
-            except UnreadableError as error:
+                    reports = worker.channel.receive()
+                else:
+                    fault = worker.death()
+            except EOFError:
+                fault = worker.death_within(LOOK_S) or "its process closed the connection."
+            except MessageError as error:
                 fault = f"its result cannot be read ({error})."
-            if worker.channel.socket not in news:
-                fault = fault or death
+            for report in reports:
+                yield from self._take(worker, report)
             if fault is not None:
                 self._replace(worker, fault)
             else:
@@ -280,22 +257,23 @@ class ProcessExecutor:
     def _take(self, worker: Worker, report: Report) -> Iterator[EpisodeResult]:
         """Act on a report."""
         match report:
-            case Ready(setup=setup):
-                if self._setup not in (None, setup):
+            case Setup():
+                if self._setup not in (None, report):
                     raise EvaluationError("The policy has changed while the run was going on.")
-                self._setup = setup
+                self._setup = report
                 self._failed_starts = 0
                 worker.is_ready = True
             case Hosting(server=server):
                 self._workers.remove(worker)
                 self._host, self._is_hosted = worker, True
                 worker.is_ready = True
-                self._begin = msgspec.structs.replace(
-                    self._begin, policy=replace(self._choice, server=server)
-                )
-            case Finished(result=result):
+                served = replace(self._job.policy, server=server)
+                self._for_workers = msgspec.structs.replace(self._job, policy=served)
+            case Reached(record=record):
+                worker.reached = record
+            case EpisodeResult():
                 worker.episode = None
-                yield result
+                yield report
             case Faulty(fault=fault):
                 if self._host and (death := self._host.death_within(HOST_DEATH_S)):
                     fault = f"of the policy, {death}"
@@ -307,7 +285,7 @@ class ProcessExecutor:
     def _replay(self, worker: Worker, fault: str) -> None:
         """Have the episode of a worker played again."""
         if worker.episode is not None:
-            self._attempts.note(worker.episode, fault)
+            self._note_fault(worker.episode, fault)
             self._waiting[worker.episode.task.id].appendleft(worker.episode)
             worker.episode = None
 
@@ -333,16 +311,14 @@ class ProcessExecutor:
 
         Whoever waited too long for it has been told by then, which fails an episode.
         """
-        host = self._host
-        if host is None:
+        if (host := self._host) is None:
             return
-        fault = host.death()
-        if fault is None and host.clock.answer_s() > self._limits.served_s + HANG_S:
-            fault = "the policy does not come back."
+        is_late = host.clock.answer_s() > self._job.limits.served_s + HANG_S
+        fault = host.death() or ("the policy does not come back." if is_late else None)
         if fault is None:
             return
         self._host = None
-        self._begin = msgspec.structs.replace(self._begin, policy=self._choice)
+        self._for_workers = self._job
         host.kill()
         for worker in self._workers:
             worker.kill()
@@ -354,16 +330,10 @@ class ProcessExecutor:
         """Fail the episode of a policy that takes too long; its worker cannot be used again."""
         if worker.episode is None or self._setup is None:
             return
-        limits, clock = self._limits, worker.clock
-        late: PolicyTimeoutError | None = None
-        if clock.answer_s() > limits.act_s:
-            late = limits.late_answer()
-        elif clock.answer_s() and clock.episode_s() > limits.episode_s:
-            late = limits.late_episode()
-        elif clock.episode_s() > limits.episode_s + GRACE_S:
-            self._replace(worker, "the simulation did not come back within the time limit.")
-        if late is not None:
-            record = EpisodeRecorder(worker.episode).record(self._setup, late)
+        if late := worker.clock.late(self._job.limits):
             self._workers.remove(worker)
             worker.kill()
-            yield EpisodeResult(record=record)
+            record = worker.reached or EpisodeRecorder(worker.episode).record(self._setup)
+            yield EpisodeResult(record=record.broken(late, worker.clock.steps))
+        elif worker.clock.episode_s() > self._job.limits.episode_s + GRACE_S:
+            self._replace(worker, "the simulation did not come back within the time limit.")

@@ -16,7 +16,9 @@ from types import MappingProxyType
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from duobench.evaluation.metrics import TIME_POINTS, Results, TaskResult, percent
@@ -29,10 +31,8 @@ SUCCESS = "#2a6f97"
 """Colour of the last stage."""
 _RAMP = ((0x9B, 0x3A, 0x1E), (0xE0, 0x8A, 0x45), (0xF6, 0xDF, 0xB2))
 """Stops of the ramp for the stages before the last, evenly spaced, as RGB."""
-DARK_INK, LIGHT_INK = "#000000", "#ffffff"
-"""Text on a light and on a dark stage colour."""
-_RED, _GREEN, _BLUE = 0.2126, 0.7152, 0.0722
-"""Shares of the primaries in relative luminance [WCAG 2.2, ITU-R BT.709]."""
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Shares of red, green and blue in relative luminance [WCAG 2.2, ITU-R BT.709]."""
 _INK_CHANGE = 0.179
 """Relative luminance at which black and white text have the same contrast, sqrt(1.05 * 0.05) - 0.05
 [WCAG 2.2]; at least one of them always has more than 4.5."""
@@ -66,27 +66,16 @@ _SHORTEST_LABELLED = 0.035
 
 def stage_colours(max_stage: int) -> tuple[str, ...]:
     """Colours of the stages 0, 1, ..., max_stage as `#rrggbb`."""
-    failing = [_on_ramp(stage / max(1, max_stage - 1)) for stage in range(max_stage)]
-    return (*failing, SUCCESS)
+    stops = np.linspace(0, 1, len(_RAMP))
+    shares = np.arange(max_stage) / max(1, max_stage - 1)
+    channels = [np.interp(shares, stops, channel).round() for channel in np.transpose(_RAMP)]
+    return (*map(to_hex, np.transpose(channels) / 255), SUCCESS)
 
 
 def ink_on(colour: str) -> str:
     """The text colour that is easier to read on a `#rrggbb` colour."""
-    red, green, blue = ((int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5))
-    luminance = _RED * red + _GREEN * green + _BLUE * blue
-    return DARK_INK if luminance > _INK_CHANGE else LIGHT_INK
-
-
-def _on_ramp(share: float) -> str:
-    """The ramp's colour at 0..1."""
-    position = share * (len(_RAMP) - 1)
-    index = min(int(position), len(_RAMP) - 2)
-    rest = position - index
-    mixed = (
-        round(low + rest * (high - low))
-        for low, high in zip(_RAMP[index], _RAMP[index + 1], strict=True)
-    )
-    return "#" + "".join(f"{channel:02x}" for channel in mixed)
+    luminance = np.dot(_LUMINANCE, np.power(to_rgb(colour), 2.2))
+    return "#000000" if luminance > _INK_CHANGE else "#ffffff"
 
 
 def stage_bars(results: Results) -> Figure:
@@ -123,20 +112,13 @@ def _stage_bar(axes: Axes, row: int, result: TaskResult) -> None:
         share = count / result.score.episodes
         if not count:
             continue
-        axes.barh(row, share, left=left, height=0.68, color=colours[stage], linewidth=0)
+        colour = colours[stage]
+        bar = axes.barh(row, share, left=left, height=0.68, color=colour, linewidth=0)
         if left:
             axes.plot([left, left], [row - 0.34, row + 0.34], color="white", linewidth=0.8)
         if share >= _SHORTEST_LABELLED:
             label = "✓" if stage == result.task.max_stage else str(stage)
-            axes.text(
-                left + share / 2,
-                row,
-                label,
-                ha="center",
-                va="center",
-                color=ink_on(colours[stage]),
-                fontsize=8,
-            )
+            axes.bar_label(bar, [label], label_type="center", color=ink_on(colour), fontsize=8)
         left += share
 
 
@@ -193,11 +175,8 @@ def for_page(svg: str) -> str:
         accent, without a style sheet, which would reach the whole page, and without the names of
         its groups, which would not be unique on a page with several figures.
     """
-    element = svg[svg.index("<svg") :]
-    element = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", element, count=1)
-    element = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", element, count=1)
-    element = re.sub(r"<style.*?</style>", "", element, flags=re.DOTALL)
-    element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
-    element = re.sub(r'<g id="patch_1">.*?</g>', "", element, count=1, flags=re.DOTALL)
+    element = re.sub(r' (width|height)="[^"]*"', "", svg[svg.index("<svg") :], count=2)
+    for unwanted in ("<style.*?</style>", "<metadata>.*?</metadata>", '<g id="patch_1">.*?</g>'):
+        element = re.sub(unwanted, "", element, count=1, flags=re.DOTALL)
     element = re.sub(r'<g id="[^"]*"', "<g", element)
     return element.replace(INK, "currentColor").replace(CURVE, "var(--accent)")

@@ -4,55 +4,32 @@ from __future__ import annotations
 
 import json
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from pathlib import Path
 
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Run, TaskInfo
-from duobench.files import (
-    TEMPORARY_SUFFIX,
-    locked,
-    read,
-    remove_temporary,
-    write,
-    writing,
-)
+from duobench.files import TEMPORARY_SUFFIX, locked, read, remove_temporary, write, writing
 
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
 
 
-@dataclass(frozen=True, slots=True)
 class RunFolder:
     """Names in the folder of a run."""
 
-    path: Path
-    """The folder, absolute: a policy may change the working folder."""
-
-    def __post_init__(self) -> None:
-        """Find the folder now."""
-        object.__setattr__(self, "path", self.path.absolute())
-
-    @property
-    def description(self) -> Path:
+    def __init__(self, path: Path) -> None:
+        """Find the folder now: a policy may change the working folder."""
+        self.path = path.absolute()
+        """The folder."""
+        self.description = self.path / "run.json"
         """What was run."""
-        return self.path / "run.json"
-
-    @property
-    def timing(self) -> Path:
+        self.timing = self.path / "timing.jsonl"
         """How long each episode took: one JSON object a line, read by nobody but people."""
-        return self.path / "timing.jsonl"
-
-    @property
-    def summary(self) -> Path:
+        self.summary = self.path / "summary.json"
         """The results as JSON."""
-        return self.path / "summary.json"
-
-    @property
-    def page(self) -> Path:
+        self.page = self.path / "index.html"
         """The report."""
-        return self.path / "index.html"
 
     def figure(self, name: str) -> Path:
         """A figure by its name."""
@@ -76,6 +53,7 @@ class RunFolder:
         Raises:
             OtherRunError: If the folder holds another run, or files that belong to none.
         """
+        before = None
         if self.description.exists():
             before = self.read_run()
             differences = run.differences(before)
@@ -83,17 +61,14 @@ class RunFolder:
                 raise OtherRunError(
                     f"{self.path} holds another evaluation; this one has {'; '.join(differences)}."
                 )
-            if run != before:
-                write(self.description, run.to_json())
-        elif self.path.exists() and not all(map(self._is_unfinished, self.path.iterdir())):
+        elif self.path.exists() and not all(
+            each.match(f".{self.description.name}.*{TEMPORARY_SUFFIX}")  # of a run that was killed
+            for each in self.path.iterdir()
+        ):
             raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
-        else:
+        if run != before:
             write(self.description, run.to_json())
         remove_temporary(self.path)
-
-    def _is_unfinished(self, path: Path) -> bool:
-        """Whether it is a description that a killed run was writing."""
-        return path.match(f".{self.description.name}.*{TEMPORARY_SUFFIX}")
 
     def locked(self) -> AbstractContextManager[None]:
         """Keep a second evaluation out of the folder; see `duobench.files.locked`."""
@@ -119,17 +94,16 @@ class RunFolder:
         """
         found = []
         for task in run.suite.tasks:
-            paths = sorted(self.record(task.id, 0).parent.glob("*.json"))
-            indices = {
-                self.record(task.id, int(p.stem)): int(p.stem) for p in paths if _is_index(p)
-            }
-            for path, index in indices.items():
+            names = {path.stem for path in self.record(task.id, 0).parent.glob("*.json")}
+            indices = {int(name) for name in names if name.isascii() and name.isdigit()}
+            for index in sorted(indices):
                 if index in run.suite.indices:
-                    found.append(self._read_record(path, run, task, index))
+                    found.append(self._read_record(run, task, index))
         return found
 
-    def _read_record(self, path: Path, run: Run, task: TaskInfo, index: int) -> EpisodeRecord:
+    def _read_record(self, run: Run, task: TaskInfo, index: int) -> EpisodeRecord:
         """One record, of this episode of this run."""
+        path = self.record(task.id, index)
         try:
             record = read(path, EpisodeRecord, RECORD_SCHEMA)
         except EvaluationError as error:
@@ -166,10 +140,8 @@ class RunFolder:
 
     def discard(self, record: EpisodeRecord) -> None:
         """Remove record and video of an episode, which makes it one that is still to be played."""
-        for path in (
-            self.video(record.task, record.episode),
-            self.record(record.task, record.episode),
-        ):
+        for name in (self.video, self.record):
+            path = name(record.task, record.episode)
             with writing(path):
                 path.unlink(missing_ok=True)
 
@@ -179,8 +151,3 @@ class RunFolder:
         note["seconds"] = seconds and round(seconds, 3)
         with writing(self.timing), self.timing.open("a", encoding="utf-8") as file:
             file.write(json.dumps(note) + "\n")
-
-
-def _is_index(path: Path) -> bool:
-    """Whether a file is named as a record is."""
-    return path.stem.isascii() and path.stem.isdigit()

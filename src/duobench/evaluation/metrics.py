@@ -8,6 +8,7 @@ time. Everything is computed from records alone, in whatever order they come.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -140,37 +141,26 @@ def progress_curve(records: Sequence[EpisodeRecord], horizon: int) -> tuple[floa
     """
     if not records:
         return ()
-    last = TIME_POINTS - 1
-    curve = []
-    for point in range(TIME_POINTS):
-        step = point * horizon // last
-        stages = sum(record.stage_after(step) for record in records)
-        curve.append(stages / (len(records) * records[0].max_stage))
-    return tuple(curve)
+    steps = [point * horizon // (TIME_POINTS - 1) for point in range(TIME_POINTS)]
+    full = len(records) * records[0].max_stage
+    return tuple(sum(record.stage_after(step) for record in records) / full for step in steps)
 
 
 def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
     """Results of one task from its records, in any order; records of other tasks are left out."""
     own = sorted((r for r in records if r.task == task.id), key=lambda record: record.episode)
-    counts = [0] * (task.max_stage + 1)
-    for record in own:
-        counts[record.final_stage] += 1
+    counts = Counter(record.final_stage for record in own)
     return TaskResult(
         task=task,
         score=score(task.title, own),
-        last_stage_counts=tuple(counts),
+        last_stage_counts=tuple(counts[stage] for stage in range(task.max_stage + 1)),
         progress=progress_curve(own, task.horizon),
         records=tuple(own),
     )
 
 
 def summarize(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Results:
-    """Results of a run.
-
-    Args:
-        tasks: Its tasks.
-        records: Its finished episodes, in any order.
-    """
+    """Results of a run from its tasks and its finished episodes, in any order."""
     each = tuple(task_result(task, records) for task in tasks)
     categories = tuple(
         score(category, [r for one in each if one.task.category == category for r in one.records])

@@ -5,29 +5,19 @@ Experts and other policies never import each other; they meet here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import gymnasium as gym
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation.served import SERVED
 from duobench.evaluation.suite import TaskInfo
-from duobench.experts.expert import find_script, make_expert
+from duobench.experts.expert import Expert, find_script
 from duobench.experts.variety import NONE, VARIETIES, Variety, find_variety
-from duobench.policy import (
-    BASELINES,
-    Batching,
-    BatchPolicy,
-    Policy,
-    PolicyMetadata,
-    SessionPolicy,
-)
+from duobench.policy import BASELINES, Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.registry import make_any, source_version, versioned_metadata
 
 EXPERT = "expert"
@@ -42,7 +32,7 @@ class PolicySource:
     """What it expects, and its version; the environment is made to fit."""
     bind: Callable[[gym.Env], Policy]
     """The policy for an environment."""
-    close: Callable[[], None]
+    close: Callable[[], None] = lambda: None
     """Frees what the policy holds."""
     name: str
     """Name under which it was asked for."""
@@ -52,7 +42,7 @@ class PolicySource:
     """The policy itself, if it answers many episodes at a time."""
 
 
-class ExpertPolicy:
+class ExpertPolicy(Expert):
     """The scripted expert of an environment's task, as a policy."""
 
     def __init__(self, env: gym.Env, variety: Variety = NONE) -> None:
@@ -66,44 +56,26 @@ class ExpertPolicy:
             PolicyError: If the task has no expert.
         """
         duo = sim_of(env)
-        self._expert = make_expert(duo.definition, duo.simulation, variety)
+        script = find_script(duo.definition)
+        super().__init__(duo.simulation, script, variety=variety, task_id=duo.definition.id)
         self.metadata = _expert_metadata(variety)
 
-    @property
-    def intended_action(self) -> NDArray[np.float32] | None:
-        """The last action (16,) without the noise in what was executed: the label to learn from.
 
-        None before the first action of an episode.
-        """
-        return self._expert.intended_action
+def expert_variety(name: str) -> Variety | None:
+    """The variety of the expert that a name asks for; None if it is that of another policy.
 
-    def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode."""
-        self._expert.reset(instruction, seed)
-
-    def act(self, observation: Mapping[str, Any]) -> ArrayLike:
-        """The expert's next actions (H, 16)."""
-        return self._expert.act(observation)
-
-
-def is_expert(name: str) -> bool:
-    """Whether a name is that of the scripted experts."""
-    return name.partition(":")[0] == EXPERT
+    Raises:
+        UnknownNameError: There is no such variety.
+    """
+    first, is_varied, variety = name.partition(":")
+    if first != EXPERT:
+        return None
+    return find_variety(variety) if is_varied else NONE
 
 
 def _expert_metadata(variety: Variety) -> PolicyMetadata:
     name = EXPERT if variety is NONE else f"{EXPERT}:{variety.name}"
     return PolicyMetadata(name=name, cameras=())
-
-
-def _variety(name: str) -> Variety:
-    """The variety that the name of an expert asks for.
-
-    Raises:
-        UnknownNameError: There is no such variety.
-    """
-    _, is_varied, variety = name.partition(":")
-    return find_variety(variety) if is_varied else NONE
 
 
 def check_name(name: str) -> None:
@@ -115,9 +87,7 @@ def check_name(name: str) -> None:
     """
     if not name.isprintable():
         raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
-    if is_expert(name):
-        _variety(name)
-    elif ":" not in name and name not in BASELINES:
+    if expert_variety(name) is None and ":" not in name and name not in BASELINES:
         experts = [EXPERT, *(f"{EXPERT}:{variety}" for variety in VARIETIES)]
         known = [*experts, *BASELINES, *SERVED, "lerobot:PATH_OR_ID", "module:attribute"]
         raise UnknownNameError("policy", name, known)
@@ -140,22 +110,31 @@ def source(
             has no expert.
     """
     check_name(name)
-    if is_expert(name):
-        _check_no_batches(name, batching)
-        variety = _variety(name)
+    variety = expert_variety(name)
+    if variety is not None:
         modules = {find_script(task.reference).__module__ for task in tasks}
         if variety is not NONE:
             modules.add(Variety.__module__)
         metadata = replace(_expert_metadata(variety), version=source_version(*modules))
         bind = partial(ExpertPolicy, variety=variety)
-        return PolicySource(name=name, metadata=metadata, bind=bind, close=lambda: None)
+        found = PolicySource(name=name, metadata=metadata, bind=bind)
+    else:
+        found = _made(name, batching or Batching())
+    if batching is not None and found.batching is None:
+        raise PolicyError(
+            f"{name} answers one observation at a time, so there are no batches of it. With "
+            "`begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
+        )
+    return found
+
+
+def _made(name: str, batching: Batching) -> PolicySource:
+    """A policy that is no expert; `batching` is for one that answers many episodes."""
     made = make_any(name)
     metadata = versioned_metadata(name, made)
     close = getattr(made, "close", lambda: None)
     if not isinstance(made, BatchPolicy):
-        _check_no_batches(name, batching)
         return PolicySource(name=name, metadata=metadata, bind=lambda _env: made, close=close)
-    batching = batching or Batching()
     alone = SessionPolicy(made, batching)
     return PolicySource(
         name=name,
@@ -165,11 +144,3 @@ def source(
         batching=batching,
         batch_policy=made,
     )
-
-
-def _check_no_batches(name: str, batching: Batching | None) -> None:
-    if batching is not None:
-        raise PolicyError(
-            f"{name} answers one observation at a time, so there are no batches of it. With "
-            "`begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
-        )

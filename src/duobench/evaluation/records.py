@@ -6,7 +6,8 @@ same bytes however it was run: with another number of workers, in another order,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
@@ -107,6 +108,14 @@ class EpisodeRecord:
         """Stage after that many control steps; the last one stays once the episode is over."""
         return max((stage for when, stage in self.stage_changes if when <= step), default=0)
 
+    def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
+        """The record of the episode if it breaks off, so many control steps after its start."""
+        if isinstance(error, PolicyTimeoutError):  # nobody knows where it was stuck
+            text = f"{type(error).__name__}: {error}\n"
+        else:
+            text = traceback_text(error)
+        return replace(self, success=False, success_at_end=False, steps=steps, error=text)
+
     def to_json(self) -> str:
         """As JSON text, one field a line; the same record always gives the same text."""
         return encode(self, RECORD_SCHEMA)
@@ -125,13 +134,18 @@ class EpisodeRecord:
 class EpisodeRecorder:
     """Watches an episode, and keeps what its record needs, whether or not it ends well."""
 
-    def __init__(self, episode: Episode) -> None:
-        """Begin with an episode of which nothing is known but its place in the suite."""
+    def __init__(self, episode: Episode, on_stage: Callable[[], None] = lambda: None) -> None:
+        """Begin with an episode of which nothing is known but its place in the suite.
+
+        Args:
+            episode: The episode.
+            on_stage: Called when the episode has begun, and whenever it has reached a new stage.
+        """
         self._episode = episode
+        self._on_stage = on_stage
         self._env: gym.Env | None = None
         self._instruction = ""
         self._layout: dict[str, Any] = {}
-        self._stage = 0
         self._stage_changes: list[tuple[int, int]] = []
         self._last: Step | None = None
         self._state_hash: str | None = None
@@ -141,30 +155,34 @@ class EpisodeRecorder:
         self._env = env
         self._instruction = printable(info["instruction"])
         self._layout = dict(info["layout"])
-        self._note_stage(0, info["stage"])
+        if stage := info["stage"]:
+            self._stage_changes.append((0, stage))
+        self._on_stage()
 
     def on_step(self, step: Step) -> None:
         """Note a stage that was newly reached."""
         self._last = step
-        self._note_stage(step.number, step.info["stage"])
+        if (stage := step.info["stage"]) > self.stage:
+            self._stage_changes.append((step.number, stage))
+            self._on_stage()
 
     def on_episode_end(self, error: BaseException | None) -> None:
         """Note the final state."""
         if self._env is not None and error is None:
             self._state_hash = self._env.get_wrapper_attr("state_hash")()
 
-    def _note_stage(self, number: int, stage: int) -> None:
-        if stage > self._stage:
-            self._stage = stage
-            self._stage_changes.append((number, stage))
+    @property
+    def steps(self) -> int:
+        """Control steps so far."""
+        return self._last.number if self._last else 0
 
-    def record(self, setup: Setup, error: BaseException | None = None) -> EpisodeRecord:
-        """The record of the episode.
+    @property
+    def stage(self) -> int:
+        """Highest stage so far."""
+        return self._stage_changes[-1][1] if self._stage_changes else 0
 
-        Args:
-            setup: What played it.
-            error: What broke the episode.
-        """
+    def record(self, setup: Setup) -> EpisodeRecord:
+        """The record of the episode so far, which such a set-up plays."""
         task, last = self._episode.task, self._last
         return EpisodeRecord(
             suite_version=SUITE_VERSION,
@@ -175,24 +193,17 @@ class EpisodeRecorder:
             policy_version=setup.metadata.version,
             config=setup.config,
             instruction=self._instruction,
-            success=self._stage == task.max_stage and error is None,
-            success_at_end=bool(last and last.info["success_at_end"]) and error is None,
-            final_stage=self._stage,
+            success=self.stage == task.max_stage,
+            success_at_end=bool(last and last.info["success_at_end"]),
+            final_stage=self.stage,
             max_stage=task.max_stage,
             stage_changes=tuple(self._stage_changes),
-            steps=last.number if last else 0,
+            steps=self.steps,
             horizon=task.horizon,
             terminated=bool(last and last.terminated),
             truncated=bool(last and last.truncated),
-            error=None if error is None else _error_text(error),
+            error=None,
             layout=self._layout,
             state_hash=self._state_hash,
             versions=setup.versions,
         )
-
-
-def _error_text(error: BaseException) -> str:
-    """The traceback; of a late answer only what it is, since nobody knows where it was stuck."""
-    if isinstance(error, PolicyTimeoutError):
-        return f"{type(error).__name__}: {error}\n"
-    return traceback_text(error)

@@ -11,20 +11,11 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from duobench.evaluation import figures
-from duobench.evaluation.figures import ink_on, stage_colours
+from duobench.evaluation import figures, metrics
 from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.metrics import (
-    Results,
-    Score,
-    TaskResult,
-    interval_percent,
-    percent,
-    progress_text,
-    summarize,
-)
+from duobench.evaluation.metrics import Results, Score, summarize
 from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Run, TaskInfo
+from duobench.evaluation.suite import Run
 from duobench.files import write
 from duobench.pages import render
 from duobench.types import CONTROL_HZ
@@ -46,11 +37,8 @@ def read_results(folder: RunFolder) -> tuple[Run, Results]:
 def write_report(folder: RunFolder) -> Results:
     """Compute everything from the records in a folder, and write it beside them.
 
-    Args:
-        folder: The folder of a run, finished or not.
-
     Returns:
-        What the records add up to.
+        What the records of the run, finished or not, add up to.
 
     Raises:
         EvaluationError: If the folder holds no run, or a record cannot be read.
@@ -104,63 +92,21 @@ def _score(score: Score) -> dict[str, Any]:
 def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -> str:
     """The page as HTML text."""
 
-    def video(record: EpisodeRecord) -> str:
-        return quote(folder.video(record.task, record.episode).relative_to(folder.path).as_posix())
+    def video(record: EpisodeRecord) -> str | None:
+        path = folder.video(record.task, record.episode)
+        return quote(path.relative_to(folder.path).as_posix()) if path.exists() else None
 
-    def with_video(one: TaskResult) -> list[EpisodeRecord]:
-        return [r for r in one.records if folder.video(r.task, r.episode).exists()]
-
+    records = [record for one in results.tasks for record in one.records]
     return render(
         "duobench.evaluation",
         "report.html.j2",
         run=run,
         suite=run.suite,
         results=results,
-        expected=run.suite.size,
-        versions=_set_ups(results),
-        figures={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
+        set_ups=dict.fromkeys(tuple(record.versions.items()) for record in records),
+        svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
         control_rate_hz=CONTROL_HZ,
-        colours=stage_colours,
-        ink_on=ink_on,
-        percent=percent,
-        interval_percent=interval_percent,
-        progress_text=progress_text,
-        whisker=_whisker,
-        task_link=_task_link,
-        instructions=_instructions,
-        broken=lambda one: [record for record in one.records if record.error],
-        with_video=with_video,
+        figures=figures,
+        metrics=metrics,
         video=video,
     )
-
-
-def _set_ups(results: Results) -> list[dict[str, str | None]]:
-    """The different sets of versions that the records were made with, in order of appearance."""
-    different: list[dict[str, str | None]] = []
-    for one in results.tasks:
-        for record in one.records:
-            if record.versions not in different:
-                different.append(record.versions)
-    return different
-
-
-def _instructions(one: TaskResult) -> list[str]:
-    """What the policy was told in the episodes of a task, each wording once."""
-    return list(dict.fromkeys(record.instruction for record in one.records if record.instruction))
-
-
-def _task_link(task: TaskInfo) -> Markup:
-    """A link to the task's section."""
-    return Markup('<a href="#task-{}">{}</a>').format(quote(task.id), task.title)
-
-
-def _whisker(score: Score) -> Markup:
-    """A small image of the success rate and its interval on a line from 0 to 100 %."""
-    low, high = (100 * end for end in score.interval)
-    rate = 100 * (score.success_rate or 0.0)
-    return Markup(
-        '<svg class="whisker" viewBox="-5 0 110 12" aria-hidden="true">'
-        '<path d="M0 6H100" stroke="currentColor" stroke-opacity=".25"/>'
-        '<path d="M{:.2f} 6H{:.2f}" stroke="currentColor" stroke-width="2.5"/>'
-        '<circle cx="{:.2f}" cy="6" r="3.4" fill="currentColor"/></svg>'
-    ).format(low, high, rate)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -63,7 +63,14 @@ class Watcher(Protocol):
         ...
 
 
-def rollout(env: gym.Env, policy: Policy, *, seed: int, watchers: Iterable[Watcher] = ()) -> None:
+def rollout(
+    env: gym.Env,
+    policy: Policy,
+    *,
+    seed: int,
+    watchers: Iterable[Watcher] = (),
+    busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
+) -> None:
     """Run one episode.
 
     The actions of a chunk are executed in order, until the episode is over. Images are rendered
@@ -78,6 +85,8 @@ def rollout(env: gym.Env, policy: Policy, *, seed: int, watchers: Iterable[Watch
         policy: The policy.
         seed: Seed of the reset and of the policy.
         watchers: Who is told, in this order.
+        busy: Surrounds everything that the policy does, and the check of what it returned, which
+            may wait for a lazy array.
 
     Raises:
         PolicyError: If the policy does not fit the environment, or returns something that is no
@@ -94,12 +103,14 @@ def rollout(env: gym.Env, policy: Policy, *, seed: int, watchers: Iterable[Watch
         for watcher in reversed(watching):
             ending.push(partial(_end, watcher))
         observation, info = env.reset(seed=seed)
-        policy.reset(info["instruction"], seed)
+        with busy():
+            policy.reset(info["instruction"], seed)
         for watcher in watching:
             watcher.on_episode_start(env, observation, info)
         number, over = 0, False
         while not over:
-            chunk = as_chunk(policy.act(observation), action_size)
+            with busy():
+                chunk = as_chunk(policy.act(observation), action_size)
             for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
                 render(needs_frames or left == 0)
                 if (wanted := getattr(policy, "intended_action", None)) is not None:

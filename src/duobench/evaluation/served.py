@@ -4,26 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from types import MappingProxyType
-from typing import Protocol
 
-from duobench.policy import Batching, Policy
-from duobench.policy.serving import importing
-from duobench.policy.serving.address import WEBSOCKET, RemoteServer
-
-
-class ServedPolicy(Policy, Protocol):
-    """A policy that is asked at a server."""
-
-    @property
-    def batching(self) -> Batching | None:
-        """How many observations it answers together, if it tells."""
-        ...
-
-    def close(self) -> None:
-        """Close the connection."""
-        ...
+from duobench.policy.serving.address import WEBSOCKET
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -31,21 +14,10 @@ class ServerKind:
     """How servers of one kind are asked."""
 
     client: str
-    """Import path of the class that connects when it is called with a `RemoteServer`."""
+    """Import path of the class that connects when it is called with a `RemoteServer`: a `Policy`
+    that also has `batching`, None if that is unknown, and `close`."""
     schemes: tuple[str, ...] = WEBSOCKET
     """What the address of such a server may begin with."""
-
-    def connect(self, server: RemoteServer) -> ServedPolicy:
-        """Connect to a server of this kind.
-
-        Raises:
-            ServingError: If the server cannot be asked, or a package is missing.
-            MachineryError: If there is no server.
-        """
-        module, _, name = self.client.partition(":")
-        with importing():
-            client = getattr(import_module(module), name)
-        return client(server)
 
 
 OPENPI = ServerKind(client="duobench.policy.serving.client:RemotePolicy")

@@ -10,6 +10,8 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
+import msgspec
+
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
@@ -150,8 +152,7 @@ def _described(reference: str) -> TaskInfo:
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Setup:
+class Setup(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """What plays: a policy, its environments, and the software under them."""
 
     policy: str

@@ -70,12 +70,12 @@ class VideoRecorder:
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Show the reset."""
-        self._add_frame()
+        self.add(self._render())
 
     def on_step(self, step: Step) -> None:
         """Show every other step, and the last."""
         if step.number % FRAME_EVERY == 0 or step.terminated or step.truncated:
-            self._add_frame()
+            self.add(self._render())
 
     def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - what there was is shown
         """Finish the video, whatever the end was."""
@@ -88,9 +88,6 @@ class VideoRecorder:
     def video(self) -> bytes | None:
         """The video as a WebM file, once the episode has ended; None if nothing was shown."""
         return self._file.getvalue() if self._frames else None
-
-    def _add_frame(self) -> None:
-        self.add(self._render())
 
     def add(self, image: Image) -> None:
         """Add a frame (height, width, 3), both even."""

@@ -14,12 +14,10 @@ import queue
 import secrets
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -31,24 +29,23 @@ from duobench.errors import (
     DuoBenchError,
     EvaluationError,
     MachineryError,
+    MessageError,
     printable,
     traceback_text,
 )
-from duobench.evaluation.choice import PolicyChoice, find_source
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, RecordingPlan
-from duobench.evaluation.limits import EpisodeClock, TimeLimits
+from duobench.evaluation.choice import find_source
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
+from duobench.evaluation.limits import EpisodeClock
 from duobench.evaluation.policies import PolicySource
+from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
 
 T = TypeVar("T")
 
-_LENGTH = struct.Struct("!Q")
 _PIECE = 1 << 20
-_LONGEST = 1 << 30
-_KEY_BYTES = 32
-"""Random bytes of the key of a hosted policy."""
+"""Bytes that are read at a time."""
 _HOST_WAIT_S = 5.0
 """Seconds to wait for a host that has said that it listens."""
 LOOK_S = 1.0
@@ -61,16 +58,6 @@ _START = (
 )
 
 
-class Begin(msgspec.Struct, tag=True, frozen=True):
-    """To a worker: make the policy."""
-
-    policy: PolicyChoice
-    tasks: tuple[TaskInfo, ...]
-    limits: TimeLimits
-    look: str
-    recording: RecordingPlan | None = None
-
-
 class Play(msgspec.Struct, tag=True, frozen=True):
     """To a worker: play an episode."""
 
@@ -81,22 +68,17 @@ class Stop(msgspec.Struct, tag=True, frozen=True):
     """To a worker: free everything and leave."""
 
 
-class Ready(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the policy is made."""
-
-    setup: Setup
-
-
 class Hosting(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the policy answers many episodes; this worker serves it, and plays none."""
 
     server: RemoteServer
 
 
-class Finished(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: an episode is over."""
+class Reached(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the episode has begun, or reached a new stage."""
 
-    result: EpisodeResult
+    record: EpisodeRecord
+    """Its record so far."""
 
 
 class Faulty(msgspec.Struct, tag=True, frozen=True):
@@ -113,20 +95,14 @@ class Rejected(msgspec.Struct, tag=True, frozen=True):
     message: str
 
 
-Order = Begin | Play | Stop
-Report = Ready | Hosting | Finished | Faulty | Rejected
-
-
-class ClosedError(Exception):
-    """The other end of the channel is closed."""
-
-
-class UnreadableError(Exception):
-    """What arrived is no message of the expected kind."""
+Order = Job | Play | Stop
+"""To a worker; a job comes first, which has it make the policy."""
+Report = Setup | Hosting | Reached | EpisodeResult | Faulty | Rejected
+"""From a worker; the set-up says that the policy is made."""
 
 
 class Channel(Generic[T]):
-    """One end of a connection: sends any message, receives those of one kind."""
+    """One end of a connection, on which every message is a line of JSON."""
 
     def __init__(self, connection: socket.socket, kind: type[T]) -> None:
         """Take a connected socket.
@@ -136,9 +112,9 @@ class Channel(Generic[T]):
             kind: Type of the messages that are received, or a union of such types.
         """
         self.socket = connection
-        """The socket, to wait for."""
-        self._decoder = msgspec.msgpack.Decoder(kind)
-        self._received = bytearray()
+        """The socket, to wait for, and to close."""
+        self._decoder = msgspec.json.Decoder(kind)
+        self._rest = b""
 
     def send(self, message: Order | Report) -> None:
         """Send a message.
@@ -146,54 +122,36 @@ class Channel(Generic[T]):
         Raises:
             OSError: The other end is closed.
         """
-        data = msgspec.msgpack.encode(message)
-        self.socket.sendall(_LENGTH.pack(len(data)) + data)
+        self.socket.sendall(msgspec.json.encode(message) + b"\n")
 
-    def receive(self) -> Iterator[T]:
-        """Read what has arrived, and give the messages that are complete.
+    def receive(self) -> list[T]:
+        """Read what has arrived; the messages that are complete.
 
         It waits only if nothing has arrived: an end of the channel that dies in the middle of a
         message leaves it incomplete, also while a child of it keeps the channel open.
 
         Raises:
-            ClosedError: The other end is closed.
-            UnreadableError: A message is none of the expected kind.
+            EOFError: The other end is closed.
+            MessageError: A message is none of the expected kind.
         """
         try:
             piece = self.socket.recv(_PIECE)
         except ConnectionError:
             piece = b""
         if not piece:
-            raise ClosedError
-        self._received += piece
-        while len(self._received) >= _LENGTH.size:
-            (length,) = _LENGTH.unpack_from(self._received)
-            if length > _LONGEST:
-                raise UnreadableError(f"{length} bytes long")
-            end = _LENGTH.size + length
-            if len(self._received) < end:
-                return
-            data = bytes(self._received[_LENGTH.size : end])
-            del self._received[:end]
-            try:
-                message = self._decoder.decode(data)
-            except (msgspec.MsgspecError, DuoBenchError) as error:
-                raise UnreadableError(str(error)) from error
-            yield message
-
-    def close(self) -> None:
-        """Close this end."""
-        self.socket.close()
+            raise EOFError
+        *lines, self._rest = (self._rest + piece).split(b"\n")
+        try:
+            return [self._decoder.decode(line) for line in lines]
+        except (msgspec.MsgspecError, DuoBenchError) as error:
+            raise MessageError(str(error)) from error
 
 
 class Worker:
     """A worker as its parent sees it."""
 
-    def __init__(self, begin: Begin) -> None:
+    def __init__(self, job: Job) -> None:
         """Start the process and have it make the policy.
-
-        Args:
-            begin: What it will play.
 
         Raises:
             MachineryError: The process cannot be started.
@@ -209,6 +167,8 @@ class Worker:
         """Whether it has made the policy."""
         self.episode: Episode | None = None
         """What it is playing."""
+        self.reached: EpisodeRecord | None = None
+        """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
         """The task whose environment it has."""
         files = (theirs.fileno(), memory)
@@ -227,7 +187,7 @@ class Worker:
         finally:
             theirs.close()
             os.close(memory)
-        self.send(begin)
+        self.send(job)
 
     def send(self, order: Order) -> None:
         """Give an order; whether the worker still lives is found out elsewhere."""
@@ -257,10 +217,6 @@ class Worker:
             time.sleep(seconds / 100)
         return death
 
-    def last_words(self) -> str:
-        """Why it has closed the connection."""
-        return self.death_within(LOOK_S) or "its process closed the connection."
-
     def kill(self) -> None:
         """End the process and all of its group."""
         with suppress(OSError):
@@ -268,7 +224,7 @@ class Worker:
         # A process that a driver keeps from dying is not waited for.
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(DEATH_S)
-        self.channel.close()
+        self.channel.socket.close()
 
 
 def _module_folders() -> list[str]:
@@ -312,25 +268,24 @@ def work(connection: int, clock: int) -> None:
 
 def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: EpisodeClock) -> None:
     """Make the policy, then play one episode after the other."""
-    begin = orders.get()
-    if not isinstance(begin, Begin):
+    job = orders.get()
+    if not isinstance(job, Job):
         return
-    source = find_source(begin.policy, begin.tasks, begin.limits)
+    source = find_source(job.policy, job.tasks, job.limits)
     if source.batch_policy is not None:
         _host(channel, orders, clock, source)
         return
     runner = EpisodeRunner(
         source,
-        begin.limits,
+        job,
         clock,
-        look=begin.look,
-        recording=begin.recording,
+        lambda record: _report(channel, Reached(record=record)),
         is_interruptible=False,
     )
-    _report(channel, Ready(setup=runner.setup))
+    _report(channel, runner.setup)
     while isinstance(order := orders.get(), Play):
         try:
-            report = Finished(result=runner.play(order.episode))
+            report = runner.play(order.episode)
         except MachineryError as fault:
             report = Faulty(fault=printable(str(fault)))
         _report(channel, report)
@@ -348,7 +303,7 @@ def _host(
         from duobench.policy.serving.host import PolicyHost
     if source.batch_policy is None or source.batching is None:
         raise AssertionError("Only a batch policy is hosted.")
-    key = secrets.token_urlsafe(_KEY_BYTES)
+    key = secrets.token_urlsafe()
     host = PolicyHost(
         source.batch_policy, source.metadata, source.batching, key=key, busy=clock.answering
     )
@@ -378,6 +333,6 @@ def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order], parent: i
             if wait([channel.socket], LOOK_S):
                 for order in channel.receive():
                     orders.put(order)
-    except (ClosedError, OSError):
+    except (EOFError, OSError):
         pass
     _end_group()
