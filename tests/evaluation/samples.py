@@ -10,6 +10,7 @@ from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Run, Suite, TaskInfo
 from duobench.policy import PolicyMetadata
+from duobench.randomness import SUITE_VERSION, episode_seed
 
 VERSIONS: dict[str, Any] = {"duobench": "0", "mujoco": "4.0.0", "numpy": "2.4.6"}
 
@@ -45,7 +46,12 @@ CONFIG = EnvConfig(cameras=())
 
 def sample_run(**changes: Any) -> Run:
     """Run of three tasks; changes are fields of the run or of its suite."""
-    suite: dict[str, Any] = {"tasks": TASKS, "episodes": 4, "first_episode": 0, "version": "1"}
+    suite: dict[str, Any] = {
+        "tasks": TASKS,
+        "episodes": 4,
+        "first_episode": 0,
+        "version": SUITE_VERSION,
+    }
     suite["look"] = "default"
     fields: dict[str, Any] = {
         "policy": "mine",
@@ -70,10 +76,10 @@ def sample_record(
     stage = len(reached)
     is_success = stage == task.max_stage and error is None
     fields: dict[str, Any] = {
-        "suite_version": "1",
+        "suite_version": SUITE_VERSION,
         "task": task.id,
         "episode": episode,
-        "seed": 1000 + episode,
+        "seed": episode_seed(task.id, episode, CONFIG.split),
         "policy": "mine",
         "policy_version": "1",
         "config": CONFIG,

@@ -13,6 +13,7 @@ from duobench.errors import EvaluationError, OtherRunError, OutputError
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
 from duobench.policy import PolicyMetadata
+from duobench.randomness import SUITE_VERSION
 from tests.evaluation.processes import is_running
 from tests.evaluation.samples import (
     LIFT,
@@ -39,7 +40,7 @@ def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
         ({"episodes": 3}, "episodes 3 instead of 4 or more"),
         ({"first_episode": 4}, "first episode 4 instead of 0"),
         ({"tasks": TASKS[:2]}, "tasks lift sort instead of lift sort turn"),
-        ({"version": "2"}, "suite version 2 instead of 1"),
+        ({"version": "2"}, f"suite version 2 instead of {SUITE_VERSION}"),
         (
             {"versions": {**VERSIONS, "mujoco": "4.0.9"}},
             "version of mujoco 4.0.9 instead",
@@ -121,6 +122,7 @@ def test_missing_records_are_left_out(tmp_path: Path) -> None:
     "changes",
     [
         {"episode": 1},
+        {"seed": 7},
         {"policy": "other"},
         {"policy_version": "2"},
         {"config": EnvConfig()},

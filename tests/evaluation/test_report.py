@@ -115,7 +115,7 @@ def test_page_tells_policy_stages_seeds_and_command(tmp_path: Path) -> None:
     for task in run.suite.tasks:
         assert task.title in words
         assert all(stage in words for stage in task.stages)
-    assert {str(1000 + episode) for episode in run.suite.indices} <= set(words.split())
+    assert {str(episode.seed) for episode in run.episodes()} <= set(words.split())
     assert "mujoco 4.0.0" in words
     assert "not finished" not in words
 

@@ -10,6 +10,7 @@ from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Run, TaskInfo
 from duobench.files import TEMPORARY_SUFFIX, locked, read, remove_temporary, write, writing
+from duobench.randomness import SUITE_VERSION, episode_seed
 
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
@@ -120,6 +121,8 @@ class RunFolder:
             "suite_version": run.suite.version,
             "max_stage": task.max_stage,
         }
+        if run.suite.version == SUITE_VERSION:  # seeds of another one are not known here
+            expected["seed"] = episode_seed(task.id, index, run.config.split)
         for name, value in expected.items():
             if getattr(record, name) != value:
                 raise EvaluationError(

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, TypedDict
 
 import gymnasium as gym
+from msgspec import Meta
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, PolicyTimeoutError, printable, traceback_text
@@ -21,6 +22,15 @@ from duobench.randomness import SUITE_VERSION
 
 RECORD_SCHEMA = 3
 """Version of the record's fields; raised when one is added, removed or changes its meaning."""
+
+
+class SampledLayout(TypedDict, total=False):
+    """What the reset sampled, as `Layout.to_json` gives it; empty if nothing was."""
+
+    poses: dict[str, Annotated[list[float], Meta(min_length=7, max_length=7)]]
+    """Positions in metres and quaternions [x, y, z, qx, qy, qz, qw], in the table frame."""
+    variants: dict[str, str]
+    """Named choices."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,8 +73,8 @@ class EpisodeRecord:
     """Whether the horizon ended the episode."""
     error: str | None
     """Traceback of what broke the episode; such an episode counts as failed."""
-    layout: dict[str, Any]
-    """What the reset sampled: poses and variants, as the task describes them."""
+    layout: SampledLayout
+    """Where the objects began."""
     state_hash: str | None
     """SHA-256 of the full simulation state after the last step; None if the episode broke."""
     versions: dict[str, str | None]
@@ -85,7 +95,7 @@ class EpisodeRecord:
             != (self.final_stage == self.max_stage and self.error is None),
             "stages are reached within the executed steps": bool(when)
             and not 0 <= when[0] <= when[-1] <= self.steps,
-            "no more steps than the horizon": self.steps > self.horizon,
+            "steps must lie in 0..horizon": not 0 <= self.steps <= self.horizon,
             "error must say something": self.error is not None and not self.error.strip(),
         }
         broken = [rule for rule, violated in problems.items() if violated]
@@ -145,7 +155,7 @@ class EpisodeRecorder:
         self._on_stage = on_stage
         self._env: gym.Env | None = None
         self._instruction = ""
-        self._layout: dict[str, Any] = {}
+        self._layout: SampledLayout = {}
         self._stage_changes: list[tuple[int, int]] = []
         self._last: Step | None = None
         self._state_hash: str | None = None
@@ -154,7 +164,7 @@ class EpisodeRecorder:
         """Note what the reset sampled."""
         self._env = env
         self._instruction = printable(info["instruction"])
-        self._layout = dict(info["layout"])
+        self._layout = info["layout"]
         if stage := info["stage"]:
             self._stage_changes.append((0, stage))
         self._on_stage()
