@@ -8,11 +8,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, proximal, visual_only
+from duobench.scene.filters import distal, proximal
 from duobench.scene.fr3_links import LINKS, WHITE, Joint
-from duobench.scene.meshes import add_robot_mesh
-from duobench.scene.naming import arm_joint_names, flange_name
-from duobench.scene.surfaces import set_metal
+from duobench.scene.links import add_hull, add_image, add_link
+from duobench.scene.naming import arm_joint_names
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, Side
 
@@ -47,11 +46,10 @@ HOME_JOINTS = np.array([_LEFT_HOME, np.multiply(_LEFT_HOME, (-1, 1, -1, 1, -1, 1
 HOME_JOINTS.setflags(write=False)
 
 _FIRST_DISTAL_LINK = 6
-_LAST_LINK = len(LINKS) - 1
 
 
 def add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
-    """Add the bodies, joints, servos and the flange site of one arm, without any geometry.
+    """Add the bodies, joints and servos of one arm, without any geometry.
 
     Args:
         spec: The model under construction; the arm hangs on its world body.
@@ -64,23 +62,12 @@ def add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
     parent = spec.worldbody
     names = arm_joint_names(side)
     for number, link in enumerate(LINKS):
-        body = parent.add_body(name=f"{side}/link{number}", gravcomp=1.0)
-        if number == 0:
-            body.pos, body.quat = BASE_POSES[side].translation, BASE_POSES[side].wxyz
-        else:
-            body.pos, body.quat = link.position, link.wxyz
-        if link.inertial is not None:
-            body.explicitinertial = True
-            body.mass = link.inertial.mass
-            body.ipos, body.iquat = link.inertial.position, link.inertial.wxyz
-            body.inertia = link.inertial.diagonal
+        body = add_link(parent, f"{side}/link{number}", link)
         if link.joint is not None:
             _add_joint(spec, body, names[number - 1], link.joint)
         bodies.append(body)
         parent = body
-    bodies[_LAST_LINK].add_site(
-        name=flange_name(side), pos=(0, 0, FLANGE_OFFSET), size=[0.001] * 3, group=4
-    )
+    bodies[0].pos, bodies[0].quat = BASE_POSES[side].translation, BASE_POSES[side].wxyz
     return bodies
 
 
@@ -116,21 +103,10 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
     """Add the images and the collision hulls of one arm to its bodies."""
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
         for name, rgba in link.visuals:
-            geom = body.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_MESH,
-                meshname=add_robot_mesh(spec, f"fr3/{name}:visual"),
-                rgba=rgba,
-            )
-            visual_only(geom, shadow=rgba == WHITE or name in _STOPPERS)
-        hull = body.add_geom(
-            name=f"{side}/link{number}_hull",
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=add_robot_mesh(spec, f"fr3/link{number}:hull"),
-            density=0.0,
-            group=COLLISION_GEOM_GROUP,
-        )
-        collide_as(hull, distal(side) if number >= _FIRST_DISTAL_LINK else proximal(side))
-        set_metal(hull)
+            shadow = rgba == WHITE or name in _STOPPERS
+            add_image(spec, body, f"fr3/{name}", rgba, shadow=shadow)
+        group = distal(side) if number >= _FIRST_DISTAL_LINK else proximal(side)
+        add_hull(spec, body, f"fr3/link{number}", group, name=f"{side}/link{number}_hull")
     # The forearm and the wrist two joints on share space by design; the range of joint 6 keeps
     # them apart.
     spec.add_exclude(bodyname1=f"{side}/link5", bodyname2=f"{side}/link{ARM_JOINTS}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import mujoco
 
+from duobench.scene.filters import Group, collide_as
+
 CONTACT_SOLREF = (0.005, 1.0)
 """Contact time constant just above two time steps, the stiffest that MuJoCo keeps stable, and
 damping ratio."""
@@ -21,12 +23,13 @@ def stiffen(geom: mujoco.MjsGeom) -> None:
     geom.solref, geom.solimp = CONTACT_SOLREF, CONTACT_SOLIMP
 
 
-def set_metal(geom: mujoco.MjsGeom) -> None:
-    """Give a geom of robot or mount the surface of metal.
+def collide_as_metal(geom: mujoco.MjsGeom, group: Group) -> None:
+    """Make a geom of robot or mount collide as a member of a group, with the surface of metal.
 
     Of two geoms in contact MuJoCo takes the larger friction, unless one has priority: so that metal
     is as slippery on a rough object as on a smooth one, it has.
     """
+    collide_as(geom, group)
     stiffen(geom)
     geom.friction = (METAL_FRICTION, TORSION, ROLLING)
     geom.priority = 1

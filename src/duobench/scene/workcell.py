@@ -23,7 +23,7 @@ from duobench.scene.filters import (
 from duobench.scene.fr3 import BASE_POSES
 from duobench.scene.mesh_normals import FLAT, add_visual_mesh
 from duobench.scene.naming import TABLE
-from duobench.scene.surfaces import set_metal
+from duobench.scene.surfaces import collide_as_metal
 from duobench.spatial import SE3
 
 FLOOR_Z = -0.8095
@@ -207,8 +207,7 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
     parts = {"column": column, "block": block, "post": post, "holder": holder}
     for name, part in parts.items():
         part.name = f"mount/{name}"
-        collide_as(part, Group.FIXTURE)
-        set_metal(part)
+        collide_as_metal(part, Group.FIXTURE)
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
