@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -94,27 +94,19 @@ class OffscreenRenderer:
                 upload(self._model, self._drawing, appearance.pictures)
             self._appearance = appearance
 
-    def render(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
-        """One image of each camera."""
-        cameras = tuple(cameras)
-        images = self._images(data, cameras)
-        if self._appearance is None:
-            return images
-        look = self._appearance.look
-        return [
-            effects.apply(look, image, data, camera)
-            for image, camera in zip(images, cameras, strict=True)
-        ]
-
-    def _images(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
-        """One image of each camera, as the engine renders it."""
-        if len(self._offsets) > 1:
-            return [self._average(data, camera) for camera in cameras]
-        images = []
-        for number, camera in enumerate(cameras):
-            self._update(data, camera)
-            self._draw(new_shadows=number == 0)
-            images.append(self._pixels[::-1].copy())
+    def render(self, data: mujoco.MjData, cameras: Mapping[str, int]) -> dict[str, Image]:
+        """One image of each camera; their numbers by name."""
+        images = {}
+        for name, camera in cameras.items():
+            if len(self._offsets) > 1:
+                image = self._average(data, camera)
+            else:
+                self._update(data, camera)
+                self._draw(new_shadows=not images)
+                image = self._pixels[::-1].copy()
+            if self._appearance is not None:
+                image = effects.apply(self._appearance.look, image, data, camera)
+            images[name] = image
         return images
 
     def segment(self, data: mujoco.MjData, camera: int) -> NDArray[np.int32]:
