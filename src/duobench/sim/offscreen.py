@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.backend import Image
 from duobench.errors import RenderingError
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP
 from duobench.scene.look import MAX_CLUTTER
@@ -16,8 +17,6 @@ from duobench.sim import effects
 from duobench.sim.appearance import Appearance
 from duobench.sim.opengl import info_of, open_context
 from duobench.sim.uploads import upload
-
-Image = NDArray[np.uint8]
 
 DRAWN_GROUPS = 3
 """Geom groups 0 to 2 are drawn; collision shapes are in group 3."""

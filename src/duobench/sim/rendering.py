@@ -16,11 +16,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.backend import Image
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.scene.cameras import check_image_size
 from duobench.scene.look import Look
 from duobench.sim.appearance import Appearance
-from duobench.sim.offscreen import Image, OffscreenRenderer
+from duobench.sim.offscreen import OffscreenRenderer
 from duobench.sim.opengl import RenderingInfo, Thread, choose, info_of, open_context
 
 T = TypeVar("T")
