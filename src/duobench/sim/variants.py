@@ -14,9 +14,8 @@ class Variants:
     def __init__(self, model: mujoco.MjModel) -> None:
         """Remember how a model was compiled, with everything on."""
         self._model = model
-        self._contype = model.geom_contype.copy()
-        self._conaffinity = model.geom_conaffinity.copy()
-        self._alpha = model.geom_rgba[:, 3].copy()
+        self._arrays = model.geom_contype, model.geom_conaffinity, model.geom_rgba
+        self._compiled = [array.copy() for array in self._arrays]
 
     def choose(self, prop: Prop, value: str | None) -> None:
         """Leave out what one variant leaves out, and nothing else.
@@ -31,13 +30,12 @@ class Variants:
                 f"the layout says {value!r}."
             )
         model = self._model
-        for variant in prop.variants.values():
-            for number in variant.without_shapes:
-                geom = model.geom(f"{prop.name}:{number}").id
-                there = number not in chosen.without_shapes
-                model.geom_contype[geom] = self._contype[geom] if there else 0
-                model.geom_conaffinity[geom] = self._conaffinity[geom] if there else 0
-            for number in variant.without_images:
-                geom = model.geom(f"{prop.name}:image{number}").id
-                there = number not in chosen.without_images
-                model.geom_rgba[geom, 3] = self._alpha[geom] if there else 0.0
+        root = model.body(prop.name)
+        geoms = slice(root.geomadr[0], root.geomadr[0] + root.geomnum[0])
+        for array, compiled in zip(self._arrays, self._compiled, strict=True):
+            array[geoms] = compiled[geoms]
+        for number in chosen.without_shapes:
+            geom = model.geom(f"{prop.name}:{number}").id
+            model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
+        for number in chosen.without_images:
+            model.geom_rgba[model.geom(f"{prop.name}:image{number}").id, 3] = 0.0
