@@ -57,9 +57,7 @@ class ArmLink(Link):
 # The published model has eleven more images: buttons, plugs and lettering, less than a pixel in
 # any camera. `tools/meshes` leaves them out.
 LINKS = (
-    ArmLink(
-        visuals=(("link0_3", WHITE), ("link0_5", RED), ("link0_6", BLACK)),
-    ),
+    ArmLink(visuals=(("link0_3", WHITE), ("link0_5", RED), ("link0_6", BLACK))),
     ArmLink(
         position=(0.0, 0.0, 0.333),
         mass=2.92747,

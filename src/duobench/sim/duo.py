@@ -14,15 +14,7 @@ from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
 from duobench.sim.handles import names_of, resolve, resolve_all
-from duobench.types import (
-    CONTROL_HZ,
-    FLAT_SIZE,
-    OPENING_SLOTS,
-    SIDES,
-    Array,
-    DuoCommand,
-    DuoState,
-)
+from duobench.types import CONTROL_HZ, FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
 
 HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""
