@@ -11,7 +11,8 @@ from types import MappingProxyType
 import numpy as np
 
 from duobench.errors import OptionError, UnknownNameError
-from duobench.scene.look import RGB, CameraOffset, Light, Look, Material
+from duobench.scene.colours import RGB
+from duobench.scene.look import CameraOffset, Light, Look, Material
 from duobench.scene.workcell import SHADOW_CENTRE
 from duobench.types import POLICY_CAMERAS
 

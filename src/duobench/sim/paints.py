@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 
 from duobench.errors import UnknownNameError
-from duobench.scene.colours import shifted
+from duobench.scene.colours import RGB, shifted
 from duobench.scene.filters import COLLISION_GEOM_GROUP
 from duobench.scene.images import Picture, hides_colour, picture
-from duobench.scene.look import EVERY_OBJECT, RGB, Look, Material
+from duobench.scene.look import EVERY_OBJECT, Look, Material
 from duobench.scene.naming import TABLE
 from duobench.scene.workcell import (
     ROOM_HEIGHT,
