@@ -8,10 +8,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from duobench.scene.filters import distal, proximal
+from duobench.scene.filters import distal, proximal, visual_only
 from duobench.scene.fr3_links import LINKS, WHITE, Joint
-from duobench.scene.links import add_hull, add_image, add_link
+from duobench.scene.links import add_link, add_mesh
 from duobench.scene.naming import arm_joint_names
+from duobench.scene.surfaces import collide_unseen
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, Side
 
@@ -32,15 +33,7 @@ _SHOULDER_HEIGHT = 0.333
 SHOULDERS = {side: base.apply((0.0, 0.0, _SHOULDER_HEIGHT)) for side, base in BASE_POSES.items()}
 """Middle of each arm's shoulder (3,) in the table frame."""
 
-_LEFT_HOME = (
-    0.48797692,
-    -0.57224476,
-    -0.58536988,
-    -2.57958827,
-    0.86400183,
-    2.0530809,
-    -0.85965005,
-)
+_LEFT_HOME = (0.48797692, -0.57224476, -0.58536988, -2.57958827, 0.86400183, 2.0530809, -0.85965005)
 HOME_JOINTS = np.array([_LEFT_HOME, np.multiply(_LEFT_HOME, (-1, 1, -1, 1, -1, 1, -1))])
 """Home configuration (2, 7) in radians; the right arm mirrors the left."""
 HOME_JOINTS.setflags(write=False)
@@ -103,10 +96,12 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
     """Add the images and the collision hulls of one arm to its bodies."""
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
         for name, rgba in link.visuals:
-            shadow = rgba == WHITE or name in _STOPPERS
-            add_image(spec, body, f"fr3/{name}", rgba, shadow=shadow)
-        group = distal(side) if number >= _FIRST_DISTAL_LINK else proximal(side)
-        add_hull(spec, body, f"fr3/link{number}", group, name=f"{side}/link{number}_hull")
+            image = add_mesh(spec, body, f"fr3/{name}:visual")
+            image.rgba = rgba
+            visual_only(image, shadow=rgba == WHITE or name in _STOPPERS)
+        hull = add_mesh(spec, body, f"fr3/link{number}:hull")
+        hull.name = f"{side}/link{number}_hull"
+        collide_unseen(hull, distal(side) if number >= _FIRST_DISTAL_LINK else proximal(side))
     # The forearm and the wrist two joints on share space by design; the range of joint 6 keeps
     # them apart.
     spec.add_exclude(bodyname1=f"{side}/link5", bodyname2=f"{side}/link{ARM_JOINTS}")

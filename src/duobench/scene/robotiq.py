@@ -15,11 +15,11 @@ from typing import Any
 
 import mujoco
 
-from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal
+from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
 from duobench.scene.fr3_links import Link, Vector
-from duobench.scene.links import add_hull, add_image, add_link
+from duobench.scene.links import add_link, add_mesh
 from duobench.scene.naming import gripper_name
-from duobench.scene.surfaces import ROLLING, TORSION, collide_as_metal
+from duobench.scene.surfaces import ROLLING, TORSION, collide_unseen
 from duobench.spatial import SE3
 from duobench.types import Side
 
@@ -192,12 +192,12 @@ def add_gripper(spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_
     base = add_link(flange, f"{prefix}/base", _BASE)
     base.pos, base.quat = (0, 0, flange_z), MOUNT.wxyz
     for name, position, wxyz, rgba in _BASE_VISUALS:
+        image = add_mesh(spec, base, f"robotiq_2f85/{name}:visual", position, wxyz)
+        image.rgba = rgba
         # The coupling is a ring between flange and base, which cast its shadow.
-        shadow = name not in _COUPLING
-        mesh = f"robotiq_2f85/{name}"
-        add_image(spec, base, mesh, rgba, position=position, wxyz=wxyz, shadow=shadow)
+        visual_only(image, shadow=name not in _COUPLING)
     _, position, wxyz, _ = _BASE_VISUALS[0]
-    add_hull(spec, base, "robotiq_2f85/base", distal(side), position=position, wxyz=wxyz)
+    collide_unseen(add_mesh(spec, base, "robotiq_2f85/base:hull", position, wxyz), distal(side))
     for finger, parts in FINGERS.items():
         _add_finger(spec, side, finger, parts, base)
     _add_constraints(spec, prefix)
@@ -227,19 +227,19 @@ def _add_finger(
         position, wxyz = part.mesh_position, part.mesh_wxyz
         for name, rgba in part.visuals:
             mesh = f"robotiq_2f85/{name}"
-            add_image(spec, body, mesh, rgba, position=position, wxyz=wxyz)
+            image = add_mesh(spec, body, f"{mesh}:visual", position, wxyz)
+            image.rgba = rgba
+            visual_only(image)
             if name != "tongue":
-                add_hull(spec, body, mesh, distal(side), position=position, wxyz=wxyz)
+                collide_unseen(add_mesh(spec, body, f"{mesh}:hull", position, wxyz), distal(side))
     pad = add_link(bodies["follower"], f"{prefix}_pad", _PAD)
     fingertip = bodies["follower"].add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=FINGERTIP_SIZE,
         pos=(_FOLLOWER_FROM_PAD @ SE3.at(*FINGERTIP_POSITION)).translation,
         quat=_FOLLOWER_FROM_PAD.wxyz,
-        density=0.0,
-        group=COLLISION_GEOM_GROUP,
     )
-    collide_as_metal(fingertip, distal(side))
+    collide_unseen(fingertip, distal(side))
     for height in PADS:
         geom = pad.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,

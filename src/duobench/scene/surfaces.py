@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
-from duobench.scene.filters import Group, collide_as
+from duobench.scene.filters import COLLISION_GEOM_GROUP, Group, collide_as
 
 CONTACT_SOLREF = (0.005, 1.0)
 """Contact time constant just above two time steps, the stiffest that MuJoCo keeps stable, and
@@ -33,3 +33,9 @@ def collide_as_metal(geom: mujoco.MjsGeom, group: Group) -> None:
     stiffen(geom)
     geom.friction = (METAL_FRICTION, TORSION, ROLLING)
     geom.priority = 1
+
+
+def collide_unseen(geom: mujoco.MjsGeom, group: Group) -> None:
+    """Make a geom of the robot collide in the place of what is seen, without a mass of its own."""
+    collide_as_metal(geom, group)
+    geom.density, geom.group = 0.0, COLLISION_GEOM_GROUP
