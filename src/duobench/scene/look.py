@@ -165,7 +165,13 @@ class Look:
             raise OptionError(f"The seed of a look is a whole number from 0 on, got {self.seed}.")
         if not 0 <= self.clutter <= MAX_CLUTTER:
             raise OptionError(f"A look has 0 to {MAX_CLUTTER} pieces, got {self.clutter}.")
-        _check_lights(self.lights or ())
+        lights = self.lights or ()
+        shadows = sum(light.shadow for light in lights)
+        if len(lights) > MAX_LIGHTS or shadows > 1:
+            raise OptionError(
+                f"A look has at most {MAX_LIGHTS} lights, and one of them casts shadows (the "
+                f"cameras share one shadow map); got {len(lights)}, {shadows} with shadows."
+            )
 
     def to_json(self) -> dict[str, Any]:
         """As plain data, without what is at its default."""
@@ -202,15 +208,6 @@ def _check_known(data: Any, look: Any) -> None:
     elif isinstance(data, (list, tuple)) and isinstance(look, (list, tuple)):
         for value, part in zip(data, look, strict=True):
             _check_known(value, part)
-
-
-def _check_lights(lights: tuple[Light, ...]) -> None:
-    shadows = sum(light.shadow for light in lights)
-    if len(lights) > MAX_LIGHTS or shadows > 1:
-        raise OptionError(
-            f"A look has at most {MAX_LIGHTS} lights, and one of them casts shadows (the cameras "
-            f"share one shadow map); got {len(lights)}, {shadows} with shadows."
-        )
 
 
 def _is_vector(numbers: tuple[float, ...]) -> bool:
