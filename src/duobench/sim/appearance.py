@@ -10,6 +10,7 @@ import math
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.scene.clutter import Piece, pieces
 from duobench.scene.look import CameraOffset, Light, Look
@@ -81,14 +82,14 @@ class Appearance:
             scene.ngeom += 1
 
 
-def _as_geom(piece: Piece) -> tuple[int, Array, Array, Array, Array]:
+def _as_geom(piece: Piece) -> tuple[int, Array, Array, Array, NDArray[np.float32]]:
     """Type, size, position, rotation and colour of a piece of furniture, as the engine wants it."""
     x, y, z = (length / 2 for length in piece.size)
     kind, size = mujoco.mjtGeom.mjGEOM_BOX, (x, y, z)
     if piece.is_round:
         kind, size = mujoco.mjtGeom.mjGEOM_CYLINDER, (x, z, 0.0)
-    vectors = size, piece.position, np.eye(3).ravel(), (*piece.colour, 1.0)
-    return kind.value, *map(np.array, vectors)
+    rgba = np.array([*piece.colour, 1.0], dtype=np.float32)
+    return kind.value, np.array(size), np.array(piece.position), np.eye(3).ravel(), rgba
 
 
 def _light(scene: mujoco.MjvScene, lights: tuple[Light, ...]) -> None:
