@@ -28,10 +28,8 @@ BASE_POSES = {
     Side.RIGHT: SE3.from_wxyz((0.865641, 0.436978, 0.0225312, 0.243326), (0.0, -0.05018, 0.342)),
 }
 """World from arm base [manufacturer's duo set-up, as used by Robot Control Stack]."""
-_SHOULDER_HEIGHT = 0.333
-"""Where the axes of joints 1 to 3 meet above the base, in metres [Menagerie franka_fr3]."""
-SHOULDERS = {side: base.apply((0.0, 0.0, _SHOULDER_HEIGHT)) for side, base in BASE_POSES.items()}
-"""Middle of each arm's shoulder (3,) in the table frame."""
+SHOULDERS = {side: base.apply(LINKS[1].position) for side, base in BASE_POSES.items()}
+"""Middle of each arm's shoulder (3,) in the table frame: where the axes of joints 1 to 3 meet."""
 
 _LEFT_HOME = (0.48797692, -0.57224476, -0.58536988, -2.57958827, 0.86400183, 2.0530809, -0.85965005)
 HOME_JOINTS = np.array([_LEFT_HOME, np.multiply(_LEFT_HOME, (-1, 1, -1, 1, -1, 1, -1))])

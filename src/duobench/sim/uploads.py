@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from duobench.scene.images import Picture
+from duobench.sim.paints import Picture
 
 _RGB = mujoco.mjtTextureRole.mjTEXROLE_RGB.value
 _CUBE = mujoco.mjtTexture.mjTEXTURE_CUBE.value
