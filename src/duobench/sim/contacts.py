@@ -122,7 +122,7 @@ class Contacts:
         each pad has a contact whose normal points to the other pad, within `MAX_PRESS_ANGLE`.
         """
         row = self._row(owner)
-        one, other = self._limbs[side][:2]
+        one, other, _, _ = self._limbs[side]
         if not (self._touch(one, row) and self._touch(other, row)):
             return False
         left, right = self._pad_bodies[side]
