@@ -9,7 +9,7 @@ from duobench.scene.meshes import add_robot_mesh
 
 
 def add_link(parent: mujoco.MjsBody, name: str, link: Link) -> mujoco.MjsBody:
-    """Hang a link on a body, without its images; a controller bears its weight."""
+    """Hang a link on a body, without its meshes; the robot's controller bears its weight."""
     body = parent.add_body(name=name, pos=link.position, quat=link.wxyz, gravcomp=1.0)
     if link.mass is not None:
         body.explicitinertial = True

@@ -165,14 +165,18 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     top.group = SHADOWLESS_GEOM_GROUP
     collide_as(top, Group.FIXTURE)
     height = -FLOOR_Z - TABLE_THICKNESS
-    rail = -TABLE_THICKNESS - 0.03
     legs_x, legs_y = (x0 + 0.06, x1 - 0.06), (y0 + 0.06, y1 - 0.06)
-    for at, size in (
-        *(((i, j, FLOOR_Z + height / 2), (0.05, 0.05, height)) for i in legs_x for j in legs_y),
-        *(((x, j, rail), (length - 0.12, 0.04, 0.06)) for j in legs_y),
-        *(((i, y, rail), (0.04, width - 0.12, 0.06)) for i in legs_x),
-    ):
-        add_box(world, SE3.at(*at), size, _STEEL, shadow=False)
+    for leg_x in legs_x:
+        for leg_y in legs_y:
+            leg = SE3.at(leg_x, leg_y, FLOOR_Z + height / 2)
+            add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
+    rail = -TABLE_THICKNESS - 0.03
+    for leg_y in legs_y:
+        at = SE3.at(x, leg_y, rail)
+        add_box(world, at, (length - 0.12, 0.04, 0.06), _STEEL, shadow=False)
+    for leg_x in legs_x:
+        at = SE3.at(leg_x, y, rail)
+        add_box(world, at, (0.04, width - 0.12, 0.06), _STEEL, shadow=False)
 
 
 def _add_mount(spec: mujoco.MjSpec) -> None:
