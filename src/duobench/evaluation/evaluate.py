@@ -19,7 +19,7 @@ from duobench.evaluation.metrics import Results
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.report import write_report
 from duobench.evaluation.suite import Run, Suite
-from duobench.sim import opengl
+from duobench.sim import rendering
 from duobench.versions import package_versions
 
 
@@ -133,8 +133,8 @@ def executor_for(
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if videos:
-        opengl.choose(processes=workers)
+        rendering.choose(processes=workers)
     elif (":" in choice.name or choice.server) and workers > 1:
         with suppress(RenderingError):
-            opengl.choose(processes=workers)
+            rendering.choose(processes=workers)
     return ProcessExecutor(choice, suite.tasks, limits, workers, suite.look, recording)

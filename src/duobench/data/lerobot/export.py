@@ -18,7 +18,7 @@ from duobench.data.schema import action_mode
 from duobench.errors import DataError
 from duobench.files import locked
 from duobench.randomness import SUITE_VERSION
-from duobench.sim import opengl
+from duobench.sim import rendering
 from duobench.versions import package_versions
 
 Progress = Callable[[int, int], None]
@@ -85,7 +85,7 @@ def export_lerobot(
         done = total - sum(export.episodes[job.index].length for job in missing)
         progress(done, total)
         if missing and options.cameras:
-            opengl.choose(processes=max(1, workers))
+            rendering.choose(processes=max(1, workers))
         for index in run_all(EpisodeExporter, missing, workers):
             done += export.episodes[index].length
             progress(done, total)
