@@ -33,12 +33,12 @@ from gallery_shots import (
 from gallery_sources import sources
 
 import duobench
+from duobench.backend import Image
 from duobench.cli.console import console
 from duobench.errors import DuoBenchError
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout
 from duobench.scene.cameras import OVERVIEW, View
-from duobench.sim.offscreen import Image
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog

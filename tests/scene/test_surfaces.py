@@ -48,7 +48,7 @@ def test_mount_and_head_camera_are_in_the_arms_way(sim: Simulation, name: str) -
     rng = np.random.default_rng(0)
     geom = sim.model.geom(name).id
     for _ in range(5000):
-        sim.data.qpos[sim.duo.handles.qpos[0]] = rng.uniform(*JOINT_RANGES.T)
+        sim.data.qpos[sim.duo.joints[0]] = rng.uniform(*JOINT_RANGES.T)
         mujoco.mj_forward(sim.model, sim.data)
         if (sim.data.contact.geom == geom).any():
             return

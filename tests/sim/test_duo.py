@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from duobench.scene.compose import SUBSTEPS
+from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.scene.compose import SUBSTEPS, compose
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.scene.fr3_links import JOINT_RANGES
-from duobench.scene.naming import pad_names, tcp_name
+from duobench.scene.naming import arm_joint_names, gripper_name, pad_names, tcp_name
 from duobench.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.kinematics import Kinematics
@@ -49,6 +50,32 @@ def test_the_limits_are_the_arms_own(duo: Duo) -> None:
     assert duo.limits.high[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 1], 2))
     assert duo.limits.low[[7, 15]].tolist() == [0.0, 0.0]
     assert duo.limits.high[[7, 15]].tolist() == [1.0, 1.0]
+
+
+def test_the_robot_is_found_by_its_names(sim: Simulation) -> None:
+    for side in SIDES:
+        for column, name in enumerate(arm_joint_names(side)):
+            assert sim.duo.joints[side.index, column] == sim.model.joint(name).qposadr[0]
+    names = [sim.model.actuator(number).name for number in range(sim.model.nu)]
+    assert names == [
+        name for side in SIDES for name in (*arm_joint_names(side), gripper_name(side))
+    ]
+
+
+def test_a_model_without_the_robot_is_refused() -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(UnknownNameError, match="left/joint1"):
+        Duo(model, mujoco.MjData(model))
+
+
+def test_actuators_in_another_order_are_refused() -> None:
+    spec = compose()
+    joint = arm_joint_names(SIDES[0])[2]
+    spec.delete(spec.actuator(joint))
+    spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    model = spec.compile()
+    with pytest.raises(DuoBenchError, match="follow each other"):
+        Duo(model, mujoco.MjData(model))
 
 
 def ramped(sim: Simulation, goal: DuoCommand) -> np.ndarray:

@@ -133,8 +133,8 @@ def executor_for(
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if videos:
-        rendering.prepare(processes=workers)
+        rendering.choose(processes=workers)
     elif (":" in choice.name or choice.server) and workers > 1:
         with suppress(RenderingError):
-            rendering.prepare(processes=workers)
+            rendering.choose(processes=workers)
     return ProcessExecutor(choice, suite.tasks, limits, workers, suite.look, recording)

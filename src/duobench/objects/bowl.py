@@ -30,19 +30,9 @@ def bowl(rgba: Colour, rim: Colour | None = None) -> Solid:
         rim: Colour of the rim, where it differs.
     """
     inner = RADIUS - WALL
-    profile = manifold3d.CrossSection(
-        [
-            [
-                [0, 0],
-                [RADIUS, 0],
-                [RADIUS, RIM_HEIGHT],
-                [inner, RIM_HEIGHT],
-                [inner, FLOOR],
-                [0, FLOOR],
-            ]
-        ]
-    )
-    exact = manifold3d.Manifold.revolve(profile, CIRCLE_SEGMENTS)
+    outside = [[0, 0], [RADIUS, 0], [RADIUS, RIM_HEIGHT]]
+    inside = [[inner, RIM_HEIGHT], [inner, FLOOR], [0, FLOOR]]
+    exact = manifold3d.CrossSection([outside + inside]).revolve(CIRCLE_SEGMENTS)
     return Solid(
         shapes=(
             cylinder(RADIUS, FLOOR, at=SE3.at(0, 0, FLOOR / 2)),

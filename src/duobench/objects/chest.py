@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 
 import manifold3d
-import numpy as np
 
 from duobench.objects.prop import Hinge, Part, Prop
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder, prism
-from duobench.objects.solid import Solid, manifold_of, mesh_of
+from duobench.objects.solid import Solid, mesh_of, placed, union_of
 from duobench.spatial import SE3
 
 CAVITY = (0.130, 0.230, 0.060)
@@ -67,11 +66,7 @@ LID_UNDERSIDE = -BARREL_RADIUS
 
 def chest(name: str, *, body: Colour, lid: Colour) -> Prop:
     """A chest that stands where its layout puts it, with its lid as part `lid`."""
-    hinge = Hinge(
-        axis=(0.0, 1.0, 0.0),
-        limits=LID_LIMITS,
-        damping=LID_DAMPING,
-    )
+    hinge = Hinge(axis=(0.0, 1.0, 0.0), limits=LID_LIMITS, damping=LID_DAMPING)
     return Prop(
         name=name,
         solid=chest_box(body),
@@ -87,15 +82,11 @@ def chest_box(rgba: Colour) -> Solid:
     lug_height = RIM_HEIGHT + LUG[1]
     shapes = [box(OUTER_X, OUTER_Y, WALL, at=SE3.at(0, 0, WALL / 2))]
     for sign in (-1, 1):
+        x, y = sign * (depth + WALL) / 2, sign * (width + WALL) / 2
         shapes += [
-            box(WALL, OUTER_Y, height, at=SE3.at(sign * (depth + WALL) / 2, 0, wall_z)),
-            box(depth, WALL, height, at=SE3.at(0, sign * (width + WALL) / 2, wall_z)),
-            box(
-                LUG[0],
-                WALL,
-                lug_height,
-                at=SE3.at(HINGE[0], sign * (width + WALL) / 2, lug_height / 2),
-            ),
+            box(WALL, OUTER_Y, height, at=SE3.at(x, 0, wall_z)),
+            box(depth, WALL, height, at=SE3.at(0, y, wall_z)),
+            box(LUG[0], WALL, lug_height, at=SE3.at(HINGE[0], y, lug_height / 2)),
             *_post(sign * POST_Y),
         ]
     return _drilled(tuple(shapes), rgba, SE3.at(*HINGE))
@@ -132,12 +123,10 @@ def chest_lid(rgba: Colour) -> Solid:
 
 def _drilled(shapes: tuple[Shape, ...], rgba: Colour, axis: SE3) -> Solid:
     """The union of shapes with a hole for the hinge's pin along y through `axis`."""
-    whole = manifold3d.Manifold.batch_boolean(
-        [manifold_of(shape) for shape in shapes], manifold3d.OpType.Add
-    )
+    # A value of its own: in one expression with the hole, the triangles would be others.
+    whole = union_of(shapes)
     pin = manifold3d.Manifold.cylinder(
         2 * OUTER_Y, PIN_RADIUS, PIN_RADIUS, CIRCLE_SEGMENTS // 2, True
     )
-    turn = axis @ SE3.about((1, 0, 0), math.pi / 2)
-    hole = pin.transform(np.column_stack([turn.rotation, turn.translation]))
+    hole = placed(pin, axis @ SE3.about((1, 0, 0), math.pi / 2))
     return Solid(shapes=shapes, rgba=rgba, mesh=mesh_of(whole - hole))

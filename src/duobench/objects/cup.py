@@ -69,19 +69,14 @@ def marble(rgba: Colour) -> Solid:
     )
 
 
-def _heap() -> tuple[tuple[float, float, float], ...]:
-    """Where twenty marbles lie in a cup, without touching: rings of one, six and thirteen."""
-    rings = ((0.0, 1), (2.08 * MARBLE_RADIUS, 6), (4.32 * MARBLE_RADIUS, 13))
-    return tuple(
-        (
-            radius * math.cos(math.tau * k / count),
-            radius * math.sin(math.tau * k / count),
-            WALL + MARBLE_RADIUS,
-        )
-        for radius, count in rings
-        for k in range(count)
+HEAP = tuple(
+    (
+        radius * math.cos(math.tau * k / count),
+        radius * math.sin(math.tau * k / count),
+        WALL + MARBLE_RADIUS,
     )
-
-
-HEAP = _heap()
-"""Positions of the twenty marbles in the frame of a full cup, in metres."""
+    for radius, count in ((0.0, 1), (2.08 * MARBLE_RADIUS, 6), (4.32 * MARBLE_RADIUS, 13))
+    for k in range(count)
+)
+"""Where twenty marbles lie in a full cup, without touching, in its frame and metres: rings of one,
+six and thirteen."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 
-from duobench.objects.shapes import Array, Colour, Shape, box, circle, hull
-from duobench.objects.solid import Solid, mesh_of
+from duobench.objects.shapes import Z_TO_X, Array, Colour, Shape, box, circle, hull
+from duobench.objects.solid import Solid, manifold_of, mesh_of, placed
 from duobench.spatial import SE3
 
 ACROSS_FLATS = 0.034
@@ -63,17 +63,12 @@ def peg(rgba: Colour) -> Solid:
     """
     side = ACROSS_FLATS / math.sqrt(3.0)
     turns = (SE3.about((1, 0, 0), k * math.pi / 3) for k in range(3))
-    outline = ACROSS_FLATS / math.sqrt(3.0) * circle(6)
-    along_x = np.column_stack(
-        [np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.zeros(3)]
-    )
-    exact = manifold3d.Manifold.extrude(
-        manifold3d.CrossSection([outline.tolist()]), PEG_LENGTH
-    ).translate((0.0, 0.0, -PEG_LENGTH / 2))
+    outline = manifold3d.CrossSection([(side * circle(6)).tolist()])
+    exact = outline.extrude(PEG_LENGTH).translate((0.0, 0.0, -PEG_LENGTH / 2))
     return Solid(
         shapes=tuple(box(PEG_LENGTH, side, ACROSS_FLATS, at=turn) for turn in turns),
         rgba=rgba,
-        mesh=mesh_of(exact.transform(along_x)),
+        mesh=mesh_of(placed(exact, Z_TO_X)),
     )
 
 
@@ -81,16 +76,12 @@ def socket_board(rgba: Colour) -> Solid:
     """The board with its holes along x; its frame is at the middle of its underside."""
     length, width = CELL[0] * len(HOLES), CELL[1]
     floor = box(length, width, BOARD_FLOOR, at=SE3.at(z=BOARD_FLOOR / 2))
-    exact = manifold3d.Manifold.cube((length, width, BOARD_HEIGHT), True).translate(
-        (0.0, 0.0, BOARD_HEIGHT / 2)
-    )
+    exact = manifold_of(box(length, width, BOARD_HEIGHT, at=SE3.at(z=BOARD_HEIGHT / 2)))
     for hole in HOLES:
         shaft = manifold3d.CrossSection([hole.outline().tolist()])
-        exact -= manifold3d.Manifold.extrude(shaft, BOARD_HEIGHT).translate(
-            (hole.x, 0.0, BOARD_FLOOR)
-        )
+        exact -= shaft.extrude(BOARD_HEIGHT).translate((hole.x, 0.0, BOARD_FLOOR))
         wide = (hole.apothem + CHAMFER) / hole.apothem
-        mouth = manifold3d.Manifold.extrude(shaft, CHAMFER, scale_top=(wide, wide))
+        mouth = shaft.extrude(CHAMFER, scale_top=(wide, wide))
         exact -= mouth.translate((hole.x, 0.0, BOARD_HEIGHT - CHAMFER))
     walls = (wall for hole in HOLES for wall in _walls(hole))
     return Solid(shapes=(floor, *walls), rgba=rgba, mesh=mesh_of(exact))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from duobench.objects.shapes import Colour, Shape, box, hull
+from duobench.objects.shapes import Z_TO_X, Colour, Shape, box, hull
 from duobench.objects.solid import Solid, manifold_of, mesh_of
 from duobench.spatial import SE3
 
@@ -33,19 +33,12 @@ WALL_PLATE = (0.020, 0.100, 0.085)
 PEG_HEIGHT = 0.060
 """Height of the wall's peg above the table in metres [task definitions]."""
 
-_ALONG_X = SE3(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
-"""Rotation that turns z into x."""
-LIGHT_TIP = SE3(_ALONG_X.rotation, np.array([BAR[0] / 2 + PEG_LENGTH, 0.0, 0.0]))
+LIGHT_TIP = SE3.at(BAR[0] / 2 + PEG_LENGTH) @ Z_TO_X
 """Tip of the light bar's peg in its frame, z outwards."""
-FRONT_MOUTH = SE3(_ALONG_X.rotation, np.array([BAR[0] / 2, 0.0, 0.0]))
-BACK_MOUTH = SE3(
-    SE3.about((0, 0, 1), math.pi).rotation @ _ALONG_X.rotation, np.array([-BAR[0] / 2, 0.0, 0.0])
-)
+FRONT_MOUTH = SE3.at(BAR[0] / 2) @ Z_TO_X
+BACK_MOUTH = SE3.at(-BAR[0] / 2, yaw=math.pi) @ Z_TO_X
 """Mouths of the dark bar's sockets in its frame, z outwards."""
-WALL_TIP = SE3(
-    SE3.about((0, 0, 1), math.pi).rotation @ _ALONG_X.rotation,
-    np.array([-WALL_PLATE[0] / 2 - PEG_LENGTH, 0.0, PEG_HEIGHT]),
-)
+WALL_TIP = SE3.at(-WALL_PLATE[0] / 2 - PEG_LENGTH, 0.0, PEG_HEIGHT, yaw=math.pi) @ Z_TO_X
 """Tip of the wall's peg in the wall's frame, z outwards, towards the robot."""
 
 

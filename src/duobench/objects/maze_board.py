@@ -112,8 +112,7 @@ def wall_variants() -> dict[str, Variant]:
 def printable_board(maze: Maze) -> Solid:
     """The board of one maze."""
     floor = box(2 * HALF, 2 * HALF, FLOOR, at=SE3.at(z=-FLOOR / 2))
-    walls = (_wall(segment) for segment in SEGMENTS if segment in maze.walls)
-    return Solid(shapes=(floor, *_rim(), *_grips(), *walls), rgba=_FLOOR_COLOUR)
+    return Solid(shapes=(floor, *_rim(), *_grips(), *_walls(maze)), rgba=_FLOOR_COLOUR)
 
 
 def _frame() -> tuple[Shape, ...]:
@@ -166,10 +165,13 @@ def _wall(segment: Segment) -> Shape:
     return box(*size, WALL_HEIGHT + ROOT, at=middle, rgba=_WALL_COLOUR)
 
 
+def _walls(maze: Maze) -> tuple[Shape, ...]:
+    return tuple(_wall(segment) for segment in SEGMENTS if segment in maze.walls)
+
+
 def _walls_image(maze: Maze) -> Image:
     """The walls of a maze in one image, without their ends in the rim."""
-    walls = (_wall(segment) for segment in SEGMENTS if segment in maze.walls)
-    return images_of((*_rim(), *walls), _WALL_COLOUR)[-1]
+    return images_of((*_rim(), *_walls(maze)), _WALL_COLOUR)[-1]
 
 
 def _quarter_turns() -> tuple[SE3, ...]:

@@ -14,6 +14,11 @@ from duobench.types import Array
 
 CIRCLE_SEGMENTS = 64
 """Segments of a circle in images and prints."""
+Z_TO_X = SE3(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+"""Rotation that turns z into x."""
+
+
+Colour = tuple[float, float, float, float]
 
 
 class ShapeKind(StrEnum):
@@ -36,7 +41,7 @@ class Shape:
     """Corners of a hull, in its own frame."""
     pose: SE3 = field(default_factory=SE3)
     """Pose in the solid's frame."""
-    rgba: tuple[float, float, float, float] | None = None
+    rgba: Colour | None = None
     """Colour, where it differs from the solid's."""
     shadow: bool = True
     """Whether it casts one; not where the shadow lies within that of the shape below."""
@@ -52,19 +57,11 @@ class Shape:
         elif self.kind is ShapeKind.CYLINDER:
             radius, height = self.size
             ring = radius * circle(CIRCLE_SEGMENTS)
-            local = np.vstack(
-                [np.column_stack([ring, np.full(len(ring), z)]) for z in (-height / 2, height / 2)]
-            )
+            local = np.vstack([at_height(ring, -height / 2), at_height(ring, height / 2)])
         elif self.kind is ShapeKind.SPHERE:
             angles = np.linspace(0, math.pi, CIRCLE_SEGMENTS // 2 + 1)
-            local = np.vstack(
-                [
-                    np.column_stack(
-                        [math.sin(a) * circle(CIRCLE_SEGMENTS), [math.cos(a)] * CIRCLE_SEGMENTS]
-                    )
-                    for a in angles
-                ]
-            )
+            ring = circle(CIRCLE_SEGMENTS)
+            local = np.vstack([at_height(math.sin(a) * ring, math.cos(a)) for a in angles])
             local = local * self.size[0]
         else:
             local = np.array(self.points)
@@ -77,7 +74,9 @@ def circle(segments: int, phase: float = 0.0) -> Array:
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-Colour = tuple[float, float, float, float]
+def at_height(points: Array, z: float) -> Array:
+    """Points (n, 3) above points (n, 2) of the plane."""
+    return np.column_stack([points, np.full(len(points), z)])
 
 
 def box(
@@ -138,6 +137,5 @@ def prism(
 ) -> Shape:
     """A convex outline (n, 2) extruded along z, centred; its top is scaled by `taper`."""
     flat = np.asarray(outline, dtype=np.float64)
-    low = np.column_stack([flat, np.full(len(flat), -height / 2)])
-    high = np.column_stack([flat * taper, np.full(len(flat), height / 2)])
-    return replace(hull(np.vstack([low, high]).tolist(), at=at, rgba=rgba), shadow=shadow)
+    points = np.vstack([at_height(flat, -height / 2), at_height(flat * taper, height / 2)])
+    return replace(hull(points.tolist(), at=at, rgba=rgba), shadow=shadow)

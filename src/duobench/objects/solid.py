@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
+from duobench.spatial import SE3
 from duobench.types import Array
 
 PLA_DENSITY = 1240.0
@@ -92,8 +93,19 @@ def manifold_of(shape: Shape) -> manifold3d.Manifold:
         local = m.sphere(shape.size[0], CIRCLE_SEGMENTS)
     else:
         local = m.hull_points([list(p) for p in shape.points])
-    pose = np.column_stack([shape.pose.rotation, shape.pose.translation])
-    return local.transform(pose)
+    return placed(local, shape.pose)
+
+
+def placed(manifold: manifold3d.Manifold, pose: SE3) -> manifold3d.Manifold:
+    """An exact solid, brought to a pose."""
+    return manifold.transform(np.column_stack([pose.rotation, pose.translation]))
+
+
+def union_of(shapes: Iterable[Shape]) -> manifold3d.Manifold:
+    """Shapes as one exact solid."""
+    return manifold3d.Manifold.batch_boolean(
+        [manifold_of(shape) for shape in shapes], manifold3d.OpType.Add
+    )
 
 
 def mesh_of(manifold: manifold3d.Manifold) -> Mesh:
@@ -108,13 +120,7 @@ def mesh_of(manifold: manifold3d.Manifold) -> Mesh:
 @lru_cache(maxsize=256)
 def printable(solid: Solid) -> Mesh:
     """The watertight mesh of a solid: its own, or the union of its shapes."""
-    if solid.mesh is not None:
-        return solid.mesh
-    return mesh_of(
-        manifold3d.Manifold.batch_boolean(
-            [manifold_of(shape) for shape in solid.shapes], manifold3d.OpType.Add
-        )
-    )
+    return mesh_of(union_of(solid.shapes)) if solid.mesh is None else solid.mesh
 
 
 def manifold_from(mesh: Mesh) -> manifold3d.Manifold:
@@ -132,12 +138,12 @@ def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
     No two faces lie in one place: the renderer adds the light's light once for each of them, and
     shows bright dashes there.
     """
-    groups: dict[tuple[Colour, bool], list[manifold3d.Manifold]] = {}
+    groups: dict[tuple[Colour, bool], list[Shape]] = {}
     for shape in shapes:
-        groups.setdefault((shape.rgba or rgba, shape.shadow), []).append(manifold_of(shape))
+        groups.setdefault((shape.rgba or rgba, shape.shadow), []).append(shape)
     images, before = [], manifold3d.Manifold()
-    for (colour, shadow), parts in groups.items():
-        union = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
+    for (colour, shadow), group in groups.items():
+        union = union_of(group)
         images.append(Image(mesh=mesh_of(union - before), rgba=colour, shadow=shadow))
         before += union
     return tuple(images)

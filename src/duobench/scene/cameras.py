@@ -14,8 +14,8 @@ import numpy as np
 
 from duobench.errors import RenderingError
 from duobench.scene.boxes import add_box
-from duobench.scene.filters import Group, collide_as, distal
-from duobench.scene.surfaces import set_metal
+from duobench.scene.filters import Group, distal
+from duobench.scene.surfaces import collide_as_metal
 from duobench.spatial import SE3
 from duobench.types import HEAD, Side, wrist_name
 
@@ -117,8 +117,7 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
     middle = ZED_BASELINE / 2
     housing = add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.1244, 0.0304, 0.0260), _HOUSING)
     housing.name = f"{HEAD}/housing"
-    collide_as(housing, Group.FIXTURE)
-    set_metal(housing)
+    collide_as_metal(housing, Group.FIXTURE)
     for x in (0.0, ZED_BASELINE):
         add_box(world, pose @ SE3.at(x, 0.0, 0.001), (0.022, 0.022, 0.0012), _LENS)
 
@@ -143,8 +142,7 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
     at = flange_from_body @ SE3.at(0.046, 0.0, 0.020)
     bracket = add_box(flange, at, (0.008, 0.032, 0.052), _HOUSING)
     for part in (housing, bracket):
-        collide_as(part, distal(side))
-        set_metal(part)
+        collide_as_metal(part, distal(side))
 
 
 def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duobench.scene.colours import RGB
 from duobench.scene.workcell import FLOOR_Z, ROOM_X, ROOM_Y
 
 DEPTH = 0.35
@@ -26,8 +27,7 @@ class Piece:
     """Centre in the table frame, in metres."""
     size: tuple[float, float, float]
     """Full size along x, y and z in metres."""
-    colour: tuple[float, float, float]
-    """Red, green and blue, 0 to 1."""
+    colour: RGB
     is_round: bool
     """Whether it is a cylinder."""
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 RGB = tuple[float, float, float]
+"""Red, green and blue, 0 to 1."""
 
 HUE_SHIFT, SATURATION_SHIFT, VALUE_SHIFT = 0.03, 0.25, 0.20
 """Largest shifts of a colour: of the hue in turns, of saturation and value as a share."""

@@ -25,15 +25,7 @@ class Group(IntFlag):
     FIXTURE = 32
 
 
-_EVERYTHING = Group(63)
-_AFFINITY = {
-    Group.LEFT_PROXIMAL: _EVERYTHING & ~Group.LEFT_PROXIMAL,
-    Group.LEFT_DISTAL: _EVERYTHING & ~Group.LEFT_DISTAL,
-    Group.RIGHT_PROXIMAL: _EVERYTHING & ~Group.RIGHT_PROXIMAL,
-    Group.RIGHT_DISTAL: _EVERYTHING & ~Group.RIGHT_DISTAL,
-    Group.OBJECT: _EVERYTHING,
-    Group.FIXTURE: _EVERYTHING & ~Group.FIXTURE,
-}
+_EVERYTHING = 63
 
 
 def proximal(side: Side) -> Group:
@@ -47,13 +39,13 @@ def distal(side: Side) -> Group:
 
 
 def collide_as(geom: mujoco.MjsGeom, group: Group) -> None:
-    """Make a geom collide as a member of a group, and draw it only in the collision view.
+    """Make a geom collide as a member of a group: with all others, and objects with each other.
 
     MuJoCo lets two geoms collide when either one's type meets the other's affinity, so both sides
     carry the same relation.
     """
     geom.contype = int(group)
-    geom.conaffinity = int(_AFFINITY[group])
+    geom.conaffinity = _EVERYTHING if group is Group.OBJECT else _EVERYTHING - int(group)
 
 
 def visual_only(geom: mujoco.MjsGeom, *, shadow: bool = True) -> None:

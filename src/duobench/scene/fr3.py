@@ -8,11 +8,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, proximal, visual_only
+from duobench.scene.filters import distal, proximal, visual_only
 from duobench.scene.fr3_links import LINKS, WHITE, Joint
-from duobench.scene.meshes import add_robot_mesh
-from duobench.scene.naming import arm_joint_names, flange_name
-from duobench.scene.surfaces import set_metal
+from duobench.scene.links import add_link, add_mesh
+from duobench.scene.naming import arm_joint_names
+from duobench.scene.surfaces import collide_unseen
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, Side
 
@@ -28,30 +28,19 @@ BASE_POSES = {
     Side.RIGHT: SE3.from_wxyz((0.865641, 0.436978, 0.0225312, 0.243326), (0.0, -0.05018, 0.342)),
 }
 """World from arm base [manufacturer's duo set-up, as used by Robot Control Stack]."""
-_SHOULDER_HEIGHT = 0.333
-"""Where the axes of joints 1 to 3 meet above the base, in metres [Menagerie franka_fr3]."""
-SHOULDERS = {side: base.apply((0.0, 0.0, _SHOULDER_HEIGHT)) for side, base in BASE_POSES.items()}
-"""Middle of each arm's shoulder (3,) in the table frame."""
+SHOULDERS = {side: base.apply(LINKS[1].position) for side, base in BASE_POSES.items()}
+"""Middle of each arm's shoulder (3,) in the table frame: where the axes of joints 1 to 3 meet."""
 
-_LEFT_HOME = (
-    0.48797692,
-    -0.57224476,
-    -0.58536988,
-    -2.57958827,
-    0.86400183,
-    2.0530809,
-    -0.85965005,
-)
+_LEFT_HOME = (0.48797692, -0.57224476, -0.58536988, -2.57958827, 0.86400183, 2.0530809, -0.85965005)
 HOME_JOINTS = np.array([_LEFT_HOME, np.multiply(_LEFT_HOME, (-1, 1, -1, 1, -1, 1, -1))])
 """Home configuration (2, 7) in radians; the right arm mirrors the left."""
 HOME_JOINTS.setflags(write=False)
 
 _FIRST_DISTAL_LINK = 6
-_LAST_LINK = len(LINKS) - 1
 
 
 def add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
-    """Add the bodies, joints, servos and the flange site of one arm, without any geometry.
+    """Add the bodies, joints and servos of one arm, without any geometry.
 
     Args:
         spec: The model under construction; the arm hangs on its world body.
@@ -64,23 +53,12 @@ def add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
     parent = spec.worldbody
     names = arm_joint_names(side)
     for number, link in enumerate(LINKS):
-        body = parent.add_body(name=f"{side}/link{number}", gravcomp=1.0)
-        if number == 0:
-            body.pos, body.quat = BASE_POSES[side].translation, BASE_POSES[side].wxyz
-        else:
-            body.pos, body.quat = link.position, link.wxyz
-        if link.inertial is not None:
-            body.explicitinertial = True
-            body.mass = link.inertial.mass
-            body.ipos, body.iquat = link.inertial.position, link.inertial.wxyz
-            body.inertia = link.inertial.diagonal
+        body = add_link(parent, f"{side}/link{number}", link)
         if link.joint is not None:
             _add_joint(spec, body, names[number - 1], link.joint)
         bodies.append(body)
         parent = body
-    bodies[_LAST_LINK].add_site(
-        name=flange_name(side), pos=(0, 0, FLANGE_OFFSET), size=[0.001] * 3, group=4
-    )
+    bodies[0].pos, bodies[0].quat = BASE_POSES[side].translation, BASE_POSES[side].wxyz
     return bodies
 
 
@@ -116,21 +94,12 @@ def add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) 
     """Add the images and the collision hulls of one arm to its bodies."""
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
         for name, rgba in link.visuals:
-            geom = body.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_MESH,
-                meshname=add_robot_mesh(spec, f"fr3/{name}:visual"),
-                rgba=rgba,
-            )
-            visual_only(geom, shadow=rgba == WHITE or name in _STOPPERS)
-        hull = body.add_geom(
-            name=f"{side}/link{number}_hull",
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=add_robot_mesh(spec, f"fr3/link{number}:hull"),
-            density=0.0,
-            group=COLLISION_GEOM_GROUP,
-        )
-        collide_as(hull, distal(side) if number >= _FIRST_DISTAL_LINK else proximal(side))
-        set_metal(hull)
+            image = add_mesh(spec, body, f"fr3/{name}:visual")
+            image.rgba = rgba
+            visual_only(image, shadow=rgba == WHITE or name in _STOPPERS)
+        hull = add_mesh(spec, body, f"fr3/link{number}:hull")
+        hull.name = f"{side}/link{number}_hull"
+        collide_unseen(hull, distal(side) if number >= _FIRST_DISTAL_LINK else proximal(side))
     # The forearm and the wrist two joints on share space by design; the range of joint 6 keeps
     # them apart.
     spec.add_exclude(bodyname1=f"{side}/link5", bodyname2=f"{side}/link{ARM_JOINTS}")

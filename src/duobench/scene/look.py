@@ -16,11 +16,9 @@ import msgspec
 
 from duobench.errors import OptionError, UnknownNameError
 from duobench.scene.cameras import OVERVIEW
+from duobench.scene.colours import RGB
 from duobench.scene.textures import TEXTURES
 from duobench.types import POLICY_CAMERAS
-
-RGB = tuple[float, float, float]
-"""Red, green and blue, 0 to 1."""
 
 PARTS = ("table", "floor", "walls", "ceiling", "robot")
 """Parts of the workcell whose material a look may choose. Of the robot it is that of the white
@@ -52,9 +50,8 @@ class Material:
 
     def __post_init__(self) -> None:
         """Reject invalid values."""
-        for name in ("colour", "second_colour"):
-            if getattr(self, name) is not None:
-                _check_colour(name, getattr(self, name))
+        _check_colour("colour", self.colour)
+        _check_colour("second_colour", self.second_colour)
         _check_range("contrast", self.contrast, 0.0, 1.0)
         if self.texture is not None and self.texture not in TEXTURES:
             raise UnknownNameError("texture", self.texture, TEXTURES)
@@ -109,12 +106,8 @@ class CameraOffset:
         """Reject invalid values."""
         if not (_is_vector(self.position) and _is_vector(self.rotation)):
             raise OptionError(f"The offset of a camera is three finite numbers each, got {self}.")
-        _check_range(
-            "field_of_view",
-            self.field_of_view,
-            -MAX_FIELD_OF_VIEW_OFFSET,
-            MAX_FIELD_OF_VIEW_OFFSET,
-        )
+        limit = MAX_FIELD_OF_VIEW_OFFSET
+        _check_range("field_of_view", self.field_of_view, -limit, limit)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -163,20 +156,22 @@ class Look:
                 "One colour or image for all objects would hide what an instruction names; a "
                 "texture keeps their colours."
             )
-        if self.ambient is not None:
-            _check_colour("ambient", self.ambient)
-        for name, low, high in (
-            ("colour_variation", 0.0, 1.0),
-            ("exposure", -4.0, 4.0),
-            ("blur", 0.0, 0.05),
-            ("noise", 0.0, 0.5),
-        ):
-            _check_range(name, getattr(self, name), low, high)
+        _check_colour("ambient", self.ambient)
+        _check_range("colour_variation", self.colour_variation, 0.0, 1.0)
+        _check_range("exposure", self.exposure, -4.0, 4.0)
+        _check_range("blur", self.blur, 0.0, 0.05)
+        _check_range("noise", self.noise, 0.0, 0.5)
         if not isinstance(self.seed, int) or self.seed < 0:
             raise OptionError(f"The seed of a look is a whole number from 0 on, got {self.seed}.")
         if not 0 <= self.clutter <= MAX_CLUTTER:
             raise OptionError(f"A look has 0 to {MAX_CLUTTER} pieces, got {self.clutter}.")
-        _check_lights(self.lights or ())
+        lights = self.lights or ()
+        shadows = sum(light.shadow for light in lights)
+        if len(lights) > MAX_LIGHTS or shadows > 1:
+            raise OptionError(
+                f"A look has at most {MAX_LIGHTS} lights, and one of them casts shadows (the "
+                f"cameras share one shadow map); got {len(lights)}, {shadows} with shadows."
+            )
 
     def to_json(self) -> dict[str, Any]:
         """As plain data, without what is at its default."""
@@ -215,23 +210,15 @@ def _check_known(data: Any, look: Any) -> None:
             _check_known(value, part)
 
 
-def _check_lights(lights: tuple[Light, ...]) -> None:
-    shadows = sum(light.shadow for light in lights)
-    if len(lights) > MAX_LIGHTS or shadows > 1:
-        raise OptionError(
-            f"A look has at most {MAX_LIGHTS} lights, and one of them casts shadows (the cameras "
-            f"share one shadow map); got {len(lights)}, {shadows} with shadows."
-        )
-
-
 def _is_vector(numbers: tuple[float, ...]) -> bool:
     """Whether these are three finite numbers."""
     return len(numbers) == 3 and all(map(math.isfinite, numbers))  # noqa: PLR2004 - in space
 
 
-def _check_colour(name: str, colour: RGB) -> None:
-    if not _is_vector(colour) or not all(0.0 <= part <= 1.0 for part in colour):
-        raise OptionError(f"{name} is red, green and blue from 0 to 1, got {colour}.")
+def _check_colour(name: str, colour: RGB | None) -> None:
+    if colour is None or (_is_vector(colour) and all(0.0 <= part <= 1.0 for part in colour)):
+        return
+    raise OptionError(f"{name} is red, green and blue from 0 to 1, got {colour}.")
 
 
 def _check_range(name: str, value: float, low: float, high: float) -> None:

@@ -11,7 +11,8 @@ from types import MappingProxyType
 import numpy as np
 
 from duobench.errors import OptionError, UnknownNameError
-from duobench.scene.look import RGB, CameraOffset, Light, Look, Material
+from duobench.scene.colours import RGB
+from duobench.scene.look import CameraOffset, Light, Look, Material
 from duobench.scene.workcell import SHADOW_CENTRE
 from duobench.types import POLICY_CAMERAS
 
@@ -22,6 +23,17 @@ RANDOM = "random:"
 _KEY = (1.55, 0.0, 2.30)
 """Where the light of the workcell stands."""
 _WINDOW = (-0.8, -2.2, 1.6)
+
+_LOW_SUN = Light(position=(0.24, 2.2, 1.7), colour=(0.72, 0.69, 0.64), highlight=0.3, shadow=True)
+_LAMP = Light(position=(0.24, -1.6, 2.2), colour=(0.54, 0.45, 0.34), highlight=0.2, shadow=True)
+
+_OAK = Material(colour=(0.66, 0.43, 0.25), texture="wood", second_colour=(0.25, 0.13, 0.06))
+_PARQUET = Material(colour=(0.62, 0.42, 0.25), texture="wood", second_colour=(0.24, 0.13, 0.07))
+_MARBLE = Material(colour=(0.60, 0.63, 0.66), texture="marble", second_colour=(0.22, 0.25, 0.30))
+_TILES = Material(colour=(0.62, 0.55, 0.46), texture="tiles", second_colour=(0.25, 0.21, 0.18))
+_BRICKS = Material(colour=(0.80, 0.74, 0.68), texture="bricks", second_colour=(0.42, 0.17, 0.11))
+_CHECKER = Material(colour=(0.75, 0.62, 0.20), texture="checker", second_colour=(0.28, 0.20, 0.42))
+_CONCRETE = Material(colour=(0.50, 0.52, 0.50), texture="concrete")
 
 LOOKS: Mapping[str, Look] = MappingProxyType(
     {
@@ -41,60 +53,15 @@ LOOKS: Mapping[str, Look] = MappingProxyType(
             ),
             ambient=(0.18, 0.18, 0.20),
         ),
-        "side_light": Look(
-            lights=(
-                Light(
-                    position=(0.24, 2.2, 1.7), colour=(0.72, 0.69, 0.64), highlight=0.3, shadow=True
-                ),
-            ),
-            ambient=(0.24, 0.25, 0.28),
-        ),
-        "warm_light": Look(
-            lights=(
-                Light(
-                    position=(0.24, -1.6, 2.2),
-                    colour=(0.54, 0.45, 0.34),
-                    highlight=0.2,
-                    shadow=True,
-                ),
-            ),
-            ambient=(0.44, 0.39, 0.32),
-        ),
-        "wood_table": Look(
-            parts={
-                "table": Material(
-                    colour=(0.66, 0.43, 0.25), texture="wood", second_colour=(0.25, 0.13, 0.06)
-                ),
-                "floor": Material(colour=(0.50, 0.52, 0.50), texture="concrete"),
-            }
-        ),
-        "marble_table": Look(
-            parts={
-                "table": Material(
-                    colour=(0.60, 0.63, 0.66), texture="marble", second_colour=(0.22, 0.25, 0.30)
-                ),
-                "floor": Material(
-                    colour=(0.62, 0.55, 0.46), texture="tiles", second_colour=(0.25, 0.21, 0.18)
-                ),
-            }
-        ),
-        "cluttered_background": Look(
-            parts={
-                "walls": Material(
-                    colour=(0.80, 0.74, 0.68), texture="bricks", second_colour=(0.42, 0.17, 0.11)
-                ),
-                "floor": Material(
-                    colour=(0.62, 0.42, 0.25), texture="wood", second_colour=(0.24, 0.13, 0.07)
-                ),
-            },
-            clutter=32,
-        ),
+        "side_light": Look(lights=(_LOW_SUN,), ambient=(0.24, 0.25, 0.28)),
+        "warm_light": Look(lights=(_LAMP,), ambient=(0.44, 0.39, 0.32)),
+        "wood_table": Look(parts={"table": _OAK, "floor": _CONCRETE}),
+        "marble_table": Look(parts={"table": _MARBLE, "floor": _TILES}),
+        "cluttered_background": Look(parts={"walls": _BRICKS, "floor": _PARQUET}, clutter=32),
         "distractor_colours": Look(
             parts={
                 "table": Material(colour=(0.32, 0.42, 0.52)),
-                "floor": Material(
-                    colour=(0.75, 0.62, 0.20), texture="checker", second_colour=(0.28, 0.20, 0.42)
-                ),
+                "floor": _CHECKER,
                 "walls": Material(colour=(0.62, 0.30, 0.34)),
                 "robot": Material(colour=(0.92, 0.78, 0.62)),
             },

@@ -61,12 +61,7 @@ def _unit(vectors: Array) -> Array:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), _TINY)
 
 
-def add_visual_mesh(
-    spec: mujoco.MjSpec,
-    name: str,
-    mesh: Mesh,
-    crease: float = CREASE,
-) -> str:
+def add_visual_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh, crease: float = CREASE) -> str:
     """Add a mesh with normals to a model under construction, and return its name.
 
     MuJoCo takes one normal a vertex, so a vertex on a sharp edge is there once for each side.

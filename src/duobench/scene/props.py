@@ -19,13 +19,6 @@ from duobench.scene.mesh_normals import add_visual_mesh
 from duobench.scene.shadows import add_ribs
 from duobench.scene.surfaces import CONTACT_SOLIMP, CONTACT_SOLREF, stiffen
 
-_GEOM_TYPES = {
-    ShapeKind.BOX: mujoco.mjtGeom.mjGEOM_BOX,
-    ShapeKind.CYLINDER: mujoco.mjtGeom.mjGEOM_CYLINDER,
-    ShapeKind.SPHERE: mujoco.mjtGeom.mjGEOM_SPHERE,
-    ShapeKind.HULL: mujoco.mjtGeom.mjGEOM_MESH,
-}
-
 _RENDERED_WELL = (ShapeKind.BOX, ShapeKind.SPHERE)
 """Shapes that are rendered as they collide. MuJoCo smears the edges of a hull, and gives a cylinder
 more triangles than a rounder mesh has."""
@@ -112,20 +105,15 @@ def _add_image(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, image: Imag
 def _add_shape(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, shape: Shape
 ) -> mujoco.MjsGeom:
-    size = np.zeros(3)
+    geom = body.add_geom(name=name, pos=shape.pose.translation, quat=shape.pose.wxyz)
     if shape.kind is ShapeKind.BOX:
-        size[:] = np.array(shape.size) / 2
+        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, np.array(shape.size) / 2
     elif shape.kind is ShapeKind.CYLINDER:
-        size[:2] = shape.size[0], shape.size[1] / 2
+        radius, height = shape.size
+        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CYLINDER, (radius, height / 2, 0.0)
     elif shape.kind is ShapeKind.SPHERE:
-        size[0] = shape.size[0]
+        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, (*shape.size, 0.0, 0.0)
     else:
         spec.add_mesh(name=name, uservert=np.array(shape.points).ravel())
-    return body.add_geom(
-        name=name,
-        type=_GEOM_TYPES[shape.kind],
-        size=size,
-        pos=shape.pose.translation,
-        quat=shape.pose.wxyz,
-        meshname=name if shape.kind is ShapeKind.HULL else "",
-    )
+        geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, name
+    return geom

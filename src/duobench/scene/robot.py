@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import mujoco
-import numpy as np
 
 from duobench.scene import fr3, robotiq
 from duobench.scene.cameras import add_wrist_camera
-from duobench.scene.naming import tcp_name
+from duobench.scene.naming import flange_name, tcp_name
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 
-LINK7_FROM_FLANGE = SE3(np.eye(3), np.array([0.0, 0.0, fr3.FLANGE_OFFSET]))
+LINK7_FROM_FLANGE = SE3.at(z=fr3.FLANGE_OFFSET)
 """Pose of the flange in link 7."""
-LINK7_FROM_TCP = SE3(np.eye(3), np.array([0.0, 0.0, fr3.FLANGE_OFFSET + robotiq.TCP_OFFSET]))
+LINK7_FROM_TCP = SE3.at(z=fr3.FLANGE_OFFSET + robotiq.TCP_OFFSET)
 """Pose of the tool centre point in link 7; both have the same orientation."""
 
 
 def add_robot(spec: mujoco.MjSpec) -> None:
     """Add both arms with grippers and wrist cameras to a model under construction."""
     for side in SIDES:
-        bodies = fr3.add_kinematics(spec, side)
+        bodies = _add_kinematics(spec, side)
         fr3.add_geometry(spec, side, bodies)
-        flange = bodies[-1]
-        robotiq.add_gripper(spec, side, flange, fr3.FLANGE_OFFSET)
-        add_wrist_camera(flange, LINK7_FROM_FLANGE, side)
-        flange.add_site(
-            name=tcp_name(side), pos=LINK7_FROM_TCP.translation, size=[0.001] * 3, group=4
-        )
+        robotiq.add_gripper(spec, side, bodies[-1], fr3.FLANGE_OFFSET)
+        add_wrist_camera(bodies[-1], LINK7_FROM_FLANGE, side)
 
 
 def kinematic_model(side: Side) -> mujoco.MjModel:
@@ -37,6 +32,13 @@ def kinematic_model(side: Side) -> mujoco.MjModel:
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    flange = fr3.add_kinematics(spec, side)[-1]
-    flange.add_site(name=tcp_name(side), pos=LINK7_FROM_TCP.translation, size=[0.001] * 3, group=4)
+    _add_kinematics(spec, side)
     return spec.compile()
+
+
+def _add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
+    """Add one arm without any geometry, with its sites, and return its links."""
+    bodies = fr3.add_kinematics(spec, side)
+    for name, pose in ((flange_name(side), LINK7_FROM_FLANGE), (tcp_name(side), LINK7_FROM_TCP)):
+        bodies[-1].add_site(name=name, pos=pose.translation, size=[0.001] * 3, group=4)
+    return bodies

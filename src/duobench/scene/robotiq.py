@@ -9,17 +9,17 @@ tool's y.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Any
 
 import mujoco
-import numpy as np
 
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
-from duobench.scene.fr3_links import Inertial, Vector
-from duobench.scene.meshes import add_robot_mesh
+from duobench.scene.fr3_links import Link, Vector
+from duobench.scene.links import add_link, add_mesh
 from duobench.scene.naming import gripper_name
-from duobench.scene.surfaces import ROLLING, TORSION, set_metal
+from duobench.scene.surfaces import ROLLING, TORSION, collide_unseen
 from duobench.spatial import SE3
 from duobench.types import Side
 
@@ -73,34 +73,21 @@ behind a pad. It keeps 4 mm behind the pad's face: the tongue's own hull is flus
 the two would compete for every grasped object."""
 
 
-class Joint(TypedDict, total=False):
-    """Arguments of a hinge of the linkage, named as MuJoCo names them."""
-
-    range: tuple[float, float]
-    armature: float
-    damping: tuple[float, float, float]
-    stiffness: tuple[float, float, float]
-    springref: float
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Part:
-    """One body of the linkage on either side of the gripper."""
+class Part(Link):
+    """One link of the linkage on either side of the gripper."""
 
     name: str
     parent: str
-    position: Vector
-    wxyz: Vector
-    inertial: Inertial
-    joint: Joint | None
+    joint: Mapping[str, Any] | None = None
+    """Arguments of its hinge, named as MuJoCo names them; None for a rigid one."""
     mesh_position: Vector
     mesh_wxyz: Vector
-    visuals: tuple[tuple[str, Vector], ...]
 
 
-_DRIVER_JOINT: Joint = {"range": (0.0, 0.9), "armature": 0.005, "damping": (0.1, 0.0, 0.0)}
-_FOLLOWER_JOINT: Joint = {"range": (-0.872664, 0.9), "armature": 0.001}
-_SPRING_JOINT: Joint = {
+_DRIVER_JOINT = {"range": (0.0, 0.9), "armature": 0.005, "damping": (0.1, 0.0, 0.0)}
+_FOLLOWER_JOINT = {"range": (-0.872664, 0.9), "armature": 0.001}
+_SPRING_JOINT = {
     "range": (-0.29670597283, 0.9),
     "armature": 0.001,
     "stiffness": (0.05, 0.0, 0.0),
@@ -119,12 +106,10 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
             parent="base",
             position=(-0.0306011 * sign, 0.00475 * sign, 0.0657045),
             wxyz=root_wxyz,
-            inertial=Inertial(
-                mass=0.00899563,
-                position=(-0.0175297, 0.00165308, -0.00469625),
-                wxyz=(-0.469642, 0.469642, -0.528617, 0.528617),
-                diagonal=(1.72352e-06, 1.60906e-06, 3.22006e-07),
-            ),
+            mass=0.00899563,
+            centre=(-0.0175297, 0.00165308, -0.00469625),
+            axes_wxyz=(-0.469642, 0.469642, -0.528617, 0.528617),
+            inertia=(1.72352e-06, 1.60906e-06, 3.22006e-07),
             joint=_DRIVER_JOINT,
             mesh_position=(0.0306011, 0.0549045, -0.0047),
             mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
@@ -135,13 +120,10 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
             parent="driver",
             position=(-0.0314249, 0.00453223, -0.0102),
             wxyz=(0.0, 0.0, 0.0, 1.0),
-            inertial=Inertial(
-                mass=0.0140974,
-                position=(0.00367747, 0.01986, 0.0055),
-                wxyz=(0.701447, -0.701447, 0.0892884, -0.0892884),
-                diagonal=(4.16206e-06, 3.52216e-06, 8.88131e-07),
-            ),
-            joint=None,
+            mass=0.0140974,
+            centre=(0.00367747, 0.01986, 0.0055),
+            axes_wxyz=(0.701447, -0.701447, 0.0892884, -0.0892884),
+            inertia=(4.16206e-06, 3.52216e-06, 8.88131e-07),
             mesh_position=(-0.062026, -0.0503723, 0.0055),
             mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
             visuals=(("coupler", BLACK),),
@@ -151,12 +133,10 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
             parent="base",
             position=(-0.0127 * sign, -0.012 * sign, 0.07222),
             wxyz=root_wxyz,
-            inertial=Inertial(
-                mass=0.0221642,
-                position=(-0.0183, -0.0205732, 0.01205),
-                wxyz=(0.660941, 0.660941, -0.251309, -0.251309),
-                diagonal=(8.96853e-06, 6.71733e-06, 2.63931e-06),
-            ),
+            mass=0.0221642,
+            centre=(-0.0183, -0.0205732, 0.01205),
+            axes_wxyz=(0.660941, 0.660941, -0.251309, -0.251309),
+            inertia=(8.96853e-06, 6.71733e-06, 2.63931e-06),
             joint=_SPRING_JOINT,
             mesh_position=(0.0127, 0.06142, 0.01205),
             mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
@@ -167,12 +147,10 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
             parent="spring_link",
             position=(-0.0382079, -0.0425003, 0.00295),
             wxyz=(0.0, -1.0, 0.0, 0.0),
-            inertial=Inertial(
-                mass=0.0125222,
-                position=(-0.00852976, -0.0014822, -0.00910001),
-                wxyz=(0.359439, 0.359439, 0.608937, 0.608937),
-                diagonal=(2.67415e-06, 2.4559e-06, 6.02031e-07),
-            ),
+            mass=0.0125222,
+            centre=(-0.00852976, -0.0014822, -0.00910001),
+            axes_wxyz=(0.359439, 0.359439, 0.608937, 0.608937),
+            inertia=(2.67415e-06, 2.4559e-06, 6.02031e-07),
             joint=_FOLLOWER_JOINT,
             mesh_position=(0.0509079, -0.10392, -0.0091),
             mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
@@ -183,11 +161,11 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
 
 FINGERS = {"left": _finger(mirrored=False), "right": _finger(mirrored=True)}
 """The two fingers, by their names within the gripper."""
-_BASE_INERTIAL = Inertial(
+_BASE = Link(
     mass=0.777441,
-    position=(7.77116e-05, 8.42713e-05, 0.0311656),
-    wxyz=(0.704758, -0.00373684, -0.00570287, 0.709415),
-    diagonal=(0.000260285, 0.000225381, 0.000152708),
+    centre=(7.77116e-05, 8.42713e-05, 0.0311656),
+    axes_wxyz=(0.704758, -0.00373684, -0.00570287, 0.709415),
+    inertia=(0.000260285, 0.000225381, 0.000152708),
 )
 _BASE_VISUALS: tuple[tuple[str, Vector, Vector, Vector], ...] = (
     ("base", (0, 0, 0.0108), (0, 0, 0, 1), BLACK),
@@ -195,9 +173,8 @@ _BASE_VISUALS: tuple[tuple[str, Vector, Vector, Vector], ...] = (
     ("c-a01-85-open", (0, 0, 0.0108), (1, 0, 0, 0), METAL),
 )
 _COUPLING = ("base_coupling", "c-a01-85-open")
-_PAD_POSITION = (-0.0377897, -0.103916, -0.0091)
-_PAD_WXYZ = (1.0, -1.0, 0.0, 0.0)
-_FOLLOWER_FROM_PAD = SE3.from_wxyz(_PAD_WXYZ, _PAD_POSITION)
+_PAD = Link(position=(-0.0377897, -0.103916, -0.0091), wxyz=(1.0, -1.0, 0.0, 0.0))
+_FOLLOWER_FROM_PAD = SE3.from_wxyz(_PAD.wxyz, _PAD.position)
 _PAD_OFFSET = 0.043258
 _PAD_MASS = 0.00175
 
@@ -212,13 +189,15 @@ def add_gripper(spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_
         flange_z: Height of the flange in that body, in metres.
     """
     prefix = gripper_name(side)
-    base = flange.add_body(
-        name=f"{prefix}/base", pos=(0, 0, flange_z), quat=MOUNT.wxyz, gravcomp=1.0
-    )
-    _set_inertial(base, _BASE_INERTIAL)
+    base = add_link(flange, f"{prefix}/base", _BASE)
+    base.pos, base.quat = (0, 0, flange_z), MOUNT.wxyz
     for name, position, wxyz, rgba in _BASE_VISUALS:
-        _add_visual(spec, base, name, position, wxyz, rgba)
-    _add_hull(spec, side, base, "base", (0, 0, 0.0108), (0, 0, 0, 1))
+        image = add_mesh(spec, base, f"robotiq_2f85/{name}:visual", position, wxyz)
+        image.rgba = rgba
+        # The coupling is a ring between flange and base, which cast its shadow.
+        visual_only(image, shadow=name not in _COUPLING)
+    _, position, wxyz, _ = _BASE_VISUALS[0]
+    collide_unseen(add_mesh(spec, base, "robotiq_2f85/base:hull", position, wxyz), distal(side))
     for finger, parts in FINGERS.items():
         _add_finger(spec, side, finger, parts, base)
     _add_constraints(spec, prefix)
@@ -231,43 +210,36 @@ def _add_finger(
     parts: tuple[Part, ...],
     base: mujoco.MjsBody,
 ) -> None:
-    prefix = gripper_name(side)
+    prefix = f"{gripper_name(side)}/{finger}"
     bodies = {"base": base}
     for part in parts:
-        body = bodies[part.parent].add_body(
-            name=f"{prefix}/{finger}_{part.name}",
-            pos=part.position,
-            quat=part.wxyz,
-            gravcomp=1.0,
-        )
-        _set_inertial(body, part.inertial)
+        name = f"{prefix}_{part.name}"
+        body = bodies[part.name] = add_link(bodies[part.parent], name, part)
         if part.joint is not None:
             body.add_joint(
-                name=f"{prefix}/{finger}_{part.name}",
+                name=name,
                 axis=(0, 0, 1),
                 limited=True,
                 solref_limit=_STIFF_SOLREF,
                 solimp_limit=_STIFF_SOLIMP,
                 **part.joint,
             )
-        for mesh, rgba in part.visuals:
-            _add_visual(spec, body, mesh, part.mesh_position, part.mesh_wxyz, rgba)
-            if mesh != "tongue":
-                _add_hull(spec, side, body, mesh, part.mesh_position, part.mesh_wxyz)
-        bodies[part.name] = body
-    pad = bodies["follower"].add_body(
-        name=f"{prefix}/{finger}_pad", pos=_PAD_POSITION, quat=_PAD_WXYZ, gravcomp=1.0
-    )
+        position, wxyz = part.mesh_position, part.mesh_wxyz
+        for name, rgba in part.visuals:
+            mesh = f"robotiq_2f85/{name}"
+            image = add_mesh(spec, body, f"{mesh}:visual", position, wxyz)
+            image.rgba = rgba
+            visual_only(image)
+            if name != "tongue":
+                collide_unseen(add_mesh(spec, body, f"{mesh}:hull", position, wxyz), distal(side))
+    pad = add_link(bodies["follower"], f"{prefix}_pad", _PAD)
     fingertip = bodies["follower"].add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=FINGERTIP_SIZE,
-        pos=(_FOLLOWER_FROM_PAD @ SE3(np.eye(3), np.array(FINGERTIP_POSITION))).translation,
+        pos=(_FOLLOWER_FROM_PAD @ SE3.at(*FINGERTIP_POSITION)).translation,
         quat=_FOLLOWER_FROM_PAD.wxyz,
-        density=0.0,
-        group=COLLISION_GEOM_GROUP,
     )
-    collide_as(fingertip, distal(side))
-    set_metal(fingertip)
+    collide_unseen(fingertip, distal(side))
     for height in PADS:
         geom = pad.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -282,51 +254,6 @@ def _add_finger(
             group=COLLISION_GEOM_GROUP,
         )
         collide_as(geom, distal(side))
-
-
-def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
-    body.explicitinertial = True
-    body.mass = inertial.mass
-    body.ipos, body.iquat, body.inertia = inertial.position, inertial.wxyz, inertial.diagonal
-
-
-def _add_visual(
-    spec: mujoco.MjSpec,
-    body: mujoco.MjsBody,
-    name: str,
-    position: Vector,
-    wxyz: Vector,
-    rgba: Vector,
-) -> None:
-    geom = body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_robot_mesh(spec, f"robotiq_2f85/{name}:visual"),
-        pos=position,
-        quat=wxyz,
-        rgba=rgba,
-    )
-    # The coupling is a ring between flange and base, which cast its shadow.
-    visual_only(geom, shadow=name not in _COUPLING)
-
-
-def _add_hull(
-    spec: mujoco.MjSpec,
-    side: Side,
-    body: mujoco.MjsBody,
-    name: str,
-    position: Vector,
-    wxyz: Vector,
-) -> None:
-    geom = body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_robot_mesh(spec, f"robotiq_2f85/{name}:hull"),
-        pos=position,
-        quat=wxyz,
-        density=0.0,
-        group=COLLISION_GEOM_GROUP,
-    )
-    collide_as(geom, distal(side))
-    set_metal(geom)
 
 
 def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
+from duobench.objects.shapes import at_height
 from duobench.objects.solid import Mesh, manifold_from
 
 RIB_HEIGHT = 0.0015
@@ -37,7 +38,7 @@ def add_ribs(mesh: Mesh) -> Mesh:
         if not section:
             continue
         points = np.vstack(section)
-        vertices.append(np.column_stack([points, np.full(len(points), height)]))
+        vertices.append(at_height(points, height))
         faces.append(np.asarray(manifold3d.triangulate(section), dtype=np.int32) + count)
         count += len(points)
     return Mesh(vertices=np.vstack(vertices), faces=np.vstack(faces))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import mujoco
 
+from duobench.scene.filters import COLLISION_GEOM_GROUP, Group, collide_as
+
 CONTACT_SOLREF = (0.005, 1.0)
 """Contact time constant just above two time steps, the stiffest that MuJoCo keeps stable, and
 damping ratio."""
@@ -21,12 +23,19 @@ def stiffen(geom: mujoco.MjsGeom) -> None:
     geom.solref, geom.solimp = CONTACT_SOLREF, CONTACT_SOLIMP
 
 
-def set_metal(geom: mujoco.MjsGeom) -> None:
-    """Give a geom of robot or mount the surface of metal.
+def collide_as_metal(geom: mujoco.MjsGeom, group: Group) -> None:
+    """Make a geom of robot or mount collide as a member of a group, with the surface of metal.
 
     Of two geoms in contact MuJoCo takes the larger friction, unless one has priority: so that metal
     is as slippery on a rough object as on a smooth one, it has.
     """
+    collide_as(geom, group)
     stiffen(geom)
     geom.friction = (METAL_FRICTION, TORSION, ROLLING)
     geom.priority = 1
+
+
+def collide_unseen(geom: mujoco.MjsGeom, group: Group) -> None:
+    """Make a geom of the robot collide in the place of what is seen, without a mass of its own."""
+    collide_as_metal(geom, group)
+    geom.density, geom.group = 0.0, COLLISION_GEOM_GROUP

@@ -10,20 +10,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.objects.shapes import Colour, Shape, hull
+from duobench.objects.shapes import Colour, hull
 from duobench.objects.solid import manifold_of, mesh_of
 from duobench.scene.boxes import add_box
 from duobench.scene.cameras import HEAD_POSITION
-from duobench.scene.filters import (
-    SHADOWLESS_GEOM_GROUP,
-    Group,
-    collide_as,
-    visual_only,
-)
+from duobench.scene.filters import SHADOWLESS_GEOM_GROUP, Group, collide_as, visual_only
 from duobench.scene.fr3 import BASE_POSES
 from duobench.scene.mesh_normals import FLAT, add_visual_mesh
 from duobench.scene.naming import TABLE
-from duobench.scene.surfaces import set_metal
+from duobench.scene.surfaces import collide_as_metal
 from duobench.spatial import SE3
 
 FLOOR_Z = -0.8095
@@ -84,14 +79,14 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     world = spec.worldbody
     (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
     x, y, half_x, half_y = (x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0) / 2, (y1 - y0) / 2
-    floor = _add_plane(world, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR)
-    floor.name = "floor"
-    floor.material = _add_matte(spec, "floor", 0.10, floor_light())
-    collide_as(floor, Group.FIXTURE)
+    floor_paint = _add_matte(spec, "floor", 0.10, floor_light())
     wall_paint = _add_matte(spec, "wall", 0.35, wall_light())
+    ceiling_paint = _add_matte(spec, "ceiling", 0.4)
+    floor = _add_plane(world, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR, floor_paint)
+    floor.name = "floor"
+    collide_as(floor, Group.FIXTURE)
     above = SE3.at(x, y, FLOOR_Z + ROOM_HEIGHT) @ SE3.about((1, 0, 0), np.pi)
-    ceiling = _add_plane(world, above, (half_x, half_y), _CEILING)
-    ceiling.material = _add_matte(spec, "ceiling", 0.4)
+    _add_plane(world, above, (half_x, half_y), _CEILING, ceiling_paint)
     half_z = ROOM_HEIGHT / 2
     z = FLOOR_Z + half_z
     upright = SE3.about((0, 1, 0), np.pi / 2)
@@ -102,8 +97,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
         (-np.pi / 2, (x, y1), half_x),
     ):
         at = SE3.at(*centre, z, yaw=yaw) @ upright
-        wall = _add_plane(world, at, (half_z, half_width), _WALL)
-        wall.material = wall_paint
+        _add_plane(world, at, (half_z, half_width), _WALL, wall_paint)
         # In front of the wall, not through it: nothing may hide behind what is not quite opaque.
         foot = SE3.at(*centre, FLOOR_Z + 0.05, yaw=yaw) @ SE3.at(0.0101)
         add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, shadow=False)
@@ -171,15 +165,16 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     top.group = SHADOWLESS_GEOM_GROUP
     collide_as(top, Group.FIXTURE)
     height = -FLOOR_Z - TABLE_THICKNESS
-    for leg_x in (x0 + 0.06, x1 - 0.06):
-        for leg_y in (y0 + 0.06, y1 - 0.06):
+    legs_x, legs_y = (x0 + 0.06, x1 - 0.06), (y0 + 0.06, y1 - 0.06)
+    for leg_x in legs_x:
+        for leg_y in legs_y:
             leg = SE3.at(leg_x, leg_y, FLOOR_Z + height / 2)
             add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
     rail = -TABLE_THICKNESS - 0.03
-    for leg_y in (y0 + 0.06, y1 - 0.06):
+    for leg_y in legs_y:
         at = SE3.at(x, leg_y, rail)
         add_box(world, at, (length - 0.12, 0.04, 0.06), _STEEL, shadow=False)
-    for leg_x in (x0 + 0.06, x1 - 0.06):
+    for leg_x in legs_x:
         at = SE3.at(leg_x, y, rail)
         add_box(world, at, (0.04, width - 0.12, 0.06), _STEEL, shadow=False)
 
@@ -198,7 +193,10 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
         for s in (1, -1)
         for t in (1, -1)
     ]
-    block = _add_solid(spec, "mount/block", hull(np.vstack([*faces, foot]).tolist()), _ALUMINIUM)
+    shape = hull(np.vstack([*faces, foot]).tolist())
+    mesh = add_visual_mesh(spec, "mount/block", mesh_of(manifold_of(shape)), crease=FLAT)
+    block = world.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, rgba=_ALUMINIUM)
+    visual_only(block)
     top = HEAD_POSITION[2] + 0.012
     low = 0.35
     post = add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)
@@ -207,8 +205,7 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
     parts = {"column": column, "block": block, "post": post, "holder": holder}
     for name, part in parts.items():
         part.name = f"mount/{name}"
-        collide_as(part, Group.FIXTURE)
-        set_metal(part)
+        collide_as_metal(part, Group.FIXTURE)
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
@@ -239,7 +236,7 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
 
 
 def _add_plane(
-    body: mujoco.MjsBody, pose: SE3, half_size: tuple[float, float], rgba: Colour
+    body: mujoco.MjsBody, pose: SE3, half_size: tuple[float, float], rgba: Colour, material: str
 ) -> mujoco.MjsGeom:
     geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -247,17 +244,7 @@ def _add_plane(
         pos=pose.translation,
         quat=pose.wxyz,
         rgba=rgba,
+        material=material,
     )
     visual_only(geom, shadow=False)
-    return geom
-
-
-def _add_solid(spec: mujoco.MjSpec, name: str, shape: Shape, rgba: Colour) -> mujoco.MjsGeom:
-    mesh = mesh_of(manifold_of(shape))
-    geom = spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_visual_mesh(spec, name, mesh, crease=FLAT),
-        rgba=rgba,
-    )
-    visual_only(geom)
     return geom

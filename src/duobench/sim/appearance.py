@@ -16,8 +16,7 @@ from duobench.scene.clutter import Piece, pieces
 from duobench.scene.look import CameraOffset, Light, Look
 from duobench.scene.workcell import SHADOW_CENTRE
 from duobench.sim.paints import paints
-
-Array = NDArray[np.float64]
+from duobench.types import Array
 
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
 _LIGHT_DISTANCE = 2.7
@@ -86,14 +85,11 @@ class Appearance:
 def _as_geom(piece: Piece) -> tuple[int, Array, Array, Array, NDArray[np.float32]]:
     """Type, size, position, rotation and colour of a piece of furniture, as the engine wants it."""
     x, y, z = (length / 2 for length in piece.size)
-    kind = mujoco.mjtGeom.mjGEOM_CYLINDER if piece.is_round else mujoco.mjtGeom.mjGEOM_BOX
-    return (
-        kind.value,
-        np.array([x, z, 0.0] if piece.is_round else [x, y, z]),
-        np.array(piece.position),
-        np.eye(3).ravel(),
-        np.array([*piece.colour, 1.0], dtype=np.float32),
-    )
+    kind, size = mujoco.mjtGeom.mjGEOM_BOX, (x, y, z)
+    if piece.is_round:
+        kind, size = mujoco.mjtGeom.mjGEOM_CYLINDER, (x, z, 0.0)
+    rgba = np.array([*piece.colour, 1.0], dtype=np.float32)
+    return kind.value, np.array(size), np.array(piece.position), np.eye(3).ravel(), rgba
 
 
 def _light(scene: mujoco.MjvScene, lights: tuple[Light, ...]) -> None:

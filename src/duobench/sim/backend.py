@@ -76,18 +76,15 @@ class SimBackend:
 
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
         """Render the current state; see `DuoBackend.images`."""
-        return self._renderer(shape).render_all(self.simulation.data, cameras)
+        height, width = shape
+        if shape not in self._renderers:
+            self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
+        renderer = self._renderers[shape]
+        if renderer.look != self._look:
+            renderer.set_look(self._look)
+        return renderer.render_all(self.simulation.data, cameras)
 
     def close(self) -> None:
         """Free the renderers."""
         for renderer in self._renderers.values():
             renderer.close()
-
-    def _renderer(self, shape: tuple[int, int]) -> Renderer:
-        if shape not in self._renderers:
-            height, width = shape
-            self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
-        renderer = self._renderers[shape]
-        if renderer.look != self._look:
-            renderer.set_look(self._look)
-        return renderer

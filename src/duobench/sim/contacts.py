@@ -51,32 +51,28 @@ def _owner_of_body(name: str) -> str:
 
 
 class Contacts:
-    """Contact questions about one model and its data."""
+    """Contact questions about one model and its data.
+
+    All raise `UnknownNameError` where there is no such owner.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Assign every geom to its owner."""
         self._data = data
         self._index: dict[str, int] = {}
-        owner = np.empty(model.ngeom, dtype=np.int64)
-        for geom in range(model.ngeom):
-            name = _owner_of_body(model.body(model.geom_bodyid[geom]).name)
-            owner[geom] = self._index.setdefault(name, len(self._index))
-        self._owner = owner
-        self._owners: list[int] = owner.tolist()
+        bodies = (model.body(body).name for body in model.geom_bodyid)
+        self._owners = [
+            self._index.setdefault(_owner_of_body(body), len(self._index)) for body in bodies
+        ]
+        """Row of each geom's owner."""
         # A pair of owners is one number, lower row first, so that one set holds all contacts.
         self._stride = len(self._index)
         self._touching: set[int] = set()
         self._pairs: list[list[int]] = []
         self._distances: list[float] = []
-        self._fingers = {
-            side: (
-                self._index[limb_owner(side, Limb.LEFT_PAD)],
-                self._index[limb_owner(side, Limb.RIGHT_PAD)],
-            )
-            for side in SIDES
+        self._limbs = {
+            side: [self._index[limb_owner(side, limb)] for limb in Limb] for side in SIDES
         }
-        self._hands = {side: self._index[limb_owner(side, Limb.PALM)] for side in SIDES}
-        self._arms = {side: self._index[limb_owner(side, Limb.ARM)] for side in SIDES}
         self._pad_bodies = {
             side: [model.body(name).id for name in pad_names(side)] for side in SIDES
         }
@@ -101,53 +97,32 @@ class Contacts:
         self._touching = touching
 
     def between(self, one: str, other: str) -> bool:
-        """Whether two owners are in contact.
-
-        Raises:
-            UnknownNameError: There is no such owner.
-        """
+        """Whether two owners are in contact."""
         return self._touch(self._row(one), self._row(other))
 
     def partners(self, owner: str) -> frozenset[str]:
-        """All owners in contact with one.
-
-        Raises:
-            UnknownNameError: There is no such owner.
-        """
+        """All owners in contact with one."""
         row = self._row(owner)
         return frozenset(name for name, other in self._index.items() if self._touch(row, other))
 
     def gripper(self, side: Side, owner: str) -> bool:
-        """Whether a finger or the palm of a gripper is in contact with an owner.
-
-        Raises:
-            UnknownNameError: There is no such owner.
-        """
+        """Whether a finger or the palm of a gripper is in contact with an owner."""
         row = self._row(owner)
-        one, other = self._fingers[side]
-        return (
-            self._touch(one, row) or self._touch(other, row) or self._touch(self._hands[side], row)
-        )
+        left, right, palm, _ = self._limbs[side]
+        return self._touch(left, row) or self._touch(right, row) or self._touch(palm, row)
 
     def arm(self, side: Side, owner: str) -> bool:
-        """Whether any part of an arm is in contact with an owner: links, camera or gripper.
-
-        Raises:
-            UnknownNameError: There is no such owner.
-        """
-        return self._touch(self._arms[side], self._row(owner)) or self.gripper(side, owner)
+        """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
+        return self._touch(self._limbs[side][-1], self._row(owner)) or self.gripper(side, owner)
 
     def pads(self, side: Side, owner: str) -> bool:
         """Whether both finger pads of a gripper press on an owner, towards each other.
 
         Fingers that are pressed on top of something touch it with both pads, and grasp nothing: so
         each pad has a contact whose normal points to the other pad, within `MAX_PRESS_ANGLE`.
-
-        Raises:
-            UnknownNameError: There is no such owner.
         """
         row = self._row(owner)
-        one, other = self._fingers[side]
+        one, other, _, _ = self._limbs[side]
         if not (self._touch(one, row) and self._touch(other, row)):
             return False
         left, right = self._pad_bodies[side]
@@ -174,14 +149,11 @@ class Contacts:
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""
-        contact = self._data.contact
-        deep = np.flatnonzero(contact.dist < -limit)
-        names = self.owners
+        names, owners = self.owners, self._owners
         return [
-            (names[a], names[b], -float(contact.dist[i]))
-            for i in deep
-            for a, b in [self._owner[contact.geom[i]]]
-            if a != b
+            (names[owners[one]], names[owners[other]], -distance)
+            for (one, other), distance in zip(self._pairs, self._distances, strict=True)
+            if distance < -limit and owners[one] != owners[other]
         ]
 
     def _row(self, owner: str) -> int:

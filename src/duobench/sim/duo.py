@@ -8,56 +8,57 @@ import mujoco
 import numpy as np
 
 from duobench.backend import DuoLimits
+from duobench.errors import DuoBenchError
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
-from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED
-from duobench.sim.handles import DuoHandles
-from duobench.types import (
-    ARM_JOINTS,
-    CONTROL_HZ,
-    FLAT_SIZE,
-    OPENING_SLOTS,
-    SIDE_SIZE,
-    SIDES,
-    Array,
-    DuoCommand,
-    DuoState,
-)
+from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
+from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
+from duobench.sim.handles import names_of, resolve, resolve_all
+from duobench.types import CONTROL_HZ, FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
 
 HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""
 
-_OPENING_SLOTS = np.array(OPENING_SLOTS)
-
-
-def _limits(model: mujoco.MjModel, handles: DuoHandles) -> DuoLimits:
-    joints = np.delete(np.arange(FLAT_SIZE), _OPENING_SLOTS)
-    low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
-    low[joints], high[joints] = model.jnt_range[handles.joints.ravel()].T
-    max_change = np.full(FLAT_SIZE, np.inf)
-    max_change[joints] = np.tile(VELOCITY_LIMITS, len(SIDES)) / CONTROL_HZ
-    return DuoLimits(low=low, high=high, max_change=max_change)
+_JOINTS = np.delete(np.arange(FLAT_SIZE), OPENING_SLOTS)
+"""Places of the arm joints in a flat command."""
+_OPENINGS = np.array(OPENING_SLOTS)
 
 
 class Duo:
     """Translates between flat commands and the engine's arrays of one model."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Resolve the robot's handles."""
-        self.handles = DuoHandles.of(model)
+        """Resolve every name of the robot in a model.
+
+        Raises:
+            UnknownNameError: The model lacks a part of the robot.
+            DuoBenchError: The actuators are not in the order of a flat command.
+        """
+        joint, site = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
+        joints = np.array([resolve_all(model, joint, arm_joint_names(side)) for side in SIDES])
+        fingers = [f"{gripper_name(s)}/{finger}_driver" for s in SIDES for finger in FINGERS]
+        drivers = resolve_all(model, joint, fingers)
+        self.joints = model.jnt_qposadr[joints].astype(np.int64)
+        """Addresses of the arm joints in qpos (2, 7)."""
+        self._dofs = model.jnt_dofadr[joints].astype(np.int64)
+        self._drivers = model.jnt_qposadr[drivers].astype(np.int64)
+        self._sites: list[int] = resolve_all(model, site, map(tcp_name, SIDES)).tolist()
+        actuators = _actuators(model)
         self._data = data
         # Views of the engine's memory; they live as long as its data.
-        self._qpos, self._ctrl = data.qpos, data.ctrl
+        self._qpos, self._ctrl = data.qpos, data.ctrl[actuators]
         self._site_xpos, self._site_xmat = data.site_xpos, data.site_xmat
-        self._sites: list[int] = self.handles.tcp_sites.tolist()
-        self._drivers = self.handles.drivers.ravel()
         self._quat = np.empty(4)
         # Copying bytes costs a tenth of assigning arrays, and it is done in every substep.
         self._rows = np.empty((SUBSTEPS, FLAT_SIZE))
         self._row_bytes = [row.data.cast("B") for row in self._rows]
-        self._ctrl_bytes = data.ctrl[self.handles.actuators].data.cast("B")
+        self._ctrl_bytes = self._ctrl.data.cast("B")
         self._fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
-        self.limits = _limits(model, self.handles)
+        low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
+        low[_JOINTS], high[_JOINTS] = model.jnt_range[joints.ravel()].T
+        max_change = np.full(FLAT_SIZE, np.inf)
+        max_change[_JOINTS] = np.tile(VELOCITY_LIMITS, len(SIDES)) / CONTROL_HZ
+        self.limits = DuoLimits(low=low, high=high, max_change=max_change)
         """What the arms obey."""
 
     def interpolate(self, command: DuoCommand) -> Iterator[None]:
@@ -67,7 +68,7 @@ class Duo:
             Once for each of the substeps, when its controls are in place. The last ones are
             exactly the command's, so that it can be read back and repeated.
         """
-        start, end = self._ctrl[self.handles.actuators], self._controls(command)
+        start, end = self._ctrl, self._controls(command)
         rows = self._rows
         np.multiply(self._fractions, end - start, out=rows)
         np.add(rows, start, out=rows)
@@ -84,13 +85,13 @@ class Duo:
         """
         if not np.all(command.openings == 1.0):
             raise ValueError("The arms can be placed with open grippers only.")
-        self._qpos[self.handles.qpos] = command.joints
-        self._ctrl[self.handles.actuators] = self._controls(command)
+        self._qpos[self.joints] = command.joints
+        self._ctrl[:] = self._controls(command)
 
     def command(self) -> DuoCommand:
         """The last command, as the actuators hold it."""
-        flat = self._ctrl[self.handles.actuators].copy()
-        flat[_OPENING_SLOTS] = 1.0 - flat[_OPENING_SLOTS] / CTRL_CLOSED
+        flat = self._ctrl.copy()
+        flat[_OPENINGS] = 1.0 - flat[_OPENINGS] / CTRL_CLOSED
         return DuoCommand.from_flat(flat)
 
     def read(self) -> DuoState:
@@ -109,18 +110,31 @@ class Duo:
             1.0 - (right + other_right) * (0.5 / DRIVER_CLOSED),
         ]
         return DuoState(
-            joints=self._qpos[self.handles.qpos],
+            joints=self._qpos[self.joints],
             openings=np.array([min(max(opening, 0.0), 1.0) for opening in openings]),
             tcp_poses=np.array(tools).reshape(2, 7),
         )
 
     def joint_velocities(self) -> Array:
         """Joint velocities (2, 7) in rad/s, as of the last physics step."""
-        return self._data.qvel[self.handles.dofs]
+        return self._data.qvel[self._dofs]
 
     @staticmethod
     def _controls(command: DuoCommand) -> Array:
-        rows = np.empty((len(command.openings), SIDE_SIZE))
-        rows[:, :ARM_JOINTS] = command.joints
-        rows[:, ARM_JOINTS] = CTRL_CLOSED * (1.0 - command.openings)
-        return rows.ravel()
+        controls = command.flat
+        controls[_OPENINGS] = CTRL_CLOSED * (1.0 - command.openings)
+        return controls
+
+
+def _actuators(model: mujoco.MjModel) -> slice:
+    """Where the robot's actuators are in ctrl: in a row, in the order of a flat command."""
+    names = [name for side in SIDES for name in (*arm_joint_names(side), gripper_name(side))]
+    first = resolve(model, mujoco.mjtObj.mjOBJ_ACTUATOR, names[0])
+    actuators = slice(first, first + len(names))
+    present = names_of(model, mujoco.mjtObj.mjOBJ_ACTUATOR)
+    if present[actuators] != names:
+        raise DuoBenchError(
+            f"The robot's actuators must follow each other in the order {', '.join(names)}; "
+            f"the model has {', '.join(present)}."
+        )
+    return actuators

@@ -10,9 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.backend import Image
 from duobench.scene.look import Look
-
-Image = NDArray[np.uint8]
 
 GAMMA = 2.2
 """Exponent from the numbers of an image to light."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.backend import Image
 from duobench.errors import RenderingError
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP
 from duobench.scene.look import MAX_CLUTTER
@@ -16,8 +17,6 @@ from duobench.sim import effects
 from duobench.sim.appearance import Appearance
 from duobench.sim.opengl import info_of, open_context
 from duobench.sim.uploads import upload
-
-Image = NDArray[np.uint8]
 
 DRAWN_GROUPS = 3
 """Geom groups 0 to 2 are drawn; collision shapes are in group 3."""
@@ -94,27 +93,19 @@ class OffscreenRenderer:
                 upload(self._model, self._drawing, appearance.pictures)
             self._appearance = appearance
 
-    def render(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
-        """One image of each camera."""
-        cameras = tuple(cameras)
-        images = self._images(data, cameras)
-        if self._appearance is None:
-            return images
-        look = self._appearance.look
-        return [
-            effects.apply(look, image, data, camera)
-            for image, camera in zip(images, cameras, strict=True)
-        ]
-
-    def _images(self, data: mujoco.MjData, cameras: Iterable[int]) -> list[Image]:
-        """One image of each camera, as the engine renders it."""
-        if len(self._offsets) > 1:
-            return [self._average(data, camera) for camera in cameras]
-        images = []
-        for number, camera in enumerate(cameras):
-            self._update(data, camera)
-            self._draw(new_shadows=number == 0)
-            images.append(self._pixels[::-1].copy())
+    def render(self, data: mujoco.MjData, cameras: Mapping[str, int]) -> dict[str, Image]:
+        """One image of each camera; their numbers by name."""
+        images = {}
+        for name, camera in cameras.items():
+            if len(self._offsets) > 1:
+                image = self._average(data, camera)
+            else:
+                self._update(data, camera)
+                self._draw(new_shadows=not images)
+                image = self._pixels[::-1].copy()
+            if self._appearance is not None:
+                image = effects.apply(self._appearance.look, image, data, camera)
+            images[name] = image
         return images
 
     def segment(self, data: mujoco.MjData, camera: int) -> NDArray[np.int32]:
@@ -139,16 +130,15 @@ class OffscreenRenderer:
 
     def _average(self, data: mujoco.MjData, camera: int) -> Image:
         """The mean of images with the camera moved within a pixel and the light within itself."""
-        self._update(data, camera)
-        lenses = [_Lens(lens, self._pixels.shape) for lens in self._scene.camera]
         radius = LIGHT_RADIUS * math.sqrt(len(self._offsets))
-        lights = [_Light(light, radius) for light in self._scene.lights if light.castshadow]
         total = np.zeros(self._pixels.shape, dtype=np.uint32)
         for pixel_x, pixel_y, light_u, light_v in self._offsets:
-            for lens in lenses:
-                lens.shift(pixel_x, pixel_y)
-            for light in lights:
-                light.shift(light_u, light_v)
+            self._update(data, camera)
+            for lens in self._scene.camera:
+                _shift_lens(lens, self._pixels.shape, pixel_x, pixel_y)
+            for light in self._scene.lights:
+                if light.castshadow:
+                    _shift_light(light, radius, light_u, light_v)
             self._draw()
             total += self._pixels
         half = len(self._offsets) // 2
@@ -197,40 +187,22 @@ def _offsets(samples: int) -> NDArray[np.float64]:
     return (0.5 + np.arange(samples)[:, None] * steps) % 1.0 - 0.5
 
 
-class _Lens:
-    """The frustum of a camera of the scene."""
-
-    def __init__(self, camera: mujoco.MjvGLCamera, shape: tuple[int, ...]) -> None:
-        self._camera = camera
-        self._start = camera.frustum_center, camera.frustum_bottom, camera.frustum_top
-        height = camera.frustum_top - camera.frustum_bottom
-        self._pixel_y = height / shape[0]
-        half_width = camera.frustum_width or height / 2 * shape[1] / shape[0]
-        self._pixel_x = 2 * half_width / shape[1]
-
-    def shift(self, x: float, y: float) -> None:
-        """Look from the start by parts of a pixel further to the right and up."""
-        centre, bottom, top = self._start
-        self._camera.frustum_center = centre + x * self._pixel_x
-        self._camera.frustum_bottom = bottom + y * self._pixel_y
-        self._camera.frustum_top = top + y * self._pixel_y
+def _shift_lens(lens: mujoco.MjvGLCamera, shape: tuple[int, ...], x: float, y: float) -> None:
+    """Look by parts of a pixel further to the right and up."""
+    height = lens.frustum_top - lens.frustum_bottom
+    half_width = lens.frustum_width or height / 2 * shape[1] / shape[0]
+    pixel_x, pixel_y = 2 * half_width / shape[1], height / shape[0]
+    lens.frustum_center += x * pixel_x
+    lens.frustum_bottom += y * pixel_y
+    lens.frustum_top += y * pixel_y
 
 
-class _Light:
-    """A light of the scene that casts shadows."""
-
-    def __init__(self, light: mujoco.MjvLight, radius: float) -> None:
-        self._light = light
-        self._radius = radius
-        self._direction = np.array(light.dir, dtype=np.float64)
-        across = np.cross(self._direction, (1.0, 0.0, 0.0))
-        self._across = across / np.linalg.norm(across)
-        self._along = np.cross(self._direction, self._across)
-
-    def shift(self, u: float, v: float) -> None:
-        """Shine from a point of the light, which is round; u and v are in [-1/2, 1/2)."""
-        radius, angle = self._radius * math.sqrt(u + 0.5), 2 * math.pi * v
-        direction = self._direction + radius * (
-            math.cos(angle) * self._across + math.sin(angle) * self._along
-        )
-        self._light.dir[:] = direction / np.linalg.norm(direction)
+def _shift_light(light: mujoco.MjvLight, size: float, u: float, v: float) -> None:
+    """Shine from a point of the light, which is round; u and v are in [-1/2, 1/2)."""
+    direction = np.array(light.dir, dtype=np.float64)
+    across = np.cross(direction, (1.0, 0.0, 0.0))
+    across = across / np.linalg.norm(across)
+    along = np.cross(direction, across)
+    radius, angle = size * math.sqrt(u + 0.5), 2 * math.pi * v
+    direction = direction + radius * (math.cos(angle) * across + math.sin(angle) * along)
+    light.dir[:] = direction / np.linalg.norm(direction)

@@ -92,6 +92,9 @@ class RenderingInfo:
 def choose(processes: int = 1) -> str:
     """Find a backend that draws, and tell child processes about it.
 
+    Call it before starting several processes that draw, so that not each of them finds out for
+    itself. No OpenGL is loaded into this process.
+
     `MUJOCO_GL` is obeyed without a probe, and so is the choice of a parent process. Otherwise a
     child process draws an image with each candidate, best first, until one succeeds. The first
     process that finds only software rendering says so in the log.
@@ -291,23 +294,16 @@ def open_context(backend: str, height: int, width: int) -> Any:
             _openers.append(os.getpid())
             context = library.GLContext(width, height)
             context.make_current()
-            if backend == "glfw":
-                _check_window()
+            # MuJoCo only warns where there is no display, and fails at the first image.
+            if backend == "glfw" and not import_module("glfw").get_current_context():
+                raise RuntimeError(
+                    "it needs a display and found none; egl and osmesa draw without one"
+                )
     except _failures() as error:  # evaluated only when something was raised
         raise RenderingError(
             f"The OpenGL backend {backend!r} does not work here: {_reason(error)}\n{_HELP}"
         ) from error
     return context
-
-
-def _check_window() -> None:
-    """MuJoCo's GLFW context only warns where there is no display, and fails at the first image.
-
-    Raises:
-        RuntimeError: There is no window to draw into.
-    """
-    if not import_module("glfw").get_current_context():
-        raise RuntimeError("it needs a display and found none; egl and osmesa draw without one")
 
 
 def _failures() -> tuple[type[Exception], ...]:

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Pillow
 
-from duobench.errors import UnknownNameError
-from duobench.scene.colours import shifted
+from duobench.errors import AssetError, UnknownNameError
+from duobench.scene.colours import RGB, shifted
 from duobench.scene.filters import COLLISION_GEOM_GROUP
-from duobench.scene.images import Picture, hides_colour, picture
-from duobench.scene.look import EVERY_OBJECT, RGB, Look, Material
+from duobench.scene.look import EVERY_OBJECT, Look, Material
 from duobench.scene.naming import TABLE
+from duobench.scene.textures import texture
 from duobench.scene.workcell import (
     ROOM_HEIGHT,
     ROOM_X,
@@ -25,6 +28,9 @@ from duobench.scene.workcell import (
     wall_light,
 )
 from duobench.types import SIDES
+
+Picture = NDArray[np.uint8]
+"""Texels (height, width, 3), red green blue."""
 
 _FACE, _FACE_TEXELS = 0.50, 64
 """Side in metres that a texture takes a face of an object for, and its texels: objects are smaller
@@ -81,7 +87,7 @@ def paints(model: mujoco.MjModel, look: Look) -> Paints:
         if material is not None:
             plain = material.texture is None and material.image is None
             number = None if plain else found.add(_part_picture(material, part, look.seed))
-            rgb = _WHITE if hides_colour(material) else material.colour
+            rgb = _WHITE if _hides_colour(material) else material.colour
             found.by_geom |= dict.fromkeys(geoms, Paint(rgb=rgb, picture=number))
     return found
 
@@ -131,9 +137,14 @@ def _paint_objects(
                 found.by_geom[geom] = Paint(rgb=rgb, picture=numbers[key])
 
 
+def _hides_colour(material: Material) -> bool:
+    """Whether the colours are in the picture, so that the surface under it is white."""
+    return material.image is not None or material.second_colour is not None
+
+
 def _object_colour(colour: RGB, main: RGB, material: Material, look: Look) -> RGB:
     """New colour of a geom; a chosen one takes the place of the object's main colour only."""
-    if hides_colour(material):
+    if _hides_colour(material):
         return _WHITE
     if material.colour is not None and colour == main:
         return material.colour
@@ -144,7 +155,7 @@ def _object_colour(colour: RGB, main: RGB, material: Material, look: Look) -> RG
 def _part_picture(material: Material, part: str, seed: int) -> Picture:
     """The picture of a part of the workcell, with the brightness that floor and walls have."""
     size, texels = _SURFACES[part]
-    found = picture(material, (texels, texels), size, seed)
+    found = _picture(material, texels, size, seed)
     if part == "walls":
         found, light = np.swapaxes(found, 0, 1), wall_light()  # columns from the ceiling down
     elif part == "floor":
@@ -158,5 +169,30 @@ def _part_picture(material: Material, part: str, seed: int) -> Picture:
 
 @lru_cache(maxsize=32)
 def _object_picture(material: Material, seed: int) -> Picture:
-    shape, size = (_FACE_TEXELS, _FACE_TEXELS), (_FACE, _FACE)
-    return np.vstack([picture(material, shape, size, seed + face) for face in range(6)])
+    size = _FACE, _FACE
+    return np.vstack([_picture(material, _FACE_TEXELS, size, seed + face) for face in range(6)])
+
+
+def _picture(material: Material, texels: int, size: tuple[float, float], seed: int) -> Picture:
+    """What the texture or image of a material shows on a surface of a size in metres."""
+    if material.image is not None:
+        return _image(material.image, texels)
+    assert material.texture is not None  # without either there is no picture
+    bright = texture(material.texture, (texels, texels), size, seed)[..., None]
+    if material.colour is not None and material.second_colour is not None:
+        low = np.array(material.second_colour, dtype=np.float32)
+        found = low + bright * (np.array(material.colour, dtype=np.float32) - low)
+    else:
+        found = np.repeat(1 - material.contrast * (1 - bright), 3, axis=2)
+    return np.rint(255 * found).astype(np.uint8)
+
+
+def _image(path: str, texels: int) -> Picture:
+    try:
+        with Pillow.open(Path(path)) as image:
+            return np.asarray(image.convert("RGB").resize((texels, texels)))
+    except OSError as error:
+        raise AssetError(
+            f"The look's image {path!r} cannot be read: {error}. It is the path of a PNG or JPEG "
+            "file on this machine."
+        ) from error

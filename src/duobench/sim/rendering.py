@@ -10,39 +10,24 @@ from __future__ import annotations
 import os
 import weakref
 from collections.abc import Callable, Iterable
-from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.backend import Image
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.scene.cameras import check_image_size
 from duobench.scene.look import Look
 from duobench.sim.appearance import Appearance
-from duobench.sim.offscreen import Image, OffscreenRenderer
+from duobench.sim.offscreen import OffscreenRenderer
 from duobench.sim.opengl import RenderingInfo, Thread, choose, info_of, open_context
 
 T = TypeVar("T")
 
 MAX_SAMPLES = 64
 """Most images that are averaged into one."""
-
-
-def prepare(processes: int = 1) -> None:
-    """Choose the OpenGL library now, on behalf of child processes too.
-
-    Call it before starting several processes that draw: they inherit the choice and need not
-    find out themselves. No OpenGL is loaded into this process.
-
-    Args:
-        processes: How many processes will draw at the same time.
-
-    Raises:
-        RenderingError: No library works, or rendering is switched off.
-    """
-    choose(processes)
 
 
 def describe() -> RenderingInfo:
@@ -52,19 +37,19 @@ def describe() -> RenderingInfo:
         RenderingError: No library works, or rendering is switched off.
     """
     backend = choose()
+
+    def ask() -> RenderingInfo:
+        context = open_context(backend, 1, 1)
+        try:
+            return info_of(backend)
+        finally:
+            context.free()
+
     thread = Thread()
     try:
-        return thread.call(lambda: _describe(backend))
+        return thread.call(ask)
     finally:
         thread.finish()
-
-
-def _describe(backend: str) -> RenderingInfo:
-    context = open_context(backend, 1, 1)
-    try:
-        return info_of(backend)
-    finally:
-        context.free()
 
 
 class Renderer:
@@ -130,19 +115,7 @@ class Renderer:
         self._look = look
 
     def render(self, data: mujoco.MjData, camera: str) -> Image:
-        """Draw one image.
-
-        Args:
-            data: State of the model, with up-to-date kinematics.
-            camera: Name of a camera of the model.
-
-        Returns:
-            A new array (height, width, 3), red green blue, top row first.
-
-        Raises:
-            UnknownNameError: The model has no such camera.
-            RenderingError: OpenGL does not work, or the renderer was closed.
-        """
+        """Draw one image, a new array (height, width, 3), from one camera; see `render_all`."""
         return self.render_all(data, (camera,))[camera]
 
     def render_all(self, data: mujoco.MjData, cameras: Iterable[str]) -> dict[str, Image]:
@@ -155,32 +128,23 @@ class Renderer:
             cameras: Names of cameras of the model.
 
         Returns:
-            New arrays (height, width, 3) by camera.
+            New arrays (height, width, 3) by camera, red green blue, top row first.
 
         Raises:
             UnknownNameError: The model has no such camera.
             RenderingError: OpenGL does not work, or the renderer was closed.
         """
         numbers = {name: self._number(name) for name in cameras}
-
-        def draw(offscreen: OffscreenRenderer) -> dict[str, Image]:
-            return dict(zip(numbers, offscreen.render(data, numbers.values()), strict=True))
-
-        return self._run(draw)
+        return self._run(lambda offscreen: offscreen.render(data, numbers))
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
         """Draw which geom is seen where; a look's furniture is no geom, and is not in the way.
-
-        Args:
-            data: State of the model, with up-to-date kinematics.
-            camera: Name of a camera of the model.
 
         Returns:
             A new array (height, width) of geom ids, -1 where there is nothing.
 
         Raises:
-            UnknownNameError: The model has no such camera.
-            RenderingError: OpenGL does not work, or the renderer was closed.
+            UnknownNameError, RenderingError: As in `render_all`.
         """
         number = self._number(camera)
         return self._run(lambda offscreen: offscreen.segment(data, number))
@@ -201,12 +165,7 @@ class Renderer:
         """The renderer itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Free the renderer."""
         self.close()
 

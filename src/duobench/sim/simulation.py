@@ -18,7 +18,6 @@ from duobench.sim.contacts import Contacts
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.handles import resolve
 from duobench.sim.layout import Layout
-from duobench.sim.variants import Variants
 from duobench.spatial import SE3
 from duobench.types import Array, DuoCommand, DuoState
 
@@ -51,7 +50,9 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
         self.variants: Mapping[str, str] = {}
         """The variants of the layout that was applied last."""
-        self._variants = Variants(self.model)
+        # What a variant switches in the model, and as it was compiled, with everything on.
+        self._switches = self.model.geom_contype, self.model.geom_conaffinity, self.model.geom_rgba
+        self._compiled = [array.copy() for array in self._switches]
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
         # Views of the engine's memory; they live as long as its data.
@@ -190,11 +191,29 @@ class Simulation:
             )
         for prop in self.props.values():
             if prop.choice is not None:
-                self._variants.choose(prop, layout.variants.get(prop.choice))
+                self._choose(prop, layout.variants.get(prop.choice))
         self.variants = dict(layout.variants)
         for name, pose in layout.poses.items():
             self.place(name, pose)
         self.forward()
+
+    def _choose(self, prop: Prop, value: str | None) -> None:
+        """Leave out of a prop what one of its variants leaves out, and nothing else."""
+        chosen = prop.variants.get(value) if value is not None else None
+        if chosen is None:
+            raise LayoutError(
+                f"{prop.name!r} has a variant {prop.choice!r}, one of {', '.join(prop.variants)}; "
+                f"the layout says {value!r}."
+            )
+        model, root = self.model, self.model.body(prop.name)
+        geoms = slice(root.geomadr[0], root.geomadr[0] + root.geomnum[0])
+        for array, compiled in zip(self._switches, self._compiled, strict=True):
+            array[geoms] = compiled[geoms]
+        for number in chosen.without_shapes:
+            geom = model.geom(f"{prop.name}:{number}").id
+            model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
+        for number in chosen.without_images:
+            model.geom_rgba[model.geom(f"{prop.name}:image{number}").id, 3] = 0.0
 
     def place(self, name: str, pose: SE3) -> None:
         """Put a prop at a pose in the table frame, at rest; call `forward` after the last one."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from duobench.scene.images import Picture
+from duobench.sim.paints import Picture
 
 _RGB = mujoco.mjtTextureRole.mjTEXROLE_RGB.value
 _CUBE = mujoco.mjtTexture.mjTEXTURE_CUBE.value
@@ -31,12 +31,8 @@ def upload(model: mujoco.MjModel, context: mujoco.MjrContext, pictures: Sequence
     if not pictures:
         return
     spec = mujoco.MjSpec()
-    for number in range(model.ntex):
-        spec.add_texture(
-            name=f"{number}", builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, width=1, height=1,
-            type=mujoco.mjtTexture.mjTEXTURE_2D,
-        )  # fmt: skip
-    for number, texels in enumerate(pictures, start=model.ntex):
+    of_model = np.zeros((1, 1, 3), dtype=np.uint8)
+    for number, texels in enumerate([*[of_model] * model.ntex, *pictures]):
         height, width, channels = texels.shape
         flat = height == width
         spec.add_texture(

@@ -95,7 +95,7 @@ def export_lerobot(
         done = total - sum(export.episodes[index].length for index in missing)
         progress(done, total)
         if missing and options.cameras:
-            rendering.prepare(processes=max(1, workers))
+            rendering.choose(processes=max(1, workers))
         for index in run_all(partial(_exporter, data.path, folder, export), missing, workers):
             done += export.episodes[index].length
             progress(done, total)
