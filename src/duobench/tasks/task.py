@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
+from duobench.errors import DuoBenchError, LayoutError, check_known
 from duobench.objects.prop import Prop
 from duobench.randomness import EVAL, Choice, Uniform, generator
 from duobench.scene.cameras import OVERVIEW_VIEW, View
@@ -87,8 +87,7 @@ class Task:
         """Reject placements of props that do not exist, and a task without stages."""
         names = [prop.name for prop in self.props]
         for name in self.placements:
-            if name not in names:
-                raise UnknownNameError("prop in placements", name, names)
+            check_known("prop in placements", name, names)
         if not self.stages:
             raise DuoBenchError(f"Task {self.id!r} needs at least one stage.")
 
