@@ -117,6 +117,10 @@ class OutputError(EvaluationError):
     """A file or a folder cannot be written: no room, no permission, in use."""
 
 
+class LockedError(OutputError):
+    """A file or a folder is locked by another process, which is writing into it."""
+
+
 class MachineryError(EvaluationError):
     """An episode could not be played, through no fault of the policy."""
 
