@@ -9,7 +9,7 @@ import difflib
 import re
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 LONGEST_LINE = 400
@@ -41,6 +41,16 @@ class UnknownNameError(DuoBenchError, LookupError):
         near = difflib.get_close_matches(str(name), names, n=3)
         hint = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
         super().__init__(f"Unknown {kind} {name!r}.{hint} Known: {', '.join(names) or '(none)'}.")
+
+
+def check_known(kind: str, name: object, known: Collection[str]) -> None:
+    """Reject a name that is not known.
+
+    Raises:
+        UnknownNameError: The name is none of those; arguments are those of the error.
+    """
+    if not isinstance(name, str) or name not in known:
+        raise UnknownNameError(kind, name, known)
 
 
 class ImportPathError(DuoBenchError):
@@ -105,6 +115,10 @@ class OtherRunError(EvaluationError):
 
 class OutputError(EvaluationError):
     """A file or a folder cannot be written: no room, no permission, in use."""
+
+
+class LockedError(OutputError):
+    """A file or a folder is locked by another process, which is writing into it."""
 
 
 class MachineryError(EvaluationError):

@@ -6,15 +6,16 @@ import errno
 import fcntl
 import json
 import os
+import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
-from duobench.errors import DuoBenchError, FileError, OutputError
+from duobench.errors import DuoBenchError, FileError, LockedError, OutputError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -63,7 +64,8 @@ def locked(folder: Path) -> Iterator[None]:
     """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked.
 
     Raises:
-        OutputError: If the folder cannot be made, or another process is writing into it.
+        OutputError: If the folder cannot be made.
+        LockedError: If another process is writing into it.
     """
     make_folder(folder)
     handles = [os.open(folder, os.O_RDONLY)]
@@ -85,15 +87,28 @@ def lock(handle: int, path: Path) -> None:
     """Lock an open file or folder; the operating system drops the lock with the process.
 
     Raises:
-        OutputError: If another process has locked it.
+        LockedError: If another process has locked it.
     """
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise OutputError(f"Another process is writing into {path}. Wait for its end.") from error
+        raise LockedError(
+            f"Another process is writing into {path}; wait until {_holder(handle)} is done."
+        ) from error
     except OSError as error:
         if error.errno not in _NO_LOCKS:
             raise
+
+
+def _holder(handle: int) -> str:
+    """Which process has locked an open file or folder, in words."""
+    status = os.fstat(handle)
+    device = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}"
+    with suppress(OSError):
+        locks = Path("/proc/locks").read_text(encoding="utf-8")
+        if found := re.search(rf"FLOCK .* (\d+) {device}:{status.st_ino} ", locks):
+            return f"process {found[1]}"
+    return "it"
 
 
 def write(path: Path, content: str | bytes) -> None:
@@ -189,5 +204,5 @@ def read(path: Path, kind: type[T], schema: int) -> T:
     try:
         return decode(path.read_bytes(), kind, schema)
     except (FileError, OSError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
+        reason = f"{error.strerror}." if isinstance(error, OSError) else error
         raise FileError(f"Cannot read {path}: {reason}") from error

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.errors import UnknownNameError
+from duobench.errors import check_known
 
 SUITE_VERSION = "3"
 """Version of the benchmark's episodes. A change that alters any layout or state raises it."""
@@ -34,8 +34,7 @@ def check_split(split: object) -> None:
     Raises:
         UnknownNameError: There is no such split.
     """
-    if not isinstance(split, str) or split not in SPLITS:
-        raise UnknownNameError("split", split, SPLITS)
+    check_known("split", split, SPLITS)
 
 
 def _word(kind: str, split: str) -> str:

@@ -16,6 +16,8 @@ from rich.console import Console
 from duobench import __version__
 from duobench.cli import main
 from duobench.cli.console import console
+from duobench.data import DataSet
+from duobench.files import locked
 from duobench.tasks import catalog
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import wait_until, workers
@@ -256,6 +258,16 @@ def test_other_run_is_refused_with_its_command(tmp_path: Path) -> None:
         evaluate(tmp_path / "run", *words, "--policy", "hold")
 
 
+@pytest.mark.parametrize("verb", ["eval", "record"])
+def test_folder_in_use_is_refused_with_who_uses_it(tmp_path: Path, verb: str) -> None:
+    if verb == "record":
+        DataSet.open(tmp_path)
+    told = f"wait until process {os.getpid()} is done. Give --out another folder."
+    words = [verb, "--policy", "hold", "--tasks", toy_tasks.WAVE_NAME, "--workers", "0"]
+    with locked(tmp_path), pytest.raises(SystemExit, match=rf"Another process .*{told}$"):
+        main([*words, "--out", str(tmp_path)])
+
+
 def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: Path) -> None:
     """A limit on the size of files stands for a full disk: the system refuses in the same way."""
     script = (
@@ -313,10 +325,11 @@ def test_narrow_list_still_shows_every_number(monkeypatch: pytest.MonkeyPatch) -
     out = io.StringIO()
     monkeypatch.setattr("duobench.cli.list_tasks.console", lambda: Console(file=out, width=60))
     main(["list"])
-    words = out.getvalue().split()
+    words = set(out.getvalue().split())
     for name in catalog.names():
-        assert {name, str(catalog.get(name).horizon)} <= set(words)
-    assert "…" not in out.getvalue()
+        task = catalog.get(name)
+        instruction = re.sub(r"{(\w+)}", r"<\1>", task.instruction).split()
+        assert {name, str(task.horizon), *f"({task.category})".split(), *instruction} <= words
 
 
 def test_text_of_people_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -345,6 +358,20 @@ def test_interrupt_that_an_import_would_swallow_ends_the_run(tmp_path: Path) -> 
     assert not (tmp_path / "run").exists()
 
 
+def test_interrupt_while_the_package_is_imported_is_answered_in_words(tmp_path: Path) -> None:
+    (tmp_path / "gymnasium.py").write_text(
+        "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", "from duobench_command import main; main()", "list"],
+        env={**ENVIRONMENT, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT / "src")])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (told.returncode, told.stdout, told.stderr) == (130, "", "\nStopped.\n")
+
+
 @pytest.mark.parametrize("moment", ["starting", "playing", "pressed twice", "terminated"])
 def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
     command = [sys.executable, "-m", "duobench", "eval", "--policy", "hold", "--episodes", "500"]
@@ -371,6 +398,22 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
     # Who presses twice may cut off this line, and nothing else.
     assert "the same command goes on" in told or moment in {"pressed twice", "terminated"}
     assert complaint.strip() == "Stopped."
+
+
+def test_interrupted_recording_says_that_it_goes_on(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "duobench", "record", "--policy", "hold", "--keep-failures"]
+    with subprocess.Popen(
+        [*command, "--tasks", "bin_sort", "--workers", "0", "--out", str(tmp_path / "demos")],
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        wait_until(lambda: list(tmp_path.glob("demos/episodes/*/*.parquet")), "an episode")
+        process.send_signal(signal.SIGINT)
+        told, complaint = process.communicate()
+    assert (process.returncode, complaint.strip()) == (130, "Stopped.")
+    assert "What is finished is kept; the same command goes on from there." in told
 
 
 def test_importing_the_command_line_loads_nothing_heavy() -> None:

@@ -186,6 +186,28 @@ def test_an_interrupted_export_says_that_it_goes_on(data: DataSet, tmp_path: Pat
     wait_until(lambda: not any(map(is_running, workers)), "the end of the workers")
 
 
+@pytest.mark.parametrize("words", [["data", "check"], [*COMMAND, "--out", "out"]])
+def test_files_named_as_the_standard_library_do_no_harm(
+    data: DataSet, tmp_path: Path, words: list[str]
+) -> None:
+    """They lie in the current folder, which comes first on the path of a process of Python."""
+    for name in ("signal", "random", "queue", "tempfile", "socket"):
+        (tmp_path / f"{name}.py").write_text("raise ImportError('not the real one')\n")
+    (tmp_path / "bin").mkdir()
+    command = tmp_path / "bin" / "duobench"  # as pip writes it; -P would be passed on
+    command.write_text("from duobench.cli import main\nif __name__ == '__main__':\n    main()\n")
+    done = subprocess.run(
+        [sys.executable, str(command), *words, str(data.path), "--workers", "1"],
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "3 episodes" in done.stdout
+
+
 def test_a_lost_file_is_made_again(data: DataSet, exported: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     export_lerobot(data, out, SMALL, workers=0)

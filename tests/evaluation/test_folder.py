@@ -155,7 +155,7 @@ def test_unreadable_description_is_named(tmp_path: Path) -> None:
 def test_record_that_cannot_be_read_says_how_to_go_on(tmp_path: Path) -> None:
     folder = sample_folder(tmp_path, sample_run(), [])
     folder.record("lift", 2).mkdir(parents=True)
-    with pytest.raises(EvaluationError, match=r"00002\.json.* Delete the file and run"):
+    with pytest.raises(EvaluationError, match=r"00002\.json: Is a directory\. Delete the file and"):
         folder.read_records(sample_run())
 
 

@@ -50,6 +50,13 @@ def test_what_is_no_array_is_refused(nonsense: object) -> None:
         as_chunk(nonsense)  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.parametrize("name", ["name", "version", "dtype", "device"])
+def test_text_that_cannot_be_written_down_is_refused_as_given(name: str) -> None:
+    message = rf"The {name} of a policy is printable text, got 'w\\udcff'"
+    with pytest.raises(PolicyError, match=message):
+        PolicyMetadata(**{"name": "mine", name: "w\udcff"})
+
+
 @pytest.mark.parametrize(
     "fields",
     [

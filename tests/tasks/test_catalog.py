@@ -32,6 +32,14 @@ def test_what_is_no_task_is_an_error(name: str, words: str) -> None:
         catalog.get(name)
 
 
+@pytest.mark.parametrize("field", ["title", "instruction", "stages"])
+def test_text_that_cannot_be_written_down_is_refused_as_given(field: str) -> None:
+    task = catalog.get("bin_sort")
+    stage = replace(task.stages[0], name="w\udcff")
+    with pytest.raises(DuoBenchError, match=r"texts of task 'bin_sort' .*, got 'w\\udcff'"):
+        replace(task, **{field: (stage,) if field == "stages" else "w\udcff"})
+
+
 def test_an_error_in_a_users_module_is_shown_with_its_traceback(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

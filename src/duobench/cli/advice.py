@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from duobench.errors import (
     DuoBenchError,
+    LockedError,
     MachineryError,
     OtherRunError,
     OutputError,
@@ -40,7 +41,7 @@ def advising(advice: Callable[[DuoBenchError], str | None]) -> Iterator[None]:
 def for_recording(error: DuoBenchError) -> str | None:
     """What would help after an error of recording."""
     match error:
-        case OtherRunError():
+        case OtherRunError() | LockedError():
             return "Give --out another folder."
         case OutputError() | MachineryError():
             return "The same command goes on with what is missing."
@@ -55,7 +56,7 @@ def for_evaluation(folder: RunFolder, error: DuoBenchError) -> str | None:
                 "Give --out another folder, or delete this one; its own command is: "
                 f"{folder.read_run().command}"
             )
-        case OtherRunError():
+        case OtherRunError() | LockedError():
             return "Give --out another folder."
         case OutputError():
             return "Make room, or give --out another folder; the same command goes on."

@@ -13,7 +13,11 @@ from duobench.cli.interrupt import raising
 from duobench.errors import PolicyError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from duobench.evaluation.choice import PolicyChoice
+    from duobench.evaluation.metrics import Results
+    from duobench.evaluation.suite import Suite
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -73,7 +77,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     load_engine()
     from duobench.cli.advice import advising, for_evaluation
     from duobench.cli.progress import EpisodesPlayed, display
-    from duobench.cli.table import results_table
     from duobench.evaluation.evaluate import evaluate as play
     from duobench.evaluation.folder import RunFolder
     from duobench.evaluation.limits import TimeLimits
@@ -95,24 +98,27 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
     folder = RunFolder(out)
     screen = console()
-    try:
-        advised = advising(partial(for_evaluation, folder))
-        with advised, raising(), display(screen, "episode") as shown:
-            results = play(
-                choice,
-                suite,
-                folder,
-                videos=videos,
-                limits=limits,
-                workers=workers,
-                observers=[EpisodesPlayed(shown)],
-                retry_broken=retry_broken,
-            )
-    except KeyboardInterrupt:
-        screen.print("What is finished is kept; the same command goes on from there.")
-        raise
+    advised = advising(partial(for_evaluation, folder))
+    with advised, raising(screen), display(screen, "episode") as shown:
+        results = play(
+            choice,
+            suite,
+            folder,
+            videos=videos,
+            limits=limits,
+            workers=workers,
+            observers=[EpisodesPlayed(shown)],
+            retry_broken=retry_broken,
+        )
+    _show(results, suite, out / folder.page.name, screen)
+
+
+def _show(results: Results, suite: Suite, page: Path, screen: Console) -> None:
+    """Print the results; the exit code is 1 if an episode broke off."""
+    from duobench.cli.table import results_table
+
     screen.print(results_table(results, suite.episodes))
-    screen.print(f"Report: {out / folder.page.name}", soft_wrap=True)
+    screen.print(f"Report: {page}", soft_wrap=True)
     if results.overall.errors:
         screen.print(
             f"{counted(results.overall.errors, 'episode')} broke off, which counts as failed; "

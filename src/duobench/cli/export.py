@@ -61,12 +61,8 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         action=ActionSource(action),
         only_successes=only_successes,
     )
-    try:
-        with raising(), display(screen, "frame") as shown:
-            done = export_lerobot(source, out, options, workers=workers, progress=shown.tell)
-    except KeyboardInterrupt:
-        screen.print("What is finished is kept; the same command goes on from there.")
-        raise
+    with raising(screen), display(screen, "frame") as shown:
+        done = export_lerobot(source, out, options, workers=workers, progress=shown.tell)
     megabytes = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
     screen.print(
         f"{counted(done.episodes, 'episode')}, {counted(done.frames, 'frame')}, "

@@ -12,7 +12,10 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
@@ -45,10 +48,14 @@ def leaving_at_once() -> Iterator[None]:
 
 
 @contextmanager
-def raising() -> Iterator[None]:
-    """Let Ctrl-C raise `KeyboardInterrupt` in the block, which has something to put away."""
-    with _answered_by(_raise, signal.SIGINT):
-        yield
+def raising(screen: Console) -> Iterator[None]:
+    """Let Ctrl-C raise `KeyboardInterrupt` in the block, and say that what it finished is kept."""
+    try:
+        with _answered_by(_raise, signal.SIGINT):
+            yield
+    except KeyboardInterrupt:
+        screen.print("What is finished is kept; the same command goes on from there.")
+        raise
 
 
 @contextmanager

@@ -7,6 +7,9 @@ import re
 from duobench.cli.console import console
 from duobench.cli.engine import load_engine
 
+NARROW = 80
+"""Columns of a terminal below which the category stands above the instruction, not beside it."""
+
 
 def list_tasks(stages: bool = False) -> None:
     """Show every task: id, category, number of stages, horizon in control steps, instruction.
@@ -20,18 +23,23 @@ def list_tasks(stages: bool = False) -> None:
 
     from duobench.tasks import catalog
 
+    screen = console()
+    is_narrow = screen.width < NARROW
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("Task", no_wrap=True, style="bold")
-    table.add_column("Category", overflow="fold")
+    if not is_narrow:
+        table.add_column("Category")
     table.add_column("Stages", justify="right", no_wrap=True)
     table.add_column("Horizon", justify="right", no_wrap=True)
-    table.add_column("Instruction", overflow="fold")
+    table.add_column("Instruction")
     for name in catalog.names():
         task = catalog.get(name)
         told = [re.sub(r"{(\w+)}", r"<\1>", task.instruction)]
         if stages:
             told += [f"{number} {stage.name}" for number, stage in enumerate(task.stages, 1)]
-        table.add_row(
-            task.id, task.category, str(task.max_stage), str(task.horizon), "\n".join(told)
-        )
-    console().print(table)
+        numbers = (str(task.max_stage), str(task.horizon))
+        if is_narrow:
+            table.add_row(task.id, *numbers, "\n".join([f"({task.category})", *told]))
+        else:
+            table.add_row(task.id, task.category, *numbers, "\n".join(told))
+    screen.print(table)

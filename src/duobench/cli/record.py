@@ -56,7 +56,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     chosen = find_tasks(tasks)
     screen = console()
-    with advising(for_recording), raising(), display(screen, "episode") as shown:
+    with advising(for_recording), raising(screen), display(screen, "episode") as shown:
         attempts = demonstrations.record(
             name,
             chosen,

@@ -11,7 +11,7 @@ from pathlib import Path
 from duobench.data import stream
 from duobench.data.recording import Recording
 from duobench.data.schema import SCHEMA, EpisodeInfo
-from duobench.errors import DataError, UnknownNameError
+from duobench.errors import DataError, check_known
 from duobench.files import TEMPORARY_SUFFIX, encode, lock, make_folder, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
@@ -109,8 +109,7 @@ class DataSet:
         """
         found = self.tasks
         for task in tasks:
-            if task not in found:
-                raise UnknownNameError("task in the data set", task, found)
+            check_known("task in the data set", task, found)
         return [path for path in self.episodes() if not tasks or path.parent.name in tasks]
 
     def partials(self) -> list[Path]:

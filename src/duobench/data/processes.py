@@ -8,7 +8,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -23,6 +23,8 @@ Progress = Callable[[int, int], None]
 """Told how many of how many things are done."""
 DEATH_S = 10.0
 """How long the end of a process is waited for, in seconds."""
+_SAFE_PATH = "PYTHONSAFEPATH"
+"""Variable that does what Python's option -P does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +82,23 @@ def _start(make: Callable[[], Callable[[Any], Any]]) -> tuple[Connection, BasePr
     context = multiprocessing.get_context("spawn")
     ours, theirs = cast("tuple[Connection, Connection]", context.Pipe())
     process = context.Process(target=_work, args=(make, theirs), daemon=True)
-    process.start()
+    with _safe_path():
+        process.start()
     theirs.close()
     return ours, process
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Keep files of the current folder from standing in for the standard library in processes."""
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[_SAFE_PATH]
+        if before is not None:
+            os.environ[_SAFE_PATH] = before
 
 
 def _end(process: BaseProcess) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from duobench.errors import OptionError, UnknownNameError
+from duobench.errors import OptionError, check_known
 from duobench.randomness import EVAL, SPLITS
 from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.scene.look import Look
@@ -55,10 +55,10 @@ class EnvConfig:
 
     def __post_init__(self) -> None:
         """Reject invalid values; give looser ones, see `from_options`, the form of their field."""
-        _check_name("action mode", self.action_mode, ACTION_MODES)
-        _check_name("split", self.split, SPLITS)
+        check_known("action mode", self.action_mode, ACTION_MODES)
+        check_known("split", self.split, SPLITS)
         if self.render_mode is not None:
-            _check_name("render mode", self.render_mode, RENDER_MODES)
+            check_known("render mode", self.render_mode, RENDER_MODES)
         if self.binary_gripper not in (0, 1):
             raise OptionError(f"binary_gripper is True or False, got {self.binary_gripper!r}.")
         if self.control_rate_hz != CONTROL_HZ:
@@ -91,7 +91,7 @@ class EnvConfig:
         """
         known = [field.name for field in fields(EnvConfig)]
         for name in options:
-            _check_name("option", name, known)
+            check_known("option", name, known)
         return EnvConfig(**options)
 
 
@@ -120,11 +120,6 @@ def checked_reset_options(options: Any) -> dict[str, Any]:
     return dict(options or {})
 
 
-def _check_name(kind: str, name: object, known: Sequence[str]) -> None:
-    if not isinstance(name, str) or name not in known:
-        raise UnknownNameError(kind, name, known)
-
-
 def _cameras(value: Any) -> tuple[str, ...]:
     if isinstance(value, bool):
         return POLICY_CAMERAS if value else ()
@@ -134,7 +129,7 @@ def _cameras(value: Any) -> tuple[str, ...]:
         )
     names = (value,) if isinstance(value, str) else tuple(value)
     for name in names:
-        _check_name("camera", name, POLICY_CAMERAS)
+        check_known("camera", name, POLICY_CAMERAS)
     return names
 
 

@@ -15,7 +15,7 @@ from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.types import DuoCommand
+from duobench.types import Array, DuoCommand
 
 
 class Expert:
@@ -57,7 +57,7 @@ class Expert:
         self._episode = arms, self._script(arms)
         self.intended_action = None
 
-    def act(self, observation: object) -> NDArray[np.float64]:  # noqa: ARG002
+    def act(self, observation: object) -> Array:  # noqa: ARG002
         """The next action, as it shall be executed, in a chunk (1, 16)."""
         if self._episode is None:
             raise PolicyError("An expert needs reset before act.")

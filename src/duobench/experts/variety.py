@@ -19,7 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from duobench.errors import UnknownNameError
+from duobench.errors import check_known
 from duobench.randomness import Uniform, around, variety_generator
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
@@ -103,8 +103,7 @@ def find_variety(name: str) -> Variety:
     Raises:
         UnknownNameError: There is no such variety.
     """
-    if name not in VARIETIES:
-        raise UnknownNameError("variety", name, VARIETIES)
+    check_known("variety", name, VARIETIES)
     return VARIETIES[name]
 
 

@@ -18,7 +18,7 @@ from vla_eval.benchmarks.base import (  # pyright: ignore[reportMissingImports]
 from vla_eval.recording import NullEpisodeRecorder  # pyright: ignore[reportMissingImports]
 from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
-from duobench.errors import OptionError, PolicyError, UnknownNameError
+from duobench.errors import OptionError, PolicyError, check_known
 from duobench.interop.episodes import Episodes, Turn
 from duobench.interop.vla_eval_options import Resolution, layout_for, tasks_by_id
 from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
@@ -122,8 +122,7 @@ class DuoBench(StepBenchmark):
             UnknownNameError: If there is no such task here.
         """
         task_id = task["task_id"]
-        if task_id not in self._tasks:
-            raise UnknownNameError("task", task_id, self._tasks)
+        check_known("task", task_id, self._tasks)
         turn = self._episodes.begin(
             self._tasks[task_id], self._first_episode + int(task["episode_idx"])
         )

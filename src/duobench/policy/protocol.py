@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.errors import PolicyError
+from duobench.errors import PolicyError, printable
 from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, real_array
 
 _LONGEST_SHOWN = 400
@@ -64,8 +64,9 @@ class PolicyMetadata:
             object.__setattr__(self, "image_size", _checked_size(self.image_size))
         for name in ("name", "action_mode", "version", "dtype", "device"):
             kinds = str if name in {"name", "action_mode"} else str | None
-            if not isinstance(value := getattr(self, name), kinds):
-                raise PolicyError(f"The {name} of a policy is text, got {value!r}.")
+            value = getattr(self, name)
+            if not isinstance(value, kinds) or (value and value != printable(value)):
+                raise PolicyError(f"The {name} of a policy is printable text, got {value!a}.")
         if not all(isinstance(camera, str) for camera in self.cameras):
             raise PolicyError(f"The cameras of a policy are names, got {self.cameras!r}.")
         if self.horizon is not None and not self.horizon >= 1:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from duobench.errors import UnknownNameError
+from duobench.errors import check_known
 from duobench.references import load
 
 if TYPE_CHECKING:
@@ -51,8 +51,8 @@ def get(task: Task | str) -> Task:
     """
     if not isinstance(task, str):
         return task
-    if ":" not in task and task not in HORIZONS:
-        raise UnknownNameError("task", task, HORIZONS)
+    if ":" not in task:
+        check_known("task", task, HORIZONS)
 
     from duobench.tasks.task import Task
 

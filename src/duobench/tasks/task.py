@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
+from duobench.errors import DuoBenchError, LayoutError, check_known, printable
 from duobench.objects.prop import Prop
 from duobench.randomness import EVAL, Choice, Uniform, generator
 from duobench.scene.cameras import OVERVIEW_VIEW, View
@@ -84,11 +84,14 @@ class Task:
     """Whether the paper rebuilt it on the real robot."""
 
     def __post_init__(self) -> None:
-        """Reject placements of props that do not exist, and a task without stages."""
+        """Reject texts that cannot be printed, unknown props, and a task without stages."""
+        stages = [text for stage in self.stages for text in (stage.name, stage.instruction)]
+        for text in (self.id, self.title, self.instruction, *stages):
+            if text != printable(text):
+                raise DuoBenchError(f"The texts of task {self.id!a} are printable, got {text!a}.")
         names = [prop.name for prop in self.props]
         for name in self.placements:
-            if name not in names:
-                raise UnknownNameError("prop in placements", name, names)
+            check_known("prop in placements", name, names)
         if not self.stages:
             raise DuoBenchError(f"Task {self.id!r} needs at least one stage.")
 

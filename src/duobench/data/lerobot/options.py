@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from duobench.envs.config import IMAGE_SIZE
-from duobench.errors import DataError, UnknownNameError
+from duobench.errors import DataError, check_known
 from duobench.scene.cameras import check_image_size
 from duobench.scene.looks import DEFAULT, as_look
 from duobench.types import POLICY_CAMERAS
@@ -56,8 +56,7 @@ class ExportOptions:
     def __post_init__(self) -> None:
         """Reject invalid values."""
         for camera in self.cameras:
-            if camera not in POLICY_CAMERAS:
-                raise UnknownNameError("camera", camera, POLICY_CAMERAS)
+            check_known("camera", camera, POLICY_CAMERAS)
         check_image_size(*self.size)
         as_look(self.look)
         if any(pixels % 2 for pixels in self.size):

@@ -12,7 +12,7 @@ from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
-from duobench.errors import UnknownNameError
+from duobench.errors import check_known
 from duobench.scene.cameras import check_image_size
 from duobench.types import POLICY_CAMERAS
 
@@ -48,8 +48,7 @@ class Cameras(DuoWrapper):
         """
         super().__init__(env, cameras=tuple(cameras), image_size=image_size)
         for name in cameras:
-            if name not in POLICY_CAMERAS:
-                raise UnknownNameError("camera", name, POLICY_CAMERAS)
+            check_known("camera", name, POLICY_CAMERAS)
         self._cameras = tuple(cameras)
         self._is_rendering = True
         height, width = self._shape = image_size

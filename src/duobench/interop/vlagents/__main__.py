@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from importlib import import_module
 from typing import Any
 
-from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.errors import DuoBenchError, check_known
 from duobench.interop.vlagents import AGENT, register
 
 _END_S = 10.0
@@ -43,8 +43,7 @@ def start_server(
     from vlagents.server import AgentService  # pyright: ignore[reportMissingImports]
 
     agents = import_module("vlagents").AGENTS
-    if agent_name not in agents:
-        raise UnknownNameError("agent", agent_name, agents)
+    check_known("agent", agent_name, agents)
     service = AgentService(agents[agent_name](**json.loads(kwargs)), agent_name)
     with service:
         rpyc.ThreadedServer(service, hostname=host, port=port).start()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from urllib.parse import parse_qsl
 
-from duobench.errors import PolicyError, UnknownNameError
+from duobench.errors import PolicyError, check_known
 
 SCHEME = "lerobot"
 """What the name of such a policy begins with: `lerobot:PATH_OR_ID`."""
@@ -50,8 +50,7 @@ def parse(text: str) -> Address:
     known = [field.name for field in fields(Address) if field.name != "checkpoint"]
     options: dict[str, str] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):
-        if name not in known:
-            raise UnknownNameError("option of a LeRobot policy", name, known)
+        check_known("option of a LeRobot policy", name, known)
         if not value or name in options:
             raise PolicyError(f"Option {name!r} of a LeRobot policy needs one value: {text!r}.")
         options[name] = value

@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
-from duobench.errors import DataError, OtherRunError, PolicyError, UnknownNameError
+from duobench.errors import DataError, OtherRunError, PolicyError, check_known
 from duobench.policy.lerobot.checkpoint import LAST
 from duobench.policy.lerobot.features import ACTION
 from duobench.policy.lerobot.recipes import DOMAIN, RECIPES, SMALL, Recipe, Setting
@@ -72,8 +72,7 @@ def plan(
         OtherRunError: The folder of the training holds something else.
     """
     recipes = SMALL if small else RECIPES
-    if kind not in recipes:
-        raise UnknownNameError("small recipe" if small else "recipe", kind, recipes)
+    check_known("small recipe" if small else "recipe", kind, recipes)
     recipe, source = recipes[kind], _Source(data.absolute())
     learned = _tasks(recipe, kind, source, tasks)
     rows = None
@@ -186,8 +185,7 @@ def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) ->
         return ()
     there = tuple(dict.fromkeys(episodes))
     for task in wanted:
-        if task not in there:
-            raise UnknownNameError(f"task in {source.path}", task, there)
+        check_known(f"task in {source.path}", task, there)
     learned = tuple(wanted) or there
     if recipe.one_task and len(learned) != 1:
         raise DataError(

@@ -7,7 +7,7 @@ dots between them: `images.cam_high`.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from importlib.resources import files
 from pathlib import Path
@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import ServingError, UnknownNameError
+from duobench.errors import ServingError, UnknownNameError, check_known
 from duobench.policy.batch import Chunk, Observation
 from duobench.policy.protocol import PolicyMetadata, as_chunk, dimensions
 from duobench.types import ARM_JOINTS, SIDE_SIZE
@@ -216,10 +216,9 @@ def read_layout(name: str) -> Layout:
         raise ServingError(f"The layout {name} is invalid: {error}.".replace("`$.", "`")) from error
 
 
-def _check_names(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
+def _check_names(kind: str, names: Iterable[str], known: Collection[str]) -> None:
     for name in names:
-        if name not in known:
-            raise UnknownNameError(kind, name, known)
+        check_known(kind, name, known)
 
 
 def _put(request: dict[str, Any], key: str, value: object) -> None:

@@ -12,11 +12,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.errors import MessageError, PolicyError
 from duobench.policy.serving.arrays import array_from
-from duobench.types import SIDES, real_array
+from duobench.types import SIDES, Array, real_array
 
 _ARRAY, _DTYPE, _SHAPE = "__numpy__", "dtype", "shape"
 
@@ -36,7 +35,7 @@ def observation_text(message: Mapping[str, Any]) -> str:
         raise MessageError(f"This cannot be sent: {error}.") from error
 
 
-def actions_from(text: object) -> NDArray[np.float64]:
+def actions_from(text: object) -> Array:
     """The actions in an answer that anybody may have sent.
 
     Args:
@@ -65,7 +64,7 @@ def actions_from(text: object) -> NDArray[np.float64]:
     return np.stack(rows)
 
 
-def action_from(act: object) -> NDArray[np.float64]:
+def action_from(act: object) -> Array:
     """One action (n,) of both arms, from a map of their `action` and `gripper`.
 
     Raises:
@@ -90,7 +89,7 @@ def _packed(value: object) -> dict[str, Any]:
     return {_ARRAY: data, _DTYPE: value.dtype.str, _SHAPE: value.shape}
 
 
-def _arm(act: object, side: str) -> NDArray[np.float64]:
+def _arm(act: object, side: str) -> Array:
     """The numbers of an arm and the opening of its gripper."""
     arm = act.get(side) if isinstance(act, dict) else None
     if not isinstance(arm, dict) or arm.get("action") is None or arm.get("gripper") is None:
@@ -103,7 +102,7 @@ def _arm(act: object, side: str) -> NDArray[np.float64]:
     return np.append(action, gripper)
 
 
-def _numbers(value: object, dimensions: int) -> NDArray[np.float64]:
+def _numbers(value: object, dimensions: int) -> Array:
     """An array of numbers, or a number where there are no dimensions."""
     if isinstance(value, dict):
         value = _array(value)

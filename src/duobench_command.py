@@ -1,0 +1,25 @@
+"""The command `duobench`: what answers Ctrl-C while the package is imported.
+
+It lies beside the package, whose import alone, with Gymnasium and NumPy, takes a moment.
+"""
+
+import os
+import signal
+from types import FrameType
+
+
+def _leave(number: int, _frame: FrameType | None) -> None:
+    """End the process as `duobench.cli.interrupt.leave` does; there is nothing to put away yet."""
+    os.write(2, b"\nStopped.\n")
+    os._exit(128 + number)
+
+
+def main() -> None:
+    """Run the command."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:  # not where it is ignored, as in the background
+        signal.signal(signal.SIGINT, _leave)
+    from duobench.cli import main as run
+
+    signal.signal(signal.SIGINT, before)
+    run()
