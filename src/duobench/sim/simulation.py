@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterable, Mapping
+from typing import NoReturn
 
 import mujoco
 import numpy as np
 
-from duobench.errors import LayoutError, SimulationError, UnknownNameError
+from duobench.errors import DuoBenchError, LayoutError, SimulationError, UnknownNameError
 from duobench.objects.prop import Prop
 from duobench.objects.solid import corner_points
 from duobench.scene.cameras import OVERVIEW_VIEW, View
@@ -114,9 +114,12 @@ class Simulation:
         mujoco.mj_setState(self.model, self.data, np.asarray(state, dtype=np.float64), STATE)
         self.forward()
 
-    def state_hash(self) -> str:
-        """SHA-256 of the full state's bytes; equal states, equal state_hashes."""
-        return hashlib.sha256(self.get_state().tobytes()).hexdigest()
+    def __reduce__(self) -> NoReturn:
+        """Reject `pickle` and `copy`, whose copies would no longer see the engine's memory."""
+        raise DuoBenchError(
+            "A simulation cannot be pickled or copied, and so cannot its environment. Make another "
+            "environment in the same way, and give it what `save_state` of this one returns."
+        )
 
     # --- motion --------------------------------------------------------------------------------
 
