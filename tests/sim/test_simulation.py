@@ -262,6 +262,9 @@ def test_the_angle_of_a_hinge(sim: Simulation) -> None:
         lambda sim: sim.place("cbue", SE3()),
         lambda sim: sim.relative_position("cube", "cbue"),
         lambda sim: sim.relative_speed("cube", "cbue"),
+        lambda sim: sim.speed("cbue"),
+        lambda sim: sim.relative_speed("cbue", "cube"),
+        lambda sim: sim.min_height("cbue"),
         lambda sim: sim.angle("cbue"),
         lambda sim: sim.site_pose("cbue"),
     ],
@@ -269,6 +272,20 @@ def test_the_angle_of_a_hinge(sim: Simulation) -> None:
 def test_unknown_names_are_errors(sim: Simulation, ask: Callable[[Simulation], object]) -> None:
     with pytest.raises(UnknownNameError, match="'cbue'"):
         ask(sim)
+
+
+@pytest.mark.parametrize("ask", [Simulation.speed, Simulation.min_height])
+@pytest.mark.parametrize("name", ["table", LID])
+def test_what_is_no_prop_has_neither_speed_nor_height(
+    sim: Simulation, ask: Callable[[Simulation, str], object], name: str
+) -> None:
+    with pytest.raises(UnknownNameError, match=f"object '{name}'"):
+        ask(sim, name)
+
+
+def test_a_free_joint_is_no_hinge(sim: Simulation) -> None:
+    with pytest.raises(UnknownNameError, match=f"hinge 'cube'.*{LID}"):
+        sim.angle("cube")
 
 
 @pytest.mark.parametrize("copied", [pickle.dumps, copy.copy, copy.deepcopy])

@@ -93,7 +93,7 @@ def test_the_stages_name_every_object_and_a_misspelt_one_is_an_error(task: Task)
         props = list(task.props)
         props[number] = replace(prop, name=f"{prop.name}x")
         with pytest.raises(UnknownNameError, match=rf"'{prop.name}.*Did you mean .*'{prop.name}x"):
-            check_names(task.stages, Simulation(props), variants)
+            check_names(task.stages, Simulation(props), variants, {})
 
 
 # --- resets --------------------------------------------------------------------------------------

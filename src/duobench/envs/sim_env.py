@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from duobench.envs.config import RENDER_SIZE, checked_seed
 from duobench.envs.duo_env import DuoEnv, Info, Observation, ResetNeededError, base_of
 from duobench.envs.episode_state import EpisodeState
-from duobench.errors import DuoBenchError, LayoutError
+from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.randomness import EVAL
 from duobench.scene.cameras import OVERVIEW
 from duobench.scene.look import Look
@@ -128,12 +128,10 @@ class SimEnv(DuoEnv):
                     f"{', '.join(choice.options)}; the layout says {value!r}."
                 )
         try:
+            self.definition.subinstructions(layout)
             return self.definition.instruct(layout)
-        except KeyError as error:
-            raise LayoutError(
-                f"The instruction of task {self.task!r} names the variant {error}, which the "
-                f"layout lacks; it has {dict(layout.variants)}."
-            ) from error
+        except UnknownNameError as error:
+            raise LayoutError(f"The layout lacks a variant. {error}") from error
 
     # --- state -----------------------------------------------------------------------------------
 
