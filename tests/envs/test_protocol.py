@@ -14,8 +14,8 @@ import pytest
 import duobench
 from duobench.envs.config import ACTION_MODES, EnvConfig
 from duobench.envs.protocol import make_env
-from duobench.errors import DuoBenchError, OptionError, UnknownNameError
-from duobench.tasks import catalog
+from duobench.errors import DuoBenchError, LayoutError, OptionError, UnknownNameError
+from duobench.tasks import Task, catalog
 from tests.envs.tools import TASK, sim_of
 
 
@@ -83,6 +83,16 @@ def test_image_sizes(options: dict[str, Any], shape: tuple[int, ...]) -> None:
     assert env.observation_space["pixels"]["left_wrist"].shape == shape  # type: ignore[index]
 
 
+@pytest.mark.parametrize("task", [TASK, catalog.get(TASK)], ids=["id", "task"])
+def test_cameras_may_be_any_iterable(task: str | Task) -> None:
+    names = {"head": 0, "left_wrist": 1}
+    for cameras in ((name for name in names), names.keys()):
+        env = duobench.make(task, cameras=cameras)
+        assert env.spec is not None
+        for made in (env, gym.make(env.spec)):
+            assert made.get_wrapper_attr("config").cameras == ("head", "left_wrist")
+
+
 @pytest.mark.parametrize("none", [False, (), []])
 def test_no_cameras_no_pixels(none: Any) -> None:
     assert "pixels" not in make_env(TASK, cameras=none).observation_space  # type: ignore[operator]
@@ -98,6 +108,7 @@ def test_no_cameras_no_pixels(none: Any) -> None:
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),
         ({"cameras": 3}, OptionError, "cameras is True, False.*3"),
         ({"binary_gripper": 3}, OptionError, "binary_gripper is True or False, got 3"),
+        ({"binary_gripper": np.array([1, 2])}, OptionError, "binary_gripper is True or False"),
         ({"cameras": (3,)}, UnknownNameError, "camera 3"),
         ({"action_mode": ["joint"]}, UnknownNameError, r"action mode \['joint'\]"),
         ({"control_rate_hz": 10}, OptionError, "control rate is 30 Hz, got 10"),
@@ -174,6 +185,20 @@ def test_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
     for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
         with pytest.raises(OptionError, match="A seed is a whole number from 0 on, got"):
             env.reset(seed=seed)
+
+
+@pytest.mark.parametrize("seed", ["a", 1.5, True, -1])
+def test_layout_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
+    env = sim_of(make_env(TASK, cameras=False))
+    with pytest.raises(OptionError, match="A seed is a whole number from 0 on, got"):
+        env.reset(options={"layout_seed": seed})
+
+
+@pytest.mark.parametrize("layout", ["x", 5, [], {"poses": 5}])
+def test_what_is_no_layout_is_refused(layout: Any) -> None:
+    for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
+        with pytest.raises(LayoutError, match="This is no layout"):
+            env.reset(options={"layout": layout})
 
 
 def test_reset_options_that_are_no_dict_are_refused() -> None:

@@ -32,7 +32,7 @@ def env() -> Iterator[gym.Env]:
 
 
 def state_hash(env: gym.Env) -> str:
-    return sim_of(env).simulation.state_hash()
+    return sim_of(env).state_hash()
 
 
 def solved() -> dict[str, SE3]:

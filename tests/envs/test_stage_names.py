@@ -1,28 +1,40 @@
-"""A misspelt object in a stage is an error when the environment is made, not at success."""
+"""A misspelt name in a stage is an error when the environment is made, not at success."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 import duobench
-from duobench.errors import UnknownNameError
+from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.stages.predicates import (
     Predicate,
     all_of,
     any_of,
     grasped,
     held_for,
+    hinge_open,
     lifted_by_any,
     off_table,
+    raised,
     released,
     rests_on,
     since,
+    still,
+    variant,
 )
-from duobench.tasks import catalog
+from duobench.tasks import Task, catalog
 from duobench.types import Side
 from tests.envs.tools import TASK
+
+
+def changed(name: str, **fields: Any) -> Task:
+    """A task whose last stage has other fields."""
+    task = catalog.get(name)
+    *others, last = task.stages
+    return replace(task, stages=(*others, replace(last, **fields)))
 
 
 @pytest.mark.parametrize(
@@ -37,12 +49,73 @@ from tests.envs.tools import TASK
         ~released("white_cbue"),
         since(grasped(Side.LEFT, "black_cube"), reset=released("white_cbue")),
         held_for(released("white_cbue"), 0.5),
+        still("white_cbue"),
+        raised("white_cbue", 0.1),
     ],
     ids=repr,
 )
 def test_the_near_ones_are_named(predicate: Predicate) -> None:
-    task = catalog.get(TASK)
-    *_, last = task.stages
-    misspelt = replace(task, stages=(*task.stages[:-1], replace(last, holds=predicate)))
     with pytest.raises(UnknownNameError, match=r"'white_cbue'.*Did you mean 'white_cube'"):
-        duobench.make(misspelt, cameras=False)
+        duobench.make(changed(TASK, holds=predicate), cameras=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "error", "words"),
+    [
+        (TASK, {"holds": still("tabel")}, UnknownNameError, "object 'tabel'"),
+        (TASK, {"holds": raised("table", 0.1)}, UnknownNameError, "object 'table'.*white_cube"),
+        (TASK, {"holds": hinge_open("white_bowl", 0.1)}, UnknownNameError, "hinge 'white_bowl'"),
+        (
+            "spring_door",
+            {"holds": hinge_open("microwave/dor", 0.1)},
+            UnknownNameError,
+            "Did you mean 'microwave/door'",
+        ),
+        (
+            "ball_maze",
+            {"holds": variant("boardd", "1")},
+            UnknownNameError,
+            "variant 'boardd'. Did you mean 'board'",
+        ),
+        (
+            "ball_maze",
+            {"holds": ~variant("board", "one")},
+            UnknownNameError,
+            "value of variant 'board' 'one'.*Known: 0, 1,",
+        ),
+        (
+            "pour_marbles",
+            {"holds": variant("empty", "right") & variant("full", "rihgt")},
+            UnknownNameError,
+            "'rihgt'. Did you mean 'right'",
+        ),
+        (
+            "ball_maze",
+            {"instruction": "Take board {baord}."},
+            UnknownNameError,
+            "instruction 'baord'. Did you mean 'board'",
+        ),
+    ],
+)
+def test_every_other_name_is_checked(
+    name: str, change: dict[str, Any], error: type[DuoBenchError], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        duobench.make(changed(name, **change), cameras=False)
+
+
+# In bin_sort `accept` needs the pose, in pour_marbles `arrange` that of one cup.
+@pytest.mark.parametrize(
+    ("name", "prop"),
+    [
+        (TASK, "white_cube"),
+        ("pour_marbles", "left_cup"),
+        ("pour_marbles", "right_cup"),
+        ("transfer_cube", "cube"),
+    ],
+)
+def test_every_object_needs_a_placement(name: str, prop: str) -> None:
+    task = catalog.get(name)
+    placements = {key: value for key, value in task.placements.items() if key != prop}
+    with pytest.raises(LayoutError, match=f"no placement for '{prop}'"):
+        duobench.make(replace(task, placements=placements), cameras=False)

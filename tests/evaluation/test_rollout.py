@@ -106,6 +106,34 @@ def test_images_are_rendered_when_somebody_asks_for_them_through_any_wrappers() 
     env.close()
 
 
+class Inverted(gym.ObservationWrapper):
+    """A foreign wrapper that reads the images of every observation."""
+
+    def observation(self, observation: Any) -> Any:
+        return {**observation, "pixels": {"head": 255 - observation["pixels"]["head"]}}
+
+
+class Floats(gym.Wrapper):
+    """Another one, which says so by its observation space alone."""
+
+    def __init__(self, env: gym.Env) -> None:
+        super().__init__(env)
+        images = gym.spaces.Dict(head=gym.spaces.Box(0, 1, (24, 32, 3)))
+        inner: Any = env.observation_space
+        self.observation_space = gym.spaces.Dict({**inner, "pixels": images})
+
+    def step(self, action: Any) -> Any:
+        observation, *rest = self.env.step(action)
+        return {**observation, "pixels": {"head": observation["pixels"]["head"] / 255}}, *rest
+
+
+@pytest.mark.parametrize("wrapper", [Inverted, Floats])
+def test_wrappers_that_change_observations_get_images_at_every_step(wrapper: Any) -> None:
+    env = duobench.make(toy_tasks.WAVE, cameras=("head",), image_size=(24, 32))
+    assert len(rendered(Passes(wrapper(Passes(env))), Listener())) == toy_tasks.HORIZON
+    env.close()
+
+
 def test_step_has_the_reward_of_the_stage(env: gym.Env) -> None:
     listener = Listener()
     for index in range(4):

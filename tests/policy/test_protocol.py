@@ -64,7 +64,9 @@ def test_text_that_cannot_be_written_down_is_refused_as_given(name: str) -> None
         {"control_rate_hz": float("nan")},
         {"image_size": (0, 224)},
         {"image_size": (224,)},
-        {"image_size": 224},
+        {"image_size": 0},
+        {"image_size": True},
+        {"image_size": "32"},
         {"image_size": (224.5, 224)},
         {"version": 3},
         {"name": 3},
@@ -87,6 +89,11 @@ def test_metadata_takes_numpy_numbers_and_one_camera() -> None:
     given = PolicyMetadata(name="mine", cameras="head", image_size=np.array([48, 64]))  # type: ignore[arg-type]
     assert given == PolicyMetadata(name="mine", cameras=("head",), image_size=(48, 64))
     assert all(type(pixels) is int for pixels in given.image_size or ())
+
+
+@pytest.mark.parametrize("size", [32, np.int64(32)])
+def test_one_number_is_a_square_image(size: Any) -> None:
+    assert PolicyMetadata(name="mine", image_size=size).image_size == (32, 32)
 
 
 def test_metadata_of_numpy_can_be_written_down() -> None:

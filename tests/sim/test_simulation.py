@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from collections.abc import Callable
 
 import numpy as np
@@ -93,7 +95,7 @@ def test_a_state_can_be_restored_into_another_simulation_of_the_same_props(sim: 
     for k in range(8):
         sim.step(busy(k))
         other.step(busy(k))
-    assert other.state_hash() == sim.state_hash()
+    assert other.get_state().tobytes() == sim.get_state().tobytes()
 
 
 def test_restoring_brings_poses_and_contacts_along(sim: Simulation) -> None:
@@ -112,22 +114,15 @@ def test_a_state_of_another_model_is_refused(sim: Simulation, size: int) -> None
         sim.set_state(np.zeros(len(sim.get_state()) + size))
 
 
-def test_state_hashes_tell_states_apart(sim: Simulation) -> None:
-    before = sim.state_hash()
-    assert sim.state_hash() == before
-    sim.data.qpos[0] = np.nextafter(sim.data.qpos[0], 1.0)
-    assert sim.state_hash() != before
-
-
 def test_clearing_forgets_everything(sim: Simulation) -> None:
     sim.reset_data()
-    first = sim.state_hash()
+    first = sim.get_state().tobytes()
     begin(sim)
     falling(sim)
     for k in range(6):
         sim.step(busy(k))
     sim.reset_data()
-    assert sim.state_hash() == first
+    assert sim.get_state().tobytes() == first
     assert np.array_equal(sim.duo.command().flat, HOME.flat)
 
 
@@ -267,6 +262,9 @@ def test_the_angle_of_a_hinge(sim: Simulation) -> None:
         lambda sim: sim.place("cbue", SE3()),
         lambda sim: sim.relative_position("cube", "cbue"),
         lambda sim: sim.relative_speed("cube", "cbue"),
+        lambda sim: sim.speed("cbue"),
+        lambda sim: sim.relative_speed("cbue", "cube"),
+        lambda sim: sim.min_height("cbue"),
         lambda sim: sim.angle("cbue"),
         lambda sim: sim.site_pose("cbue"),
     ],
@@ -274,6 +272,28 @@ def test_the_angle_of_a_hinge(sim: Simulation) -> None:
 def test_unknown_names_are_errors(sim: Simulation, ask: Callable[[Simulation], object]) -> None:
     with pytest.raises(UnknownNameError, match="'cbue'"):
         ask(sim)
+
+
+@pytest.mark.parametrize("ask", [Simulation.speed, Simulation.min_height])
+@pytest.mark.parametrize("name", ["table", LID])
+def test_what_is_no_prop_has_neither_speed_nor_height(
+    sim: Simulation, ask: Callable[[Simulation, str], object], name: str
+) -> None:
+    with pytest.raises(UnknownNameError, match=f"object '{name}'"):
+        ask(sim, name)
+
+
+def test_a_free_joint_is_no_hinge(sim: Simulation) -> None:
+    with pytest.raises(UnknownNameError, match=f"hinge 'cube'.*{LID}"):
+        sim.angle("cube")
+
+
+@pytest.mark.parametrize("copied", [pickle.dumps, copy.copy, copy.deepcopy])
+def test_a_simulation_says_that_it_cannot_be_copied(
+    sim: Simulation, copied: Callable[[Simulation], object]
+) -> None:
+    with pytest.raises(DuoBenchError, match=r"cannot be pickled or copied.*save_state"):
+        copied(sim)
 
 
 def test_two_props_of_one_name_are_refused() -> None:

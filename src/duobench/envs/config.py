@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -59,7 +59,7 @@ class EnvConfig:
         check_known("split", self.split, SPLITS)
         if self.render_mode is not None:
             check_known("render mode", self.render_mode, RENDER_MODES)
-        if self.binary_gripper not in (0, 1):
+        if not isinstance(self.binary_gripper, Hashable) or self.binary_gripper not in (0, 1):
             raise OptionError(f"binary_gripper is True or False, got {self.binary_gripper!r}.")
         if self.control_rate_hz != CONTROL_HZ:
             raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -72,6 +73,9 @@ def make(task: Task | str, **options: Any) -> gym.Env:
         UnknownNameError: There is no such task or option; near misses are listed.
         OptionError: What is given is no task, or the value of an option is invalid.
     """
+    cameras = options.get("cameras")
+    if isinstance(cameras, Iterable) and not isinstance(cameras, str):
+        options["cameras"] = tuple(cameras)  # the spec keeps and copies it, so no generator
     if isinstance(task, str) and env_id(task) in gym.registry:
         return gym.make(env_id(task), **options)
     return gym.make(_spec(task), **options)

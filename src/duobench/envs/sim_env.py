@@ -9,10 +9,10 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.envs.config import RENDER_SIZE
+from duobench.envs.config import RENDER_SIZE, checked_seed
 from duobench.envs.duo_env import DuoEnv, Info, Observation, ResetNeededError, base_of
 from duobench.envs.episode_state import EpisodeState
-from duobench.errors import DuoBenchError, LayoutError
+from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.randomness import EVAL
 from duobench.scene.cameras import OVERVIEW
 from duobench.scene.look import Look
@@ -39,7 +39,8 @@ class SimEnv(DuoEnv):
     episode, a name, a `Look` or its JSON form; without it, the environment's. Info also holds
     `layout` (JSON form). A reset raises a LayoutError for a layout that is incomplete, overlapping
     or out of reach, an UnknownNameError where there is no such split or look, and an OptionError
-    for a look that is none. Observation and info are taken after everything has come to rest.
+    for a look or a seed that is none. Observation and info are taken after everything has come to
+    rest.
     """
 
     def __init__(
@@ -97,7 +98,7 @@ class SimEnv(DuoEnv):
         self._arms.set_look(self._usual_look if look is None else as_look(look))
         given = options.get(LAYOUT)
         if given is None:
-            seed = options.get(LAYOUT_SEED) or DEFAULT_SEED
+            seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
             given = self.definition.layouts(seed, options.get(SPLIT, EVAL))
         else:
             given = iter([given])
@@ -107,8 +108,9 @@ class SimEnv(DuoEnv):
 
         def candidates() -> Iterator[Layout]:
             for layout in given:
-                plain.update(layout.to_json() if isinstance(layout, Layout) else layout)
-                candidate = Layout.from_json(plain)
+                data = layout.to_json() if isinstance(layout, Layout) else layout
+                candidate = Layout.from_json(data)
+                plain.update(data)
                 self._instruction = self._instruct(candidate)
                 yield candidate
 
@@ -126,12 +128,10 @@ class SimEnv(DuoEnv):
                     f"{', '.join(choice.options)}; the layout says {value!r}."
                 )
         try:
+            self.definition.subinstructions(layout)
             return self.definition.instruct(layout)
-        except KeyError as error:
-            raise LayoutError(
-                f"The instruction of task {self.task!r} names the variant {error}, which the "
-                f"layout lacks; it has {dict(layout.variants)}."
-            ) from error
+        except UnknownNameError as error:
+            raise LayoutError(f"The layout lacks a variant. {error}") from error
 
     # --- state -----------------------------------------------------------------------------------
 

@@ -75,7 +75,9 @@ def rollout(
 
     The actions of a chunk are executed in order, until the episode is over. Images are rendered
     only when somebody asks for them: the policy, which sees one observation a chunk, or a watcher
-    that needs frames. At other steps the observation has no `pixels`.
+    that needs frames. At other steps the observation has no `pixels`, unless a wrapper around the
+    environment is an `ObservationWrapper` or has an observation space of its own. A wrapper of any
+    other kind that reads `pixels` must do without them where they are missing.
 
     A policy that disturbs its own actions may say in an attribute `intended_action` what it wanted
     its last action, a chunk of one, to be; that is what a recorder around the environment records.
@@ -94,7 +96,9 @@ def rollout(
     """
     check_fits(policy.metadata, env)
     watching = tuple(watchers)
-    needs_frames = any(getattr(watcher, "needs_frames", False) for watcher in watching)
+    needs_frames = _changes_observations(env) or any(
+        getattr(watcher, "needs_frames", False) for watcher in watching
+    )
     render = _method(env, "set_rendering")
     intend = _method(env, "intend")
     (action_size,) = env.action_space.shape or (0,)
@@ -139,6 +143,16 @@ def _method(env: gym.Env, name: str) -> Callable[..., None]:
         return env.get_wrapper_attr(name)
     except AttributeError:
         return lambda *_arguments: None
+
+
+def _changes_observations(env: gym.Env) -> bool:
+    """Whether a wrapper around the one that renders makes something of every observation."""
+    while isinstance(env, gym.Wrapper) and not hasattr(env, "set_rendering"):
+        space = env.env.observation_space
+        if isinstance(env, gym.ObservationWrapper) or env.observation_space is not space:
+            return True
+        env = env.env
+    return False
 
 
 def _end(watcher: Watcher, _kind: object, error: BaseException | None, _trace: object) -> None:

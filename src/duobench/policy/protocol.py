@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Protocol, runtime_checkable
@@ -28,7 +28,8 @@ class PolicyMetadata:
     """Cameras that must be in the observation; the others are not rendered. All of the
     environment's by default; `()` for a policy that needs no images, which is faster."""
     image_size: tuple[int, int] | None = None
-    """Height and width of every image in pixels; None takes the environment's default."""
+    """Height and width of every image in pixels, given as one number for a square; None takes the
+    environment's default."""
     action_mode: str = "joint"
     """The environment's action mode that the actions are meant for."""
     control_rate_hz: float = CONTROL_HZ
@@ -89,13 +90,16 @@ _CONVERSIONS: Mapping[str, Callable[[Any], object]] = MappingProxyType(
 """What makes plain values of what is given, which records and messages hold."""
 
 
-def _checked_size(size: Iterable[Any]) -> tuple[int, int]:
+def _checked_size(size: Any) -> tuple[int, int]:
     try:
-        height, width = map(operator.index, size)
+        sides = (size, size) if type(size) is int or isinstance(size, np.integer) else size
+        height, width = map(operator.index, sides)
     except (TypeError, ValueError):
         height = width = 0
     if height < 1 or width < 1:
-        raise PolicyError(f"An image size is (height, width) in pixels, got {size}.")
+        raise PolicyError(
+            f"An image size is (height, width) in pixels, or one number for a square, got {size!r}."
+        )
     return height, width
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Iterable, Mapping
+from typing import NoReturn
 
 import mujoco
 import numpy as np
 
-from duobench.errors import LayoutError, SimulationError, UnknownNameError
+from duobench.errors import DuoBenchError, LayoutError, SimulationError, UnknownNameError
 from duobench.objects.prop import Prop
 from duobench.objects.solid import corner_points
 from duobench.scene.cameras import OVERVIEW_VIEW, View
@@ -65,6 +65,11 @@ class Simulation:
             for name, prop in self.props.items()
             if not prop.fixed
         }
+        self._hinges = {
+            joint.name: int(joint.qposadr[0])
+            for joint in map(self.model.joint, range(self.model.njnt))
+            if joint.type[0] == mujoco.mjtJoint.mjJNT_HINGE
+        }
         # Degrees of freedom of the props, hinges included, and what counts as rest for each.
         roots = [self._bodies[name] for name in self.props]
         self._loose = np.flatnonzero(np.isin(self.model.body_rootid[self.model.dof_bodyid], roots))
@@ -115,9 +120,12 @@ class Simulation:
         mujoco.mj_setState(self.model, self.data, np.asarray(state, dtype=np.float64), STATE)
         self.forward()
 
-    def state_hash(self) -> str:
-        """SHA-256 of the full state's bytes; equal states, equal state_hashes."""
-        return hashlib.sha256(self.get_state().tobytes()).hexdigest()
+    def __reduce__(self) -> NoReturn:
+        """Reject `pickle` and `copy`, whose copies would no longer see the engine's memory."""
+        raise DuoBenchError(
+            "A simulation cannot be pickled or copied, and so cannot its environment. Make another "
+            "environment in the same way, and give it what `save_state` of this one returns."
+        )
 
     # --- motion --------------------------------------------------------------------------------
 
@@ -217,10 +225,7 @@ class Simulation:
 
     def place(self, name: str, pose: SE3) -> None:
         """Put a prop at a pose in the table frame, at rest; call `forward` after the last one."""
-        prop = self.props.get(name)
-        if prop is None:
-            raise UnknownNameError("object", name, self.props)
-        if prop.fixed:
+        if self._prop(name).fixed:
             number = self.model.body(name).mocapid[0]
             self.data.mocap_pos[number] = pose.translation
             self.data.mocap_quat[number] = pose.wxyz
@@ -230,6 +235,12 @@ class Simulation:
             self.data.qpos[start : start + 3] = pose.translation
             self.data.qpos[start + 3 : start + 7] = pose.wxyz
             self.data.qvel[joint.dofadr[0] : joint.dofadr[0] + 6] = 0.0
+
+    def _prop(self, name: str) -> Prop:
+        prop = self.props.get(name)
+        if prop is None:
+            raise UnknownNameError("object", name, self.props)
+        return prop
 
     def body_id(self, name: str) -> int:
         """Id of a body.
@@ -286,15 +297,20 @@ class Simulation:
 
     def _velocity(self, prop: str) -> list[float]:
         """Linear velocity in the table frame and angular velocity in the prop's own, 3 each."""
-        start = self._dofs.get(prop)
-        return [0.0] * 6 if start is None else self.data.qvel[start : start + 6].tolist()
+        if self._prop(prop).fixed:
+            return [0.0] * 6
+        start = self._dofs[prop]
+        return self.data.qvel[start : start + 6].tolist()
 
     def angle(self, hinge: str) -> float:
         """Angle of a hinge in radians."""
-        number = resolve(self.model, mujoco.mjtObj.mjOBJ_JOINT, hinge)
-        return float(self.data.qpos[self.model.jnt_qposadr[number]])
+        address = self._hinges.get(hinge)
+        if address is None:
+            raise UnknownNameError("hinge", hinge, self._hinges)
+        return float(self.data.qpos[address])
 
     def min_height(self, prop: str) -> float:
         """Height of the lowest point of a prop's root part above the table top, in metres."""
+        self._prop(prop)
         up = self.rotation(prop)[2]
         return float((self._corners[prop] @ up).min() + self.position(prop)[2])

@@ -318,6 +318,18 @@ def hinge_open(hinge: str, angle: float) -> Predicate:
     )
 
 
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+class VariantIs(Predicate):
+    """A named choice of the layout."""
+
+    choice: str
+    """Name of the choice."""
+    value: str
+    """Value that was chosen."""
+
+
 def variant(name: str, value: str) -> Predicate:
     """The episode's layout chose this value, such as which cup is full."""
-    return Predicate(f"{name} is {value}", lambda m: m.variants.get(name) == value)
+    return VariantIs(
+        f"{name} is {value}", lambda m: m.variants.get(name) == value, choice=name, value=value
+    )

@@ -7,11 +7,12 @@ step and q has not held since, and `held_for(p, seconds)`, whether p has held wi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from duobench.errors import UnknownNameError
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView
+from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView, VariantIs
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,14 +64,18 @@ class ProgressState:
 
 
 def check_names(
-    stages: Sequence[Stage], simulation: Simulation, variants: Mapping[str, str]
+    stages: Sequence[Stage],
+    simulation: Simulation,
+    variants: Mapping[str, str],
+    options: Mapping[str, Collection[str]],
 ) -> None:
-    """Ask every predicate once, so that a misspelt object is an error before the first episode.
+    """Ask every predicate once, so that a misspelt name is an error before the first episode.
 
     Args:
         stages: The stages.
         simulation: As compiled, before anything touches anything.
         variants: The named choices of any layout.
+        options: The values that each variant may have; those that follow from others are not here.
 
     Raises:
         UnknownNameError: A predicate names what is not there; near misses are listed.
@@ -82,6 +87,12 @@ def check_names(
     for stage in stages:
         for part in stage.holds.walk():
             part.test(moment)
+            if isinstance(part, VariantIs):
+                if part.choice not in variants:
+                    raise UnknownNameError("variant", part.choice, variants)
+                values = options.get(part.choice)
+                if values is not None and part.value not in values:
+                    raise UnknownNameError(f"value of variant {part.choice!r}", part.value, values)
 
 
 class Progress:

@@ -105,7 +105,7 @@ class Task:
 
         Raises:
             UnknownNameError: There is no such split.
-            LayoutError: The task accepts none of its own samples.
+            LayoutError: The task accepts none of its own samples, or leaves a prop unplaced.
         """
         rng = generator(self.id, seed, split)
         rejected = 0
@@ -114,7 +114,7 @@ class Task:
                 poses={name: p.sample(rng) for name, p in self.placements.items()},
                 variants={name: choice.sample(rng) for name, choice in self.variants.items()},
             )
-            layout = self.arrange(sampled)
+            layout = self._arranged(sampled)
             rejected += 1
             if self.accept(layout):
                 rejected = 0
@@ -124,13 +124,42 @@ class Task:
             "widen the placements."
         )
 
+    def _arranged(self, sampled: Layout) -> Layout:
+        needed = {prop.name for prop in self.props}
+        try:
+            layout = self.arrange(sampled)
+            missing = needed - layout.poses.keys()
+            if not missing:
+                return layout
+        except KeyError as error:  # `arrange` may need the pose of a prop that has none
+            missing = needed & {error.args[0]}
+            if not missing:
+                raise
+        raise LayoutError(
+            f"Task {self.id!r} has no placement for {', '.join(map(repr, sorted(missing)))}. "
+            "Give each prop one, or have `arrange` add its pose."
+        )
+
     def instruct(self, layout: Layout) -> str:
-        """The instruction for a layout."""
-        return self.instruction.format(**layout.variants)
+        """The instruction for a layout.
+
+        Raises:
+            UnknownNameError: It names a variant that the layout lacks.
+        """
+        return _filled(self.instruction, layout)
 
     def subinstructions(self, layout: Layout) -> dict[int, str]:
-        """What to do at each stage 0 to n-1 to reach the next one."""
-        return {
-            number: stage.instruction.format(**layout.variants)
-            for number, stage in enumerate(self.stages)
-        }
+        """What to do at each stage 0 to n-1 to reach the next one.
+
+        Raises:
+            UnknownNameError: An instruction names a variant that the layout lacks.
+        """
+        return {n: _filled(stage.instruction, layout) for n, stage in enumerate(self.stages)}
+
+
+def _filled(instruction: str, layout: Layout) -> str:
+    try:
+        return instruction.format(**layout.variants)
+    except KeyError as error:
+        known = layout.variants
+        raise UnknownNameError("variant in an instruction", error.args[0], known) from error

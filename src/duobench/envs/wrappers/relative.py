@@ -19,6 +19,9 @@ from duobench.types import SIDES, Array, Side
 MAX_TRACKING_LAG = 0.02
 MAX_TRACKING_LAG_ROTATION = 0.1
 """How far (metres, radians) the arms may stay behind the poses that displacements add up to."""
+MAX_DISPLACEMENT = 1e6
+"""Larger numbers of a displacement, which no arm can follow, are clipped so that their squares stay
+finite."""
 
 
 class RelativeJointActions(DuoWrapper):
@@ -142,7 +145,8 @@ class RelativeCartesianActions(DuoWrapper):
 
 def _displaced(pose: SE3, displacement: Array) -> SE3:
     """A pose shifted and turned by dx dy dz rx ry rz along the table's axes."""
-    turn = displacement[3:6]
+    displacement = np.clip(displacement[:6], -MAX_DISPLACEMENT, MAX_DISPLACEMENT)
+    turn = displacement[3:]
     angle = float(np.linalg.norm(turn))
     rotation = rotation_about(turn, angle) @ pose.rotation if angle > 0.0 else pose.rotation
     return SE3(rotation, pose.translation + displacement[:3])

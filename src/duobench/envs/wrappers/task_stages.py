@@ -48,18 +48,23 @@ class SimJudge:
     """Judges by the task's constraints, from the state of the simulation."""
 
     def __init__(self, env: SimEnv) -> None:
-        """Check that the simulation has everything that the stages name.
+        """Check that the simulation and its layouts have everything that the stages name.
 
         Args:
             env: The simulated environment.
 
         Raises:
             UnknownNameError: A stage names what is not there; near misses are listed.
+            LayoutError: The task does not place all of its objects.
         """
         self._env = env
-        stages = env.definition.stages
-        check_names(stages, env.simulation, next(env.definition.layouts(0)).variants)
-        self._progress = Progress(stages)
+        task = env.definition
+        layout = next(task.layouts(0))
+        task.instruct(layout)
+        task.subinstructions(layout)
+        options = {name: choice.options for name, choice in task.variants.items()}
+        check_names(task.stages, env.simulation, layout.variants, options)
+        self._progress = Progress(task.stages)
 
     def begin(self) -> None:
         """Begin at stage 0, and remember where everything is."""
