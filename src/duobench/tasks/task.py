@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from duobench.errors import DuoBenchError, LayoutError, check_known, printable
+from duobench.errors import DuoBenchError, LayoutError, UnknownNameError, check_known, printable
 from duobench.objects.prop import Prop
 from duobench.randomness import EVAL, Choice, Uniform, generator
 from duobench.scene.cameras import OVERVIEW_VIEW, View
