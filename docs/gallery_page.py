@@ -71,9 +71,9 @@ def page(folder: Path) -> str:
     lines = [
         "# The tasks in images",
         "",
-        "Written and drawn by `make docs`. First how an episode begins, from the overview camera "
-        "and as a policy sees it, from the head and the two wrists; then the scripted expert at "
-        "every stage, a moment after it is reached.",
+        "Written and rendered by `make docs`. First how an episode begins, from the overview "
+        "camera and as a policy sees it, from the head and the two wrists; then the scripted "
+        "expert at every stage, a moment after it is reached.",
     ]
     for category, members in groupby(tasks, key=lambda task: task.category):
         lines += ["", f"## {category.capitalize()}"]

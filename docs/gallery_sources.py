@@ -16,7 +16,7 @@ import numpy as np
 from gallery_shots import CAMERA_SIZE, LATER, QUALITY, SAMPLES, STAGE_SIZE, START_SIZE, shot
 
 from duobench.scene.compose import compose
-from duobench.sim.offscreen import DRAWN_GROUPS
+from duobench.sim.offscreen import VISIBLE_GROUPS
 from duobench.tasks.task import Task
 
 DIGITS = 9
@@ -48,7 +48,7 @@ def model_digest(task: Task) -> str:
     """
     spec = compose(task.props, task.overview)
     total = hashlib.sha256()
-    drawn = [geom for geom in spec.geoms if geom.group < DRAWN_GROUPS]
+    drawn = [geom for geom in spec.geoms if geom.group < VISIBLE_GROUPS]
     shown = {geom.meshname for geom in drawn}
     for elements, fields in (
         (spec.bodies, "name pos quat"),

@@ -17,7 +17,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class DuoLimits:
-    """What the arms obey; arrays (16,) in the order of `DuoCommand.flat`."""
+    """Limits of the arms; arrays (16,) in the order of `DuoCommand.flat`."""
 
     low: Array
     """Smallest joint targets in radians, and openings."""
@@ -39,7 +39,7 @@ class DuoBackend(Protocol):
 
     @property
     def limits(self) -> DuoLimits:
-        """What the arms obey."""
+        """Limits of the arms."""
         ...
 
     @property
@@ -64,7 +64,7 @@ class DuoBackend(Protocol):
         """Move towards a command for one control step.
 
         Returns:
-            The command that was really sent, which may differ from the given one.
+            The command that was really sent, which may differ from `command`.
         """
         ...
 

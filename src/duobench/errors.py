@@ -78,7 +78,7 @@ class SimulationError(BackendError):
 
 
 class RenderingError(DuoBenchError):
-    """No off-screen OpenGL backend works; the message says what to install."""
+    """No offscreen OpenGL backend works; the message says what to install."""
 
 
 class PolicyError(DuoBenchError):
@@ -90,7 +90,7 @@ class PolicyTimeoutError(PolicyError):
 
 
 class ServingError(DuoBenchError):
-    """A policy cannot be served as asked, or a server cannot be asked as told."""
+    """A policy cannot be served as wanted, or a server cannot be used as described."""
 
 
 class MessageError(ServingError):

@@ -92,7 +92,9 @@ class Uniform:
     """A number sampled uniformly from [low, high)."""
 
     low: float
+    """Smallest value, in the unit of what is sampled: metres or radians."""
     high: float
+    """End of the range, in the same unit; equal to `low`, every sample is `low`."""
 
     def __post_init__(self) -> None:
         """Reject an empty range."""
@@ -100,17 +102,22 @@ class Uniform:
             raise ValueError(f"Uniform needs low <= high, got {self.low} and {self.high}.")
 
     def sample(self, rng: np.random.Generator) -> float:
-        """One number."""
+        """One number, in the unit of the range."""
         return float(rng.uniform(self.low, self.high))
 
 
 def around(centre: float, half: float) -> Uniform:
-    """Uniform within `half` of `centre`."""
+    """Uniform over [centre - half, centre + half).
+
+    Args:
+        centre: Middle of the range, in metres or radians.
+        half: Half of its width, in the same unit.
+    """
     return Uniform(centre - half, centre + half)
 
 
 ANY_YAW = Uniform(-math.pi, math.pi)
-"""Any rotation about the vertical."""
+"""Any rotation about the vertical, in radians."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +125,7 @@ class Choice:
     """One of several values, each equally likely."""
 
     options: tuple[str, ...]
+    """The values; at least one."""
 
     def sample(self, rng: np.random.Generator) -> str:
         """One of the options."""

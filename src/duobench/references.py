@@ -65,7 +65,7 @@ def _is_foreign(value: object, module_name: str) -> bool:
 
 
 class _LazyPackage(ModuleType):
-    """A package that imports its public names when they are asked for first."""
+    """A package that imports its public names on first use."""
 
     origins: Mapping[str, str]
 
@@ -88,7 +88,7 @@ class _LazyPackage(ModuleType):
 
 
 def lazy(package: str) -> None:
-    """Let a package import its public names when they are asked for first.
+    """Let a package import its public names on first use.
 
     The names are those that its `__init__` imports from modules under `if TYPE_CHECKING`: what
     type checkers see is what there is. `import NAME as NAME` tells them that it is public.

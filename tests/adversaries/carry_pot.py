@@ -83,7 +83,7 @@ def carry_alone(arms: Arms) -> Script:
     """
     pot = arms.sim.pose("pot") @ SE3.at(yaw=math.pi)
     end = pot @ SE3.at(0.035, HANDLE_OFFSET - 0.017, HANDLE_Z - 0.013)
-    slant = SE3.about((1, 0, 0), 0.159) @ down(0, 0, 0, yaw=-1.362, lean=0.391)
+    slant = SE3.about((1, 0, 0), 0.159) @ down(0, 0, 0, yaw=-1.362, tilt=0.391)
     tool = end @ slant @ SE3.at(yaw=math.pi)
     arms.openings[RIGHT.index] = 0.593
     yield from move(arms, {RIGHT: tool @ SE3.at(z=-0.1)}, tolerance=NEAR)

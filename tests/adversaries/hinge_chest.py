@@ -48,7 +48,7 @@ def _open_hand(arms: Arms) -> Script:
 
 def _rod(chest: SE3, x: float, z: float) -> SE3:
     """Tool pose with the fingers along the front, from the left, at (x, z) of the chest's frame."""
-    lean = down(x, _ROD_Y, z, yaw=-math.pi / 2, lean=_ROD_SLOPE)
+    lean = down(x, _ROD_Y, z, yaw=-math.pi / 2, tilt=_ROD_SLOPE)
     return chest @ lean @ SE3.at(yaw=math.pi)
 
 
@@ -92,7 +92,7 @@ def one_after_the_other(arms: Arms) -> Script:
 def _tap(arms: Arms) -> Script:
     """The right arm comes to the open lid from behind, touches it, and leaves."""
     chest = arms.sim.pose("chest")
-    beside = chest @ down(0.08, -0.20, 0.20, yaw=math.pi / 2, lean=0.9) @ SE3.at(yaw=math.pi)
+    beside = chest @ down(0.08, -0.20, 0.20, yaw=math.pi / 2, tilt=0.9) @ SE3.at(yaw=math.pi)
     yield from grip(arms, HOLDER, opening=CLOSED)
     yield from move(arms, {HOLDER: beside}, tolerance=0.02)
     yield from wait_until(lambda: arms.sim.angle(LID) >= _TAP_ANGLE, 400)

@@ -81,7 +81,7 @@ def finished(sim: Simulation) -> bool:
 def take(arms: Arms, side: Side, block: str, lift: float = 0.06) -> Script:
     pose = arms.sim.pose(block)
     x, y, _ = pose.apply([GRASP_X[block], 0.0, 0.0])
-    grasp = down(x, y, GRASP_HEIGHT, yaw=pose.yaw, lean=LEANS[block])
+    grasp = down(x, y, GRASP_HEIGHT, yaw=pose.yaw, tilt=LEANS[block])
     yield from pick(arms, side, grasp, lift=lift)
 
 

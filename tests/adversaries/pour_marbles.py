@@ -17,7 +17,7 @@ from duobench.experts.motion import (
     tool_for,
     wait,
 )
-from duobench.experts.pour_marbles import HOLD_LEAN, POUR_LEAN, pour, put_back, script, take
+from duobench.experts.pour_marbles import HOLD_TILT, POUR_TILT, pour, put_back, script, take
 from duobench.objects.cup import HEIGHT, INNER_RADIUS, WALL
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
@@ -66,8 +66,8 @@ def home(arms: Arms, side: Side) -> Script:
 
 def take_both(arms: Arms, source: Side) -> Script:
     """Grasp both cups and lift them by a few centimetres."""
-    other = take(arms, source.other, lean=HOLD_LEAN)
-    yield from together(other, take(arms, source, lean=POUR_LEAN))
+    other = take(arms, source.other, tilt=HOLD_TILT)
+    yield from together(other, take(arms, source, tilt=POUR_TILT))
 
 
 def pour_alone(arms: Arms) -> Script:
@@ -142,7 +142,7 @@ def pour_the_rest_alone(arms: Arms) -> Script:
     yield from put_back(arms, other, MIDDLE)
     yield from home(arms, other)
     yield from pour(arms, side, arms.sim.pose(CUPS[other]))
-    yield from take(arms, other, lean=HOLD_LEAN)
+    yield from take(arms, other, tilt=HOLD_TILT)
     yield from together(*(put_back(arms, s, square(arms, s)) for s in SIDES))
 
 

@@ -51,7 +51,7 @@ def _hook(oven: SE3, angle: float) -> SE3:
     door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
     x, y, z = door.apply([BAR[0] + _HOOK[0], BAR[1] + _HOOK[1], _HOOK_HEIGHT - HEIGHT / 2])
     yaw = oven.yaw + _HOOK_YAW - _HOOK_TURN * angle
-    return down(x, y, z, yaw=yaw, lean=_HOOK_SLOPE) @ SE3.at(yaw=math.pi / 2)
+    return down(x, y, z, yaw=yaw, tilt=_HOOK_SLOPE) @ SE3.at(yaw=math.pi / 2)
 
 
 def _drag(arms: Arms) -> Script:

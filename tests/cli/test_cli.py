@@ -241,14 +241,14 @@ def test_broken_episodes_are_told_and_played_again(tmp_path: Path) -> None:
     words += ["--videos", "0", "--out", "run"]
     told = duobench(*words, folder=tmp_path)
     assert told.returncode == 1
-    assert "wave, episode 0 broke off: SystemExit: 3" in told.stdout
-    assert "1 episode broke off, which counts as failed" in told.stdout
+    assert "wave, episode 0 crashed: SystemExit: 3" in told.stdout
+    assert "1 episode crashed, which counts as failed" in told.stdout
     assert "--retry-broken" in told.stdout
     assert "Report: run/index.html" in told.stdout
     assert duobench(*words, folder=tmp_path).returncode == 1
     told = duobench(*words, "--retry-broken", folder=tmp_path)
     assert told.returncode == 0, told.stdout + told.stderr
-    assert "broke off" not in told.stdout
+    assert "crashed" not in told.stdout
 
 
 def test_other_run_is_refused_with_its_command(tmp_path: Path) -> None:

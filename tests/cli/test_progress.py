@@ -43,7 +43,7 @@ def test_broken_episode_is_told_with_its_reason() -> None:
         *sample_records(sample_run(episodes=1))[:2],
         sample_record(SORT, 0, (), error="T\nE: x\n"),
     ]
-    assert "sort, episode 0 broke off: E: x" in shown(terminal=False, records=records, finished=0)
+    assert "sort, episode 0 crashed: E: x" in shown(terminal=False, records=records, finished=0)
 
 
 def test_one_is_not_told_as_several() -> None:

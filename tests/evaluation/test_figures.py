@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from duobench.evaluation.figures import FIGURES, INK, draw, for_page
+from duobench.evaluation.figures import FIGURES, INK, for_page, plot
 from duobench.evaluation.metrics import summarize
 from tests.evaluation.samples import LIFT, TASKS, sample_record, sample_records, sample_run
 
@@ -18,45 +18,45 @@ def words(svg: str) -> list[str]:
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_same_results_give_the_same_bytes(name: str) -> None:
-    assert draw(name, FOUND) == draw(name, FOUND)
+    assert plot(name, FOUND) == plot(name, FOUND)
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_figure_names_every_task(name: str) -> None:
-    assert {task.title for task in TASKS} <= set(words(draw(name, FOUND)))
+    assert {task.title for task in TASKS} <= set(words(plot(name, FOUND)))
 
 
 def test_bars_are_annotated_with_the_success_rate() -> None:
-    shown = words(draw("stages", FOUND))
+    shown = words(plot("stages", FOUND))
     for one in FOUND.tasks:
         assert f"{100 * one.score.successes / one.score.episodes:.1f} %" in shown
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_figure_carries_no_date(name: str) -> None:
-    assert "<dc:date>" not in draw(name, FOUND)
+    assert "<dc:date>" not in plot(name, FOUND)
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_element_for_a_page_brings_no_style_sheet_and_takes_the_pages_ink(name: str) -> None:
-    element = for_page(draw(name, FOUND))
+    element = for_page(plot(name, FOUND))
     root = ET.fromstring(element)
     assert root.get("width") is None
     assert root.get("viewBox")
     assert "<style" not in element
     assert INK not in element
     assert "currentColor" in element
-    assert words(element) == words(draw(name, FOUND))
+    assert words(element) == words(plot(name, FOUND))
     assert not [node for node in root.iter() if node.tag.endswith("}g") and node.get("id")]
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_run_without_records_can_be_drawn(name: str) -> None:
-    assert draw(name, summarize(TASKS, [])).rstrip().endswith("</svg>")
+def test_run_without_records_can_be_plotted(name: str) -> None:
+    assert plot(name, summarize(TASKS, [])).rstrip().endswith("</svg>")
 
 
 @pytest.mark.parametrize("title", [r"$\frac$", "from $5 to $10", "50 % & <more>"])
 @pytest.mark.parametrize("name", FIGURES)
 def test_title_is_shown_as_it_is(name: str, title: str) -> None:
     task = replace(LIFT, title=title)
-    assert title in words(draw(name, summarize([task], [sample_record(task, 0, (1,))])))
+    assert title in words(plot(name, summarize([task], [sample_record(task, 0, (1,))])))

@@ -154,7 +154,7 @@ def test_broken_episode_is_shown_with_its_traceback(tmp_path: Path) -> None:
     write_report(folder)
     words = Page(folder.page).words
     assert "with --retry-broken plays it again" in words
-    assert "1 episode broke off with an error and counts as failed" in words
+    assert "1 episode crashed with an error and counts as failed" in words
     assert "Trace ValueError: no" in words
 
 
@@ -170,11 +170,11 @@ def test_unfinished_run_says_so(tmp_path: Path, kept: int) -> None:
     assert json.loads(folder.summary.read_text())["overall"]["episodes"] == kept
 
 
-def test_mixed_set_ups_are_pointed_out(tmp_path: Path) -> None:
+def test_mixed_software_stacks_are_pointed_out(tmp_path: Path) -> None:
     run = sample_run(tasks=(TURN,), episodes=2)
     second = sample_record(TURN, 1, (3,), versions={"python": "3.13"})
     folder = sample_folder(tmp_path / "run", run, [sample_record(TURN, 0, (3,)), second])
     write_report(folder)
     words = Page(folder.page).words
-    assert "2 different set-ups" in words
+    assert "2 different software stacks" in words
     assert "python 3.13" in words

@@ -17,7 +17,7 @@ from duobench.scene.look import CameraOffset, Light, Look, Material
 from duobench.scene.looks import LOOKS, as_look, look
 from duobench.scene.textures import TEXTURES, texture
 from duobench.scene.workcell import FLOOR_Z, ROOM_X, ROOM_Y
-from duobench.sim.paints import paints
+from duobench.sim.materials import resolve_materials
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.types import HEAD
@@ -140,7 +140,7 @@ def test_random_looks_keep_the_names_of_the_colours_of_objects(name: str) -> Non
     rgba = simulation.model.geom_rgba
     moved = 0
     for number in range(100):
-        found = paints(simulation.model, Look(seed=number, colour_variation=1.0))
+        found = resolve_materials(simulation.model, Look(seed=number, colour_variation=1.0))
         after: dict[tuple[float, ...], set[tuple[float, ...]]] = {}
         for geom, paint in found.by_geom.items():
             before = tuple(rgba[geom, :3].tolist())
@@ -169,14 +169,14 @@ def test_a_colour_takes_the_place_of_the_main_one_only() -> None:
     props = catalog.get("transfer_gate").props
     model = Simulation(props).model
     red = (0.8, 0.1, 0.1)
-    by_geom = paints(model, Look(objects={"gate": Material(colour=red)})).by_geom
+    by_geom = resolve_materials(model, Look(objects={"gate": Material(colour=red)})).by_geom
     assert {model.geom(geom).name for geom in by_geom} == {"gate:image0"}
     assert {paint.rgb for paint in by_geom.values()} == {red}
 
 
 def test_an_object_that_the_task_has_not_is_told() -> None:
     with pytest.raises(UnknownNameError, match="gate"):
-        paints(Simulation().model, Look(objects={"gate": Material()}))
+        resolve_materials(Simulation().model, Look(objects={"gate": Material()}))
 
 
 @pytest.mark.parametrize("name", TEXTURES)
@@ -204,5 +204,5 @@ def test_furniture_stands_on_the_floor_along_the_walls() -> None:
 def test_looks_name_what_there_is() -> None:
     simulation = Simulation()
     for one in map(look, [*LOOKS, *RANDOM]):
-        paints(simulation.model, one)
+        resolve_materials(simulation.model, one)
         assert HEAD in one.cameras or not one.cameras

@@ -132,7 +132,7 @@ def test_where_nothing_works_the_packages_to_install_are_named(tmp_path: Path) -
     )
     assert outcome.returncode == 0, outcome.stderr
     message = outcome.stdout
-    assert message.startswith("No off-screen OpenGL works on this machine:")
+    assert message.startswith("No offscreen OpenGL works on this machine:")
     for part in ("  egl: ", "  osmesa: ", "libegl1", "libosmesa6", "conda-forge", "MUJOCO_GL"):
         assert part in message
     egl, osmesa = message.splitlines()[1:3]
@@ -156,7 +156,7 @@ def test_a_window_without_a_display_is_refused_with_advice() -> None:
     )
     assert outcome.returncode == 0, outcome.stderr
     assert "'glfw' does not work here: it needs a display" in outcome.stdout
-    assert "egl and osmesa draw without one" in outcome.stdout
+    assert "egl and osmesa render without one" in outcome.stdout
 
 
 def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) -> None:

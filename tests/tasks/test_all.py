@@ -15,7 +15,7 @@ import duobench
 from duobench.errors import UnknownNameError
 from duobench.scene.naming import TABLE
 from duobench.sim.placement import REACH_X, REACH_Y
-from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
+from duobench.sim.simulation import STILL_ANGULAR_SPEED, STILL_SPEED, Simulation
 from duobench.stages.progress import check_names
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
@@ -113,7 +113,7 @@ def test_a_reset_leaves_everything_apart_within_reach_and_at_rest(
                 assert sim.contacts.partners(part) <= {TABLE} | containers, part
             speed, turn = sim.speed(name)
             assert speed < STILL_SPEED, name
-            assert turn < STILL_TURN, name
+            assert turn < STILL_ANGULAR_SPEED, name
             moved, turned = sim.pose(name).distance(layout.poses[name])
             assert moved < MAX_SETTLING, f"{name} moved by {moved:.4f} m while it settled"
             assert turned < MAX_SETTLING_TURN, name

@@ -268,7 +268,7 @@ PAGES = {
 SHARED = {
     "stages.predicates.LIFTED_HEIGHT": 0.010,
     "sim.simulation.STILL_SPEED": 0.05,
-    "sim.simulation.STILL_TURN": 0.5,
+    "sim.simulation.STILL_ANGULAR_SPEED": 0.5,
     "stages.insertion.MAX_OFFSET": 0.004,
     "objects.solid.PLA_DENSITY": 1240.0,
 }

@@ -12,7 +12,7 @@ from duobench.cli.engine import load_engine
 from duobench.errors import DuoBenchError
 
 FRAMES = 20
-"""Images that are timed; their median is told."""
+"""Images that are timed; their median is shown."""
 IMAGE_SIZE = (224, 224)
 """Height and width of what policies see by default."""
 
@@ -37,12 +37,12 @@ def _versions() -> dict[str, str]:
     from duobench.randomness import SUITE_VERSION
     from duobench.versions import record_versions
 
-    found = {name: version for name, version in record_versions(None).items() if version}
-    return {**found, "suite version": SUITE_VERSION}
+    versions = {name: version for name, version in record_versions(None).items() if version}
+    return {**versions, "suite version": SUITE_VERSION}
 
 
 def _graphics() -> dict[str, str]:
-    """What draws, and how long an image takes."""
+    """What renders, and how long an image takes."""
     load_engine()
     from duobench.envs.sim_env import SimEnv
     from duobench.sim.rendering import Renderer
@@ -62,13 +62,13 @@ def _graphics() -> dict[str, str]:
         "renderer": info.renderer,
         "vendor": info.vendor,
         "OpenGL": info.version,
-        "drawn by": "the processor (software)" if info.software else "a graphics card",
+        "rendered by": "the processor (software)" if info.software else "a graphics card",
         "one image": f"{one:.1f} ms at {width}x{height}, shadows included",
         "three cameras": f"{three:.1f} ms",
     }
 
 
-def _milliseconds(draw: Callable[[], object]) -> float:
+def _milliseconds(work: Callable[[], object]) -> float:
     """Median time of a call, after a first one that does not count."""
-    draw()
-    return 1000 * median(repeat(draw, number=1, repeat=FRAMES))
+    work()
+    return 1000 * median(repeat(work, number=1, repeat=FRAMES))

@@ -43,7 +43,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """Roll a policy out on tasks, and leave records, a table and a report.
 
     The same command in the same folder goes on where it was stopped, also with more episodes. The
-    exit code is 1 if an episode broke off with an error.
+    exit code is 1 if an episode crashed with an error.
 
     Args:
         policy: expert (also expert:human or expert:wide, which vary what it does), hold, random,
@@ -61,16 +61,16 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             docs/looks.md).
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
         episode_timeout: Seconds that an episode may take.
-        retry_broken: Play the episodes again that broke off in an earlier call.
+        retry_broken: Play the episodes again that crashed in an earlier call.
         batch: For a policy of your own that answers many episodes at a time: fixed fills every
             batch up, so that results do not depend on the workers; dynamic takes what waits, which
-            is faster. Fixed if not given.
-        max_batch: Observations that such a policy answers together, at most; 8 if not given.
+            is faster. Default: fixed.
+        max_batch: Observations that such a policy answers together, at most. Default: 8.
         server: Address of a policy that is served, such as ws://127.0.0.1:8000 (for vlagents,
             127.0.0.1:8080).
-        layout: How a server that is not of DuoBench is asked: aloha, droid, libero, vla_eval,
+        layout: Layout of a server that is not of DuoBench: aloha, droid, libero, vla_eval,
             vlagents, or FILE.toml.
-        execute: Actions of a chunk of a served policy that are executed before it is asked again.
+        execute: Actions of a chunk of a served policy that are executed before the next request.
         wait: Seconds to wait for a server that is not there.
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
     """
@@ -121,8 +121,8 @@ def _show(results: Results, suite: Suite, page: Path, screen: Console) -> None:
     screen.print(f"Report: {page}", soft_wrap=True)
     if results.overall.errors:
         screen.print(
-            f"{counted(results.overall.errors, 'episode')} broke off, which counts as failed; "
-            "the report has the tracebacks. To play what broke off again, give the same command "
+            f"{counted(results.overall.errors, 'episode')} crashed, which counts as failed; "
+            "the report has the tracebacks. To play what crashed again, give the same command "
             "with --retry-broken; a policy that was changed needs another --out.",
             soft_wrap=True,
         )

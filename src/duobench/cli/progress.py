@@ -23,11 +23,11 @@ from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Run, TaskInfo
 
 PLAIN_LINES = 10
-"""About how many lines of progress are printed where nothing can be drawn over."""
+"""About how many lines of progress are printed where nothing can be overwritten."""
 
 
 class Display:
-    """Bars that are redrawn in place, one for each name, or a line for each tenth of everything."""
+    """Bars that are updated in place, one for each name, or a line for each tenth of everything."""
 
     def __init__(self, console: Console, noun: str, progress: Progress) -> None:
         """Show what is done.
@@ -43,10 +43,10 @@ class Display:
         self._total = self._done = 0
 
     def begin(self, heading: str, totals: Mapping[str, int]) -> None:
-        """Say what is going to be done, or draw the bars, which say it."""
+        """Say what is going to be done, or show the bars, which say it."""
         self._total = sum(totals.values())
         for name, total in totals.items():
-            self._bars[name] = self._progress.add_task(name, total=total, told="", start=False)
+            self._bars[name] = self._progress.add_task(name, total=total, successes="", start=False)
         self.say(heading)
 
     def advance(
@@ -65,13 +65,13 @@ class Display:
         self._successes[name] += bool(succeeded)
         self._progress.start_task(bar)
         self._progress.update(bar, advance=by)
-        told = ""
+        successes = ""
         if succeeded is not None:
-            self._progress.update(bar, told=f"{self._successes[name]} succeeded")
-            told = f", {self._successes.total()} succeeded"
+            self._progress.update(bar, successes=f"{self._successes[name]} succeeded")
+            successes = f", {self._successes.total()} succeeded"
         tenths = [PLAIN_LINES * done // max(1, self._total) for done in (before, self._done)]
         if not earlier and tenths[0] != tenths[1]:
-            self.say(f"{self._done} of {counted(self._total, self._noun)}{told}")
+            self.say(f"{self._done} of {counted(self._total, self._noun)}{successes}")
 
     def tell(self, done: int, total: int) -> None:
         """Show that so many of so many things are done; those of the first call were before."""
@@ -98,7 +98,7 @@ def display(console: Console, noun: str) -> Iterator[Display]:
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[told]}", style="dim"),
+        TextColumn("{task.fields[successes]}", style="dim"),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
@@ -126,9 +126,9 @@ class EpisodesPlayed:
             self._shown.advance(record.task, succeeded=record.success, earlier=True)
 
     def on_record(self, record: EpisodeRecord) -> None:
-        """Count an episode, and say why it broke off."""
+        """Count an episode, and say why it crashed."""
         if record.error:
-            self._shown.say(f"{record.task}, episode {record.episode} broke off: {record.reason}")
+            self._shown.say(f"{record.task}, episode {record.episode} crashed: {record.reason}")
         self._shown.advance(record.task, succeeded=record.success)
 
 

@@ -20,7 +20,7 @@ def render(
     look: str = "default",
     out: Path = Path("renders"),
 ) -> None:
-    """Draw a reset of a task from every camera, as PNG files.
+    """Render a reset of a task from every camera, as PNG files.
 
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.

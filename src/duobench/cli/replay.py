@@ -44,11 +44,11 @@ def replay(
         size: Height and width of one image in pixels, both even.
         look: Look of the images: wood_table, dark, random:7, ... (see docs/looks.md).
     """
-    found = opened(data)
+    dataset = opened(data)
     if mode == "actions":
-        _by_actions(found, tasks)
+        _by_actions(dataset, tasks)
     else:
-        _by_states(found, tasks, out, cameras, size, look)
+        _by_states(dataset, tasks, out, cameras, size, look)
 
 
 def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:

@@ -29,7 +29,7 @@ def train(
     The same command goes on where it was stopped, from the last checkpoint.
 
     Args:
-        policy: Kind of policy: act learns one task; pi05 and xvla learn all and are told which.
+        policy: Kind of policy: act learns one task; pi05 and xvla learn all of them.
         more: More options of lerobot-train, after --, such as -- --batch_size=8.
         data: Folder that duobench export lerobot made.
         out: Folder of the training.

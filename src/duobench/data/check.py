@@ -55,8 +55,8 @@ def find_problems(
     ]
     paths = data.episodes()
     progress(0, len(paths))
-    for done, found in enumerate(run_all(_checker, paths, workers), start=1):
-        problems += found
+    for done, faults in enumerate(run_all(_checker, paths, workers), start=1):
+        problems += faults
         progress(done, len(paths))
     return sorted(problems, key=lambda problem: (str(problem.path), problem.what))
 
@@ -68,10 +68,10 @@ def _checker() -> Callable[[Path], list[Problem]]:
     def check(path: Path) -> list[Problem]:
         try:
             recording = Recording.read(path)
-            found = [*_disagreements(recording, path), *_beginning(recording, environment)]
+            faults = [*_disagreements(recording, path), *_beginning(recording, environment)]
         except DuoBenchError as error:
-            found = [str(error)]
-        return [Problem(path=path, what=what) for what in found]
+            faults = [str(error)]
+        return [Problem(path=path, what=what) for what in faults]
 
     return check
 
@@ -101,7 +101,7 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
     infinite = [
         column.name for column in COLUMNS if not np.isfinite(getattr(recording, column.name)).all()
     ]
-    found = {
+    faults = {
         f"It belongs to task {info.task!r}, not into this folder.": path.parent.name != info.task,
         f"It belongs to suite {info.suite_version}.": info.suite_version != SUITE_VERSION,
         f"Not all numbers are finite: {', '.join(infinite)}.": bool(infinite),
@@ -112,11 +112,11 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
         "It does not say how it ended.": outcome is None,
     }
     if outcome is not None:
-        found |= {
+        faults |= {
             "Its last stage is not the one it says.": int(stage[-1]) != outcome.stage,
             "It is no success as it says, or the reverse.": (
                 bool(recording.success[-1]) != outcome.success
             ),
             "The hash of its last state is missing.": not outcome.cut and info.last_hash is None,
         }
-    return [sentence for sentence, is_so in found.items() if is_so]
+    return [sentence for sentence, is_so in faults.items() if is_so]

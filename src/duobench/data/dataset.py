@@ -58,7 +58,7 @@ class DataSet:
         """
         data = DataSet(Path(path).absolute())
         # Listed first: another process may be making the same data set.
-        found = list(data.path.iterdir()) if data.path.is_dir() else []
+        entries = list(data.path.iterdir()) if data.path.is_dir() else []
         if data.description.exists():
             about = data.read_description()
             if about.suite_version != SUITE_VERSION:
@@ -69,7 +69,7 @@ class DataSet:
             return data
         if not create:
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
-        if not all(each.match(f".*{TEMPORARY_SUFFIX}") for each in found):
+        if not all(each.match(f".*{TEMPORARY_SUFFIX}") for each in entries):
             raise DataError(f"{data.path} is not empty and holds no data set: {DESCRIPTION}.")
         make_folder(data.path)
         about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)

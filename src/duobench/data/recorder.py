@@ -122,6 +122,9 @@ class Recorder(DuoWrapper):
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
         """Advance one control step and record it.
 
+        Args:
+            action: In the action mode: 16 numbers, or 14 with `cartesian_relative`.
+
         Raises:
             OutputError: The recording cannot be written.
         """

@@ -139,7 +139,19 @@ _PLAIN = {
 
 
 def replay_all(task: str | Task, recordings: Iterator[Recording]) -> Iterator[Divergence]:
-    """Replay episodes of one task, one after the other."""
+    """Replay episodes of one task, one after the other; see `Replayer.replay`.
+
+    Args:
+        task: The task, its id, or its import path.
+        recordings: Their recordings.
+
+    Yields:
+        How each differs from its recording.
+
+    Raises:
+        UnknownNameError: There is no such task.
+        DataError: A recording cannot be replayed.
+    """
     with closing(Replayer(task)) as replayer:
         for recording in recordings:
             yield replayer.replay(recording)

@@ -91,7 +91,7 @@ class Outcome:
     kept: bool = True
     """Whether it is meant to be used."""
     reason: str | None = None
-    """Why it is not, or what broke it."""
+    """Why it is not, or what made it crash."""
     cut: bool = False
     """Whether it ended before the environment ended it."""
 
@@ -103,7 +103,7 @@ class EpisodeInfo:
     task: str
     """Id of the task."""
     instruction: str
-    """What the policy was told."""
+    """Instruction of the policy."""
     subinstructions: tuple[str, ...]
     """What to do at stage 0, 1, ... to reach the next one."""
     layout: dict[str, Any]

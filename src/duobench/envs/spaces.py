@@ -83,7 +83,7 @@ def observations(limits: DuoLimits) -> gym.spaces.Dict:
     """What the robot reports about itself.
 
     Args:
-        limits: What the arms obey.
+        limits: Limits of the arms.
 
     Returns:
         Dict of `agent_pos` (16,), measured joints and openings in the order of an action, and

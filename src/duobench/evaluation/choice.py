@@ -1,4 +1,4 @@
-"""Which policy plays, and how it is asked: by itself, in batches, or at a server."""
+"""Which policy plays, and how: by itself, in batches, or at a server."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from duobench.policy.serving.address import RemoteServer
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyChoice:
-    """A policy by its name, and how it is asked."""
+    """A policy by its name, and whether it plays in batches or at a server."""
 
     name: str
     """`expert`, a baseline's name, `module:attribute`, or a name of `SERVED`."""
@@ -51,7 +51,7 @@ def find_source(
     Raises:
         UnknownNameError: If there is no policy of that name.
         PolicyError: If it cannot be made.
-        ServingError: If the server cannot be asked.
+        ServingError: If the server cannot be used.
         MachineryError: If there is no server.
     """
     choice.check()

@@ -48,7 +48,7 @@ class Attempt:
     kept: bool
     """Whether it is in the data set."""
     error: str | None
-    """The last line of what broke it."""
+    """The last line of what made it crash."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -95,7 +95,7 @@ def record(  # noqa: PLR0913
         keep_failures: Keep every episode, and count it, whether it succeeds or not.
         limits: How long the policy may take.
         workers: Processes that play side by side; with 0 this process plays.
-        observers: Who is told about the progress, in this process.
+        observers: Called about the progress, in this process.
 
     Returns:
         Every episode that was played, by task and index.
@@ -161,8 +161,8 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
     if attempts.exists():
         listed = read(attempts, Attempts, ATTEMPTS_SCHEMA).attempts
     log = {(each.task, each.episode): each for each in listed if not each.kept}
-    # What is kept is what has a file: one may have been removed by hand, and of one that was just
-    # finished when everything was killed nobody has taken notice.
+    # What is kept is what has a file: one may have been removed by hand, and one that was just
+    # finished when everything was killed is not in the list.
     for path in data.episodes():
         attempt = _kept(path, plan)
         log[attempt.task, attempt.episode] = attempt

@@ -64,7 +64,7 @@ class RecordingPlan:
 
 
 class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
-    """What plays episodes, and how: all that executors, runners and workers are told."""
+    """What plays episodes, and how: what executors, runners and workers need to know."""
 
     policy: PolicyChoice
     """The policy."""
@@ -86,7 +86,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     video: bytes | None = None
     """Its video as a WebM file, if there is one."""
     seconds: float | None = None
-    """How long it took, video included; None if nobody knows."""
+    """How long it took, video included; None if unknown."""
 
 
 def _inference(source: PolicySource) -> str | None:

@@ -52,15 +52,15 @@ def evaluate(
     on how often the run was stopped and started again.
 
     Args:
-        policy: `expert`, a baseline's name, `module:attribute`, or a choice that also says how the
-            policy is asked.
+        policy: `expert`, a baseline's name, `module:attribute`, or a choice that also says
+            whether it plays in batches or at a server.
         suite: What to play.
         folder: Where everything is written; a folder that holds the same run is continued.
         videos: How many episodes of each task, from the first on, have a video.
         limits: How long the policy may take.
         workers: Processes that play side by side. With 0 this process plays: fine for a debugger,
             but it cannot stop a policy that hangs or outlive one that crashes.
-        observers: Who is told about the progress, in this process.
+        observers: Called about the progress, in this process.
         retry_broken: Also play the episodes again whose records hold an error.
 
     Returns:

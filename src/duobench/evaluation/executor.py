@@ -41,7 +41,7 @@ HOST_DEATH_S = 0.5
 """How long after a lost connection the end of the policy's process may be seen, in seconds."""
 HANG_S = 1.0
 """How long a hosted policy may be late, in seconds: until those whom it keeps waiting know it, and
-before those who asked later wait in vain."""
+before those who called later wait in vain."""
 TICK_S = 0.1
 """How often deaths and time limits are looked after, in seconds."""
 GRACE_S = 60.0

@@ -105,7 +105,7 @@ def stage_bars(results: Results) -> Figure:
 
 
 def _stage_bar(axes: Axes, row: int, result: TaskResult) -> None:
-    """Draw the segments of one task's bar, with the number of each stage."""
+    """Plot the segments of one task's bar, with the number of each stage."""
     left = 0.0
     colours = stage_colours(result.task.max_stage)
     for stage, count in enumerate(result.last_stage_counts):
@@ -153,7 +153,7 @@ FIGURES: Mapping[str, Callable[[Results], Figure]] = MappingProxyType(
 """Every figure by its name."""
 
 
-def draw(name: str, results: Results) -> str:
+def plot(name: str, results: Results) -> str:
     """One of the figures as an SVG document; the same results always give the same text."""
     # Identifiers inside are hashes; with a salt of its own, no two figures on a page share one.
     style: dict[Any, Any] = {**_STYLE, "svg.hashsalt": name}
@@ -168,7 +168,7 @@ def for_page(svg: str) -> str:
     """The `<svg>` element of a figure, for a page: without a background, in the page's colours.
 
     Args:
-        svg: A document that `draw` gave.
+        svg: A document that `plot` gave.
 
     Returns:
         The element, scalable, its ink in the colour of the text around it, its curves in the page's

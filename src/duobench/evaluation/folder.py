@@ -93,14 +93,14 @@ class RunFolder:
         Raises:
             EvaluationError: If a record cannot be read, or is of another episode or run.
         """
-        found = []
+        records = []
         for task in run.suite.tasks:
             names = {path.stem for path in self.record(task.id, 0).parent.glob("*.json")}
             indices = {int(name) for name in names if name.isascii() and name.isdigit()}
             for index in sorted(indices):
                 if index in run.suite.indices:
-                    found.append(self._read_record(run, task, index))
-        return found
+                    records.append(self._read_record(run, task, index))
+        return records
 
     def _read_record(self, run: Run, task: TaskInfo, index: int) -> EpisodeRecord:
         """One record, of this episode of this run."""

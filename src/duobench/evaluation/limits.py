@@ -26,7 +26,7 @@ class TimeLimits:
     act_s: float = 120.0
     """Seconds for one `reset` or one `act`: minutes, because a first answer may compile a model."""
     episode_s: float = 1800.0
-    """Seconds for an episode; it is checked whenever the policy is asked."""
+    """Seconds for an episode; it is checked whenever the policy acts."""
 
     def __post_init__(self) -> None:
         """Reject limits that are not positive; infinite ones become very long."""
@@ -105,7 +105,7 @@ class EpisodeClock:
 
     @property
     def steps(self) -> int:
-        """Control steps that the episode had when its policy was last asked."""
+        """Control steps that the episode had when its policy last acted."""
         return int(self._numbers[_STEPS])
 
     def episode_s(self) -> float:
@@ -113,7 +113,7 @@ class EpisodeClock:
         return self._seconds(_EPISODE)
 
     def answer_s(self) -> float:
-        """Seconds since the policy was asked, 0 while it is not busy."""
+        """Seconds since the policy was called, 0 while it is not busy."""
         return self._seconds(_ANSWER)
 
     @contextmanager

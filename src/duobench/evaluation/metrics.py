@@ -70,7 +70,7 @@ class Score:
     successes: int
     """How many reached the last stage."""
     errors: int
-    """How many broke; they count as failed."""
+    """How many crashed; they count as failed."""
     mean_final_progress: float | None
     """Mean of last stage over the task's number of stages; None without episodes."""
 
@@ -148,14 +148,14 @@ def progress_curve(records: Sequence[EpisodeRecord], horizon: int) -> tuple[floa
 
 def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
     """Results of one task from its records, in any order; records of other tasks are left out."""
-    own = sorted((r for r in records if r.task == task.id), key=lambda record: record.episode)
-    counts = Counter(record.final_stage for record in own)
+    ours = sorted((r for r in records if r.task == task.id), key=lambda record: record.episode)
+    counts = Counter(record.final_stage for record in ours)
     return TaskResult(
         task=task,
-        score=score(task.title, own),
+        score=score(task.title, ours),
         last_stage_counts=tuple(counts[stage] for stage in range(task.max_stage + 1)),
-        progress=progress_curve(own, task.horizon),
-        records=tuple(own),
+        progress=progress_curve(ours, task.horizon),
+        records=tuple(ours),
     )
 
 

@@ -35,9 +35,9 @@ class PolicySource:
     close: Callable[[], None] = lambda: None
     """Frees what the policy holds."""
     name: str
-    """Name under which it was asked for."""
+    """Name of the policy, as the user gave it."""
     batching: Batching | None = None
-    """How many observations it answers together; None if that is one, or nobody knows."""
+    """How many observations it answers together; None if that is one, or unknown."""
     batch_policy: BatchPolicy | None = None
     """The policy itself, if it answers many episodes at a time."""
 
@@ -117,15 +117,15 @@ def source(
             modules.add(Variety.__module__)
         metadata = replace(_expert_metadata(variety), version=source_version(*modules))
         bind = partial(ExpertPolicy, variety=variety)
-        found = PolicySource(name=name, metadata=metadata, bind=bind)
+        policy = PolicySource(name=name, metadata=metadata, bind=bind)
     else:
-        found = _made(name, batching or Batching())
-    if batching is not None and found.batching is None:
+        policy = _made(name, batching or Batching())
+    if batching is not None and policy.batching is None:
         raise PolicyError(
             f"{name} answers one observation at a time, so there are no batches of it. With "
             "`begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
         )
-    return found
+    return policy
 
 
 def _made(name: str, batching: Batching) -> PolicySource:

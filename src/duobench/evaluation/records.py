@@ -46,13 +46,13 @@ class EpisodeRecord:
     seed: int
     """Seed of the reset; a pure function of (task, suite version, episode)."""
     policy: str
-    """Name under which the policy was asked for."""
+    """Name of the policy, as the user gave it."""
     policy_version: str | None
-    """Version of the policy, None if nobody knows."""
+    """Version of the policy, None if unknown."""
     config: EnvConfig
     """Configuration of the environment."""
     instruction: str
-    """Instruction of the policy; empty if the episode died before its reset."""
+    """Instruction of the policy; empty if the episode crashed before its reset."""
     success: bool
     """Whether the last stage was reached."""
     success_at_end: bool
@@ -72,11 +72,11 @@ class EpisodeRecord:
     truncated: bool
     """Whether the horizon ended the episode."""
     error: str | None
-    """Traceback of what broke the episode; such an episode counts as failed."""
+    """Traceback of what made the episode crash; such an episode counts as failed."""
     layout: SampledLayout
     """Where the objects began."""
     state_hash: str | None
-    """SHA-256 of the full simulation state after the last step; None if the episode broke."""
+    """SHA-256 of the full simulation state after the last step; None if the episode crashed."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
 
@@ -119,8 +119,8 @@ class EpisodeRecord:
         return max((stage for when, stage in self.stage_changes if when <= step), default=0)
 
     def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
-        """The record of the episode if it breaks off, so many control steps after its start."""
-        if isinstance(error, PolicyTimeoutError):  # nobody knows where it was stuck
+        """The record of the episode if it crashes, so many control steps after its start."""
+        if isinstance(error, PolicyTimeoutError):  # where it was stuck is unknown
             text = f"{type(error).__name__}: {error}\n"
         else:
             text = traceback_text(error)
@@ -192,7 +192,7 @@ class EpisodeRecorder:
         return self._stage_changes[-1][1] if self._stage_changes else 0
 
     def record(self, setup: Setup) -> EpisodeRecord:
-        """The record of the episode so far, which such a set-up plays."""
+        """The record of the episode so far, played with a setup."""
         task, last = self._episode.task, self._last
         return EpisodeRecord(
             suite_version=SUITE_VERSION,

@@ -45,7 +45,7 @@ def write_report(folder: RunFolder) -> Results:
         OutputError: If nothing can be written into the folder.
     """
     run, results = read_results(folder)
-    svgs = {name: figures.draw(name, results) for name in figures.FIGURES}
+    svgs = {name: figures.plot(name, results) for name in figures.FIGURES}
     for name, svg in svgs.items():
         write(folder.figure(name), svg)
     write(folder.summary, summary_json(run, results))
@@ -103,7 +103,7 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
         run=run,
         suite=run.suite,
         results=results,
-        set_ups=dict.fromkeys(tuple(record.versions.items()) for record in records),
+        stacks=dict.fromkeys(tuple(record.versions.items()) for record in records),
         svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
         control_rate_hz=CONTROL_HZ,
         figures=figures,

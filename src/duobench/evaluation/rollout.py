@@ -26,9 +26,9 @@ class Step:
     number: int
     """How many control steps the episode has had with this one, from 1."""
     action: NDArray[np.float32]
-    """The action that was executed."""
+    """The action (n,) that was executed."""
     observation: Observation
-    """What the environment showed afterwards; it has images only if somebody asked for them."""
+    """What the environment showed afterwards; it has images only if somebody needs them."""
     reward: float
     """The reward of the step."""
     terminated: bool
@@ -58,7 +58,7 @@ class Watcher(Protocol):
         """The episode is over; called exactly once, also if it never got to its start.
 
         Args:
-            error: What broke it, or None if it ended by itself.
+            error: What made it crash, or None if it ended by itself.
         """
         ...
 
@@ -86,7 +86,7 @@ def rollout(
         env: An environment of the benchmark that takes single actions, in any wrappers.
         policy: The policy.
         seed: Seed of the reset and of the policy.
-        watchers: Who is told, in this order.
+        watchers: Called in this order.
         busy: Surrounds everything that the policy does, and the check of what it returned, which
             may wait for a lazy array.
 

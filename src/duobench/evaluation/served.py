@@ -1,4 +1,4 @@
-"""The kinds of servers that a policy may be asked at, by the name under which one is evaluated."""
+"""The kinds of servers of policies, by the name under which one is evaluated."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from duobench.policy.serving.address import WEBSOCKET
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ServerKind:
-    """How servers of one kind are asked."""
+    """How servers of one kind are used."""
 
     client: str
     """Import path of the class that connects when it is called with a `RemoteServer`: a `Policy`

@@ -31,7 +31,7 @@ class TaskInfo:
     """What records, tables and reports need to know about a task, without the task itself."""
 
     reference: str
-    """Name under which the task was asked for: its id, or `module:ATTRIBUTE`."""
+    """Import path `module:ATTRIBUTE` of the task, or the id of one of the benchmark."""
     id: str
     """Id of the task, which is also the name of a folder."""
     title: str
@@ -123,27 +123,27 @@ class Suite:
         return self.episodes * len(self.tasks)
 
 
-def find_tasks(references: Sequence[str]) -> tuple[TaskInfo, ...]:
+def find_tasks(paths: Sequence[str]) -> tuple[TaskInfo, ...]:
     """Look tasks up.
 
     Args:
-        references: Task ids or `module:ATTRIBUTE`; none means every task of the benchmark.
+        paths: Task ids or import paths `module:ATTRIBUTE`; none means every task of the benchmark.
 
     Returns:
-        One description a task, in the order asked for.
+        One description a task, in the order of the import paths.
 
     Raises:
         UnknownNameError: If a task does not exist.
         ImportPathError: If its module cannot be imported.
         EvaluationError: If the task can have no records.
     """
-    return tuple(_described(reference) for reference in references or catalog.names())
+    return tuple(_described(path) for path in paths or catalog.names())
 
 
-def _described(reference: str) -> TaskInfo:
-    task = catalog.get(reference)
+def _described(path: str) -> TaskInfo:
+    task = catalog.get(path)
     return TaskInfo(
-        reference=reference,
+        reference=path,
         id=task.id,
         title=task.title,
         category=str(task.category),
@@ -156,7 +156,7 @@ class Setup(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """What plays: a policy, its environments, and the software under them."""
 
     policy: str
-    """Name under which the policy was asked for."""
+    """Name of the policy, as the user gave it."""
     metadata: PolicyMetadata
     """What the policy says about itself, with its version."""
     config: EnvConfig
@@ -237,16 +237,16 @@ class Run:
     def differences(self, other: Run) -> list[str]:
         """What another run has differently, field by field; its number of episodes may be lower."""
         ours, theirs = self._facts(), other._facts()
-        found = [
+        differing = [
             f"{name} {ours[name]} instead of {theirs[name]}"
             for name in ours
             if ours[name] != theirs.get(name, ours[name])
         ]
         if self.suite.episodes < other.suite.episodes:
-            found.append(
+            differing.append(
                 f"episodes {self.suite.episodes} instead of {other.suite.episodes} or more"
             )
-        return found
+        return differing
 
     def _facts(self) -> dict[str, object]:
         """Everything but the number of episodes, by its name in words."""

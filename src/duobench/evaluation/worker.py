@@ -88,7 +88,7 @@ class Faulty(msgspec.Struct, tag=True, frozen=True):
 
 
 class Rejected(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: what is asked for cannot be done, by nobody."""
+    """From a worker: what the run needs cannot be done by any worker."""
 
     error: str
     """Name of the class of the error."""
@@ -98,7 +98,7 @@ class Rejected(msgspec.Struct, tag=True, frozen=True):
 Order = Job | Play | Stop
 """To a worker; a job comes first, which has it make the policy."""
 Report = Setup | Hosting | Reached | EpisodeResult | Faulty | Rejected
-"""From a worker; the set-up says that the policy is made."""
+"""From a worker; the setup says that the policy is made."""
 
 
 class Channel(Generic[T]):
@@ -241,7 +241,7 @@ def _module_folders() -> list[str]:
 
 
 def work(connection: int, clock: int) -> None:
-    """What a worker process does until it is told to stop or its parent is gone.
+    """What a worker process does until it is ordered to stop or its parent is gone.
 
     Args:
         connection: File descriptor of its socket.

@@ -52,7 +52,7 @@ _LIFT_SECONDS = 2.0
 
 _DROP = (-0.025, 0.045)
 """Where the cube goes down, in the chest's frame."""
-_LEAN = 0.35
+_GRASP_TILT = 0.35
 """Lean of the inserting hand towards the robot, so that its camera keeps clear of the lid."""
 _WAIT_BESIDE = 0.24
 """How far to the left of the chest's centre the cube waits, in metres."""
@@ -80,7 +80,7 @@ def bring(arms: Arms) -> Script:
 
 def _lifting(chest: SE3, x: float, z: float) -> SE3:
     """Tool pose of the rod at (x, z) of the chest's frame, camera towards the table."""
-    return chest @ down(x, _ROD_Y, z, yaw=math.pi / 2, lean=_SLOPE) @ SE3.at(yaw=math.pi)
+    return chest @ down(x, _ROD_Y, z, yaw=math.pi / 2, tilt=_SLOPE) @ SE3.at(yaw=math.pi)
 
 
 def _under_lid(chest: SE3, angle: float) -> SE3:
@@ -120,5 +120,5 @@ def lower(arms: Arms) -> Script:
 def over(arms: Arms, y: float, height: float) -> SE3:
     """Tool pose of the inserting arm, at a place across the table and a height in metres."""
     chest = arms.sim.pose("chest")
-    turn = _TILT @ down(0.0, 0.0, 0.0, yaw=chest.yaw, lean=_LEAN)
+    turn = _TILT @ down(0.0, 0.0, 0.0, yaw=chest.yaw, tilt=_GRASP_TILT)
     return SE3(turn.rotation, np.array([chest.apply([*_DROP, 0.0])[0], y, height]))

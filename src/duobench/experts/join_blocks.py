@@ -27,7 +27,7 @@ from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 
 _BARS = {Side.LEFT: "light_block", Side.RIGHT: "dark_block"}
-_LEANS = {Side.LEFT: math.radians(20.0), Side.RIGHT: math.radians(-20.0)}
+_TILTS = {Side.LEFT: math.radians(20.0), Side.RIGHT: math.radians(-20.0)}
 """How far each hand leans back; much more is out of reach for a bar that lies close."""
 _GRASP_X = {Side.LEFT: -0.012, Side.RIGHT: 0.0}
 """Where along its bar a hand grasps, in metres from the middle."""
@@ -72,7 +72,7 @@ def script(arms: Arms) -> Script:
 def _take(arms: Arms, side: Side) -> Script:
     pose = arms.sim.pose(_BARS[side])
     x, y, _ = pose.apply([_GRASP_X[side], 0.0, 0.0])
-    grasp = down(x, y, _GRASP_HEIGHT, yaw=pose.yaw, lean=_LEANS[side])
+    grasp = down(x, y, _GRASP_HEIGHT, yaw=pose.yaw, tilt=_TILTS[side])
     yield from pick(arms, side, grasp, above=0.10, lift=0.06, freedom=_FREEDOM)
 
 

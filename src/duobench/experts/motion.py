@@ -73,7 +73,7 @@ class Arms:
         self.targets: dict[Side, SE3] = dict(self.kinematics.forward(self.joints))
         """Tool pose that each arm is being led to, in the table frame."""
         self.posture: Array = np.array(HOME_JOINTS)
-        """What the redundant joints are drawn to (2, 7)."""
+        """What the redundant joints are attracted to (2, 7)."""
         self.variety = variety or VarietySample()
         """What this episode does differently."""
         self.freedom: Array = np.zeros(len(SIDES))
@@ -113,7 +113,7 @@ def freedom_at(speed: float) -> float:
     return min(1.0, (speed / SPEED) ** 2)
 
 
-def down(x: float, y: float, z: float, *, yaw: float = 0.0, lean: float = 0.0) -> SE3:
+def down(x: float, y: float, z: float, *, yaw: float = 0.0, tilt: float = 0.0) -> SE3:
     """Tool pose that points down: fingers open along y at yaw 0, camera in front.
 
     Args:
@@ -121,10 +121,10 @@ def down(x: float, y: float, z: float, *, yaw: float = 0.0, lean: float = 0.0) -
         y: Position in the table frame, in metres.
         z: Height of the tool centre point above the table top, in metres.
         yaw: Turn about the vertical, in radians.
-        lean: Turn about the axis in which the fingers open, in radians; positive leans the gripper
+        tilt: Turn about the axis in which the fingers open, in radians; positive tilts the gripper
             back, so that the fingertips point away from the robot.
     """
-    turn = SE3.about((0, 0, 1), yaw) @ SE3.about((1, 0, 0), math.pi) @ SE3.about((0, 1, 0), lean)
+    turn = SE3.about((0, 0, 1), yaw) @ SE3.about((1, 0, 0), math.pi) @ SE3.about((0, 1, 0), tilt)
     return SE3(turn.rotation, np.array([x, y, z]))
 
 
@@ -283,7 +283,7 @@ def pick(
     yield from move(arms, {side: grasp.moved(z=lift)}, speed=0.3, arrive=False)
 
 
-def pick_cube(arms: Arms, side: Side, cube: str, height: float, *, lean: float = 0.0) -> Script:
+def pick_cube(arms: Arms, side: Side, cube: str, height: float, *, tilt: float = 0.0) -> Script:
     """Pick up a lying cube by two of its sides, again until it is in the hand.
 
     Args:
@@ -291,13 +291,13 @@ def pick_cube(arms: Arms, side: Side, cube: str, height: float, *, lean: float =
         side: Which arm picks.
         cube: Body of the cube.
         height: Height of the tool centre point when the fingers close, in metres.
-        lean: Lean of the gripper, see `down`.
+        tilt: Tilt of the gripper, see `down`.
     """
     while not arms.grasps(side, cube):
         pose = arms.sim.pose(cube)
         x, y, _ = pose.translation
         yaw = nearest_turn(pose.yaw, math.pi / 2)
-        yield from pick(arms, side, down(x, y, height, yaw=yaw, lean=lean))
+        yield from pick(arms, side, down(x, y, height, yaw=yaw, tilt=tilt))
 
 
 def come_down(arms: Arms, grasps: Mapping[Side, SE3], *, opening: float, above: float) -> Script:

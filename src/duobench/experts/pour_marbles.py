@@ -33,8 +33,8 @@ _GRASP_HEIGHT = 0.032
 _SHORT = 0.003
 """How far the tool centre point stays short of the cup's axis, in metres: at 1 mm the cup rubs
 against the finger linkage, at 5 mm it turns in the pads by 10 degrees."""
-HOLD_LEAN = math.radians(59.0)
-POUR_LEAN = math.radians(50.0)
+HOLD_TILT = math.radians(59.0)
+POUR_TILT = math.radians(50.0)
 """How far the grippers are from the vertical when they grasp, in radians. The holding one leans out
 of the way of the pouring cup; leaning further, its elbow would touch the table."""
 _POUR_ANGLE = math.radians(106.0)
@@ -49,7 +49,7 @@ _LIP_REACH = 0.028
 as far until they fall through the mouth, so they fall through its middle."""
 _LIP_ASIDE = 0.006
 """How far the pouring lip is from the middle of the mouth, away from the holding gripper, in
-metres; with the lean and the clearance, it keeps the tilted cup 5 mm from that arm's camera."""
+metres; with the tilt and the clearance, it keeps the tilted cup 5 mm from that arm's camera."""
 _MEETING = (0.50, 0.0, 0.09)
 """Where the holding cup's underside waits for the marbles."""
 
@@ -59,7 +59,7 @@ def script(arms: Arms) -> Script:
     source = next(s for s in Side if _marbles_in(arms, s) > 0)
     hold = source.other
     starts = {side: arms.sim.pose(_cup(side)) for side in Side}
-    yield from together(take(arms, hold, lean=HOLD_LEAN), take(arms, source, lean=POUR_LEAN))
+    yield from together(take(arms, hold, tilt=HOLD_TILT), take(arms, source, tilt=POUR_TILT))
     meeting = SE3(starts[hold].rotation, np.array(_MEETING))
     meet = {hold: meeting, source: _pouring(source, meeting, 0.0)}
     tools = {side: tool_for(arms, side, _cup(side), pose) for side, pose in meet.items()}
@@ -115,19 +115,19 @@ def _inward(side: Side) -> np.ndarray:
     return np.array([1.0, -side.sign, 0.0]) / math.sqrt(2.0)
 
 
-def _grasp(arms: Arms, side: Side, lean: float) -> SE3:
+def _grasp(arms: Arms, side: Side, tilt: float) -> SE3:
     """From behind and outside, the fingers on two opposite walls, the camera on the upper side."""
     ahead, up = _inward(side), np.array([0.0, 0.0, 1.0])
-    approach = math.sin(lean) * ahead - math.cos(lean) * up
-    camera = math.cos(lean) * ahead + math.sin(lean) * up
+    approach = math.sin(tilt) * ahead - math.cos(tilt) * up
+    camera = math.cos(tilt) * ahead + math.sin(tilt) * up
     rotation = np.column_stack([camera, np.cross(approach, camera), approach])
     middle = arms.sim.position(_cup(side)) + _GRASP_HEIGHT * up
     return SE3(rotation, middle - _SHORT * approach)
 
 
-def take(arms: Arms, side: Side, *, lean: float = POUR_LEAN) -> Script:
-    """Grasp the cup of an arm's own side, `lean` radians from the vertical, and raise it."""
-    grasp = _grasp(arms, side, lean)
+def take(arms: Arms, side: Side, *, tilt: float = POUR_TILT) -> Script:
+    """Grasp the cup of an arm's own side, `tilt` radians from the vertical, and raise it."""
+    grasp = _grasp(arms, side, tilt)
     away = grasp @ SE3.at(z=-0.12)
     yield from move(arms, {side: away}, tolerance=0.015)
     yield from move(arms, {side: grasp}, speed=0.22)

@@ -47,7 +47,7 @@ _ENOUGH = 1.05
 _PULL_SECONDS = 3.0
 
 _GRASP_HEIGHT = 0.031
-_GRASP_LEAN = 0.35
+_GRASP_TILT = 0.35
 _AZIMUTH, _SLOPE = 0.05, 0.78
 """Direction of the inserting tool: to the left of the oven's depth, and against straight down:
 steep enough for the wrist to go on as it was when it picked, flat enough to fit under the roof."""
@@ -75,7 +75,7 @@ def bring(arms: Arms) -> Script:
 def at_bar(oven: SE3, angle: float) -> SE3:
     """Tool pose around the bar of the door, open by `angle` radians, camera downwards."""
     door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
-    aslant = down(0.0, 0.0, 0.0, yaw=_ASLANT, lean=_FROM_BELOW) @ SE3.at(yaw=math.pi)
+    aslant = down(0.0, 0.0, 0.0, yaw=_ASLANT, tilt=_FROM_BELOW) @ SE3.at(yaw=math.pi)
     height = _BAR_HEIGHT - HEIGHT / 2
     return door @ SE3(aslant.rotation, np.array([*BAR, height]))
 
@@ -94,7 +94,7 @@ def open_door(arms: Arms) -> Script:
 
 def fetch(arms: Arms) -> Script:
     """The right arm picks up the cube."""
-    yield from pick_cube(arms, INSERTER, "cube", _GRASP_HEIGHT, lean=_GRASP_LEAN)
+    yield from pick_cube(arms, INSERTER, "cube", _GRASP_HEIGHT, tilt=_GRASP_TILT)
 
 
 def reach_in(arms: Arms, *, depth: float = 0.0) -> Script:
@@ -107,4 +107,4 @@ def reach_in(arms: Arms, *, depth: float = 0.0) -> Script:
 def in_oven(arms: Arms, depth: float = 0.0) -> SE3:
     """Tool pose at which the inserting arm lets the cube go, moved by `depth` metres inwards."""
     x, y, z = _INSIDE
-    return arms.sim.pose("microwave") @ down(x + depth, y, z, yaw=_AZIMUTH, lean=_SLOPE)
+    return arms.sim.pose("microwave") @ down(x + depth, y, z, yaw=_AZIMUTH, tilt=_SLOPE)

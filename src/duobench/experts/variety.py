@@ -163,8 +163,8 @@ class VarietySample:
         """Pose of a grasp in the frame of the tool that would grasp as the script says."""
         v = self.variety
         halves = (v.grasp_shift, v.grasp_depth, v.grasp_turn, v.grasp_turn)
-        x, z, yaw, lean = (around(0.0, freedom * half).sample(self._rng) for half in halves)
-        return SE3.at(x, 0.0, z, yaw=yaw) @ SE3.about((0, 1, 0), lean)
+        x, z, yaw, tilt = (around(0.0, freedom * half).sample(self._rng) for half in halves)
+        return SE3.at(x, 0.0, z, yaw=yaw) @ SE3.about((0, 1, 0), tilt)
 
     def ordered(self, sides: tuple[Side, ...]) -> tuple[Side, ...]:
         """Arms in the order in which they act, where the order is free."""

@@ -76,7 +76,7 @@ class Episodes:
         EnvConfig.from_options(self._options)
         self.layout = layout
         """What is shown, and what actions mean."""
-        self._reference: str | None = None
+        self._import_path: str | None = None
         self._env: gym.Env | None = None
         self._instruction = ""
         self._last: Turn | None = None
@@ -91,10 +91,10 @@ class Episodes:
         Raises:
             UnknownNameError: If there is no such task.
         """
-        if task != self._reference:
+        if task != self._import_path:
             self.close()
         if self._env is None:
-            self._env, self._reference = make(task, **self._options), task
+            self._env, self._import_path = make(task, **self._options), task
         self._set_rendering(self._env, True)
         seed = episode_seed(catalog.get(task).id, index)
         observation, info = self._env.reset(seed=seed)
@@ -161,7 +161,7 @@ class Episodes:
         """Free the environment."""
         if self._env is not None:
             self._env.close()
-        self._env = self._reference = self._last = None
+        self._env = self._import_path = self._last = None
 
 
 def _turn(

@@ -95,7 +95,7 @@ class DuoBench(StepBenchmark):
 
     @classmethod
     def configure_render(cls, mode: str) -> dict[str, str]:
-        """Choose what draws; with "gpu" DuoBench looks for the best that works, as it always does.
+        """Choose what renders; with "gpu" DuoBench takes the best that works, as it always does.
 
         Args:
             mode: "gpu" or "cpu".
@@ -126,7 +126,7 @@ class DuoBench(StepBenchmark):
         turn = self._episodes.begin(
             self._tasks[task_id], self._first_episode + int(task["episode_idx"])
         )
-        self._film(turn)
+        self._record_image(turn)
         return turn
 
     def step(self, action: dict[str, Any]) -> StepResult:
@@ -142,7 +142,7 @@ class DuoBench(StepBenchmark):
                 f"{', '.join(sorted(map(str, action))) or 'nothing'}."
             )
         turn = self._episodes.execute(action[key])
-        self._film(turn)
+        self._record_image(turn)
         self._recorder.record_step(
             reward=turn.reward,
             done=turn.is_over,
@@ -188,7 +188,7 @@ class DuoBench(StepBenchmark):
         """Free the environment."""
         self._episodes.close()
 
-    def _film(self, turn: Turn) -> None:
+    def _record_image(self, turn: Turn) -> None:
         """Add an image to their video, if one is shown: one a call, from the first camera."""
         pixels = turn.observation.get("pixels", {})
         self._recorder.record_video(next(iter(pixels.values()), None))

@@ -52,32 +52,32 @@ def layout_for(
     )
 
 
-def tasks_by_id(references: Sequence[str] | None) -> dict[str, str]:
-    """Names of tasks by their ids: all of the benchmark if there are none.
+def tasks_by_id(import_paths: Sequence[str] | None) -> dict[str, str]:
+    """Import paths of tasks by their ids: all of the benchmark if there are none.
 
     Raises:
         UnknownNameError: If there is no such task.
         OptionError: If one is named twice.
     """
-    if isinstance(references, str):
-        references = [references]
-    found: dict[str, str] = {}
-    for reference in references or catalog.names():
-        task_id = catalog.get(reference).id
-        if task_id in found:
+    if isinstance(import_paths, str):
+        import_paths = [import_paths]
+    paths: dict[str, str] = {}
+    for path in import_paths or catalog.names():
+        task_id = catalog.get(path).id
+        if task_id in paths:
             raise OptionError(f"Task {task_id!r} is named twice in task_ids. Name each task once.")
-        found[task_id] = reference
-    return found
+        paths[task_id] = path
+    return paths
 
 
 def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
     control, relative = next((key for key, mode in MODES.items() if mode == usual), (usual, "none"))
-    asked = str(control_mode or control).lower(), str(relative_to or relative).lower()
-    if asked in MODES:
-        return MODES[asked]
+    mode = str(control_mode or control).lower(), str(relative_to or relative).lower()
+    if mode in MODES:
+        return MODES[mode]
     known = " or ".join(f"{theirs} with {frame}" for theirs, frame in MODES)
     raise OptionError(
-        f"There are no actions with control_mode {asked[0]!r} and relative_to {asked[1]!r}. There "
+        f"There are no actions with control_mode {mode[0]!r} and relative_to {mode[1]!r}. There "
         f"are {known}: poses are x y z qx qy qz qw, displacements of the tool a translation and a "
         "rotation vector along the axes of the table frame."
     )

@@ -4,77 +4,44 @@
 of the benchmark are in modules of their own: `from duobench.objects import bowl`, `bowl.bowl(RED)`.
 """
 
-from duobench.objects.blocks import (
-    BLACK,
-    CHARCOAL,
-    CUBE_EDGE,
-    LONG_BLOCK,
-    PALE,
-    RED,
-    WHITE,
-    WOOD,
-    YELLOW,
-    block,
-    cube,
-    long_block,
-)
-from duobench.objects.prop import Hinge, Part, Prop, Variant
-from duobench.objects.shapes import (
-    Colour,
-    Shape,
-    box,
-    circle,
-    cylinder,
-    hull,
-    prism,
-    ring_wall,
-    sphere,
-)
-from duobench.objects.solid import (
-    Image,
-    MassProperties,
-    Mesh,
-    Solid,
-    corner_points,
-    images_of,
-    mass_properties,
-    mesh_of,
-    printable,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "BLACK",
-    "CHARCOAL",
-    "CUBE_EDGE",
-    "LONG_BLOCK",
-    "PALE",
-    "RED",
-    "WHITE",
-    "WOOD",
-    "YELLOW",
-    "Colour",
-    "Hinge",
-    "Image",
-    "MassProperties",
-    "Mesh",
-    "Part",
-    "Prop",
-    "Shape",
-    "Solid",
-    "Variant",
-    "block",
-    "box",
-    "circle",
-    "corner_points",
-    "cube",
-    "cylinder",
-    "hull",
-    "images_of",
-    "long_block",
-    "mass_properties",
-    "mesh_of",
-    "printable",
-    "prism",
-    "ring_wall",
-    "sphere",
-]
+from duobench.references import lazy
+
+if TYPE_CHECKING:
+    from duobench.objects.blocks import BLACK as BLACK
+    from duobench.objects.blocks import CHARCOAL as CHARCOAL
+    from duobench.objects.blocks import CUBE_EDGE as CUBE_EDGE
+    from duobench.objects.blocks import LONG_BLOCK as LONG_BLOCK
+    from duobench.objects.blocks import PALE as PALE
+    from duobench.objects.blocks import RED as RED
+    from duobench.objects.blocks import WHITE as WHITE
+    from duobench.objects.blocks import WOOD as WOOD
+    from duobench.objects.blocks import YELLOW as YELLOW
+    from duobench.objects.blocks import block as block
+    from duobench.objects.blocks import cube as cube
+    from duobench.objects.blocks import long_block as long_block
+    from duobench.objects.prop import Hinge as Hinge
+    from duobench.objects.prop import Part as Part
+    from duobench.objects.prop import Prop as Prop
+    from duobench.objects.prop import Variant as Variant
+    from duobench.objects.shapes import Colour as Colour
+    from duobench.objects.shapes import Shape as Shape
+    from duobench.objects.shapes import box as box
+    from duobench.objects.shapes import circle as circle
+    from duobench.objects.shapes import cylinder as cylinder
+    from duobench.objects.shapes import hull as hull
+    from duobench.objects.shapes import prism as prism
+    from duobench.objects.shapes import ring_wall as ring_wall
+    from duobench.objects.shapes import sphere as sphere
+    from duobench.objects.solid import Image as Image
+    from duobench.objects.solid import MassProperties as MassProperties
+    from duobench.objects.solid import Mesh as Mesh
+    from duobench.objects.solid import Solid as Solid
+    from duobench.objects.solid import corner_points as corner_points
+    from duobench.objects.solid import images_of as images_of
+    from duobench.objects.solid import mass_properties as mass_properties
+    from duobench.objects.solid import mesh_of as mesh_of
+    from duobench.objects.solid import printable as printable
+
+lazy(__name__)

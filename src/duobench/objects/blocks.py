@@ -25,15 +25,15 @@ definitions]."""
 
 
 def block(x: float, y: float, z: float, rgba: Colour) -> Solid:
-    """A block with edges x, y, z in metres; its frame is at its centre."""
+    """A block with edges x, y, z in metres and a colour; its frame is at its centre."""
     return Solid(shapes=(box(x, y, z),), rgba=rgba)
 
 
 def cube(rgba: Colour) -> Solid:
-    """A 32 mm cube."""
+    """A cube with edges of 32 mm; its frame is at its centre."""
     return block(CUBE_EDGE, CUBE_EDGE, CUBE_EDGE, rgba)
 
 
 def long_block(rgba: Colour) -> Solid:
-    """A block as thick as the cubes and three times as long, along x."""
+    """A block of 96 x 32 x 32 mm, long along x; its frame is at its centre."""
     return block(LONG_BLOCK, CUBE_EDGE, CUBE_EDGE, rgba)

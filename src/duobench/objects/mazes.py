@@ -113,7 +113,7 @@ class Maze:
 
 _WIDTH = 2 * CELLS + 2
 """Characters from one board to the next."""
-_PICTURE = (
+_MAP = (
     (
         "   |_    |  _  |_ _  |  _   _ _ _|    _ _ _  |      _ _  |",
         " |_ _  | |     |_  | |   |_  |_  |  _  |_ _  |   | |  _| |",
@@ -132,7 +132,7 @@ _PICTURE = (
 """The ten boards, five beside each other; see `Maze.parsed`."""
 MAZES: tuple[Maze, ...] = tuple(
     Maze.parsed([row[start : start + 2 * CELLS] for row in rows])
-    for rows in _PICTURE
+    for rows in _MAP
     for start in range(0, len(rows[0]), _WIDTH)
 )
 """The ten boards of the task."""

@@ -15,7 +15,7 @@ class Hinge:
     """A spring-loaded hinge between a part and the one that carries it."""
 
     axis: tuple[float, float, float]
-    """Axis through the origin of the part's frame; the angle grows counter-clockwise about it."""
+    """Axis in the part's frame, through its origin; the angle grows counter-clockwise about it."""
     limits: tuple[float, float]
     """Range in radians."""
     stiffness: float = 0.0
@@ -31,6 +31,7 @@ class Part:
     name: str
     """Name within the prop; the body is called `<prop>/<name>`, and so is its hinge."""
     solid: Solid
+    """What it is, in the part's own frame."""
     pose: SE3 = field(default_factory=SE3)
     """Pose in the frame of the part that carries it, at hinge angle zero."""
     hinge: Hinge | None = None

@@ -17,8 +17,8 @@ CIRCLE_SEGMENTS = 64
 Z_TO_X = SE3(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 """Rotation that turns z into x."""
 
-
 Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each 0 to 1."""
 
 
 class ShapeKind(StrEnum):
@@ -35,10 +35,11 @@ class Shape:
     """One convex block; made by `box`, `cylinder`, `sphere`, `prism` or `hull`."""
 
     kind: ShapeKind
+    """Which of them it is."""
     size: tuple[float, ...] = ()
     """Box: x y z edges. Cylinder: radius, height. Sphere: radius. Metres."""
     points: tuple[tuple[float, float, float], ...] = ()
-    """Corners of a hull, in its own frame."""
+    """Corners of a hull in its own frame, in metres."""
     pose: SE3 = field(default_factory=SE3)
     """Pose in the solid's frame."""
     rgba: Colour | None = None
@@ -47,7 +48,7 @@ class Shape:
     """Whether it casts one; not where the shadow lies within that of the shape below."""
 
     def corners(self) -> Array:
-        """Points (n, 3) whose convex hull is the shape, in the solid's frame.
+        """Points (n, 3) whose convex hull is the shape, in the solid's frame, in metres.
 
         Round shapes are sampled finely enough for a lowest point within 0.1 mm at these sizes.
         """
@@ -69,7 +70,7 @@ class Shape:
 
 
 def circle(segments: int, phase: float = 0.0) -> Array:
-    """Points (segments, 2) on the unit circle, counter-clockwise from angle `phase`."""
+    """Points (segments, 2) on the unit circle, counter-clockwise from angle `phase` in radians."""
     angles = phase + 2 * math.pi * np.arange(segments) / segments
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
@@ -82,7 +83,15 @@ def at_height(points: Array, z: float) -> Array:
 def box(
     x: float, y: float, z: float, *, at: SE3 | None = None, rgba: Colour | None = None
 ) -> Shape:
-    """A box with edges x, y, z, centred on its pose."""
+    """A box.
+
+    Args:
+        x: Edge along x in metres.
+        y: Edge along y in metres.
+        z: Edge along z in metres.
+        at: Pose of its centre in the solid's frame; the identity by default.
+        rgba: Colour, where it differs from the solid's.
+    """
     return Shape(kind=ShapeKind.BOX, size=(x, y, z), pose=at or SE3(), rgba=rgba)
 
 
@@ -109,19 +118,38 @@ def ring_wall(
 def cylinder(
     radius: float, height: float, *, at: SE3 | None = None, rgba: Colour | None = None
 ) -> Shape:
-    """A cylinder about z, centred on its pose."""
+    """A cylinder about the z axis of its frame.
+
+    Args:
+        radius: Radius in metres.
+        height: Height in metres.
+        at: Pose of its centre in the solid's frame; the identity by default.
+        rgba: Colour, where it differs from the solid's.
+    """
     return Shape(kind=ShapeKind.CYLINDER, size=(radius, height), pose=at or SE3(), rgba=rgba)
 
 
 def sphere(radius: float, *, at: SE3 | None = None, rgba: Colour | None = None) -> Shape:
-    """A ball."""
+    """A ball.
+
+    Args:
+        radius: Radius in metres.
+        at: Pose of its centre in the solid's frame; the identity by default.
+        rgba: Colour, where it differs from the solid's.
+    """
     return Shape(kind=ShapeKind.SPHERE, size=(radius,), pose=at or SE3(), rgba=rgba)
 
 
 def hull(
     points: Sequence[Sequence[float]], *, at: SE3 | None = None, rgba: Colour | None = None
 ) -> Shape:
-    """The convex hull of points (n, 3)."""
+    """The convex hull of points.
+
+    Args:
+        points: Points (n, 3) in its own frame, in metres.
+        at: Pose of that frame in the solid's; the identity by default.
+        rgba: Colour, where it differs from the solid's.
+    """
     rows = tuple((float(p[0]), float(p[1]), float(p[2])) for p in points)
     return Shape(kind=ShapeKind.HULL, points=rows, pose=at or SE3(), rgba=rgba)
 
@@ -135,7 +163,16 @@ def prism(
     taper: float = 1.0,
     shadow: bool = True,
 ) -> Shape:
-    """A convex outline (n, 2) extruded along z, centred; its top is scaled by `taper`."""
+    """A convex outline, extruded along z.
+
+    Args:
+        outline: Corners (n, 2) in the x-y plane, in metres.
+        height: Height in metres; half of it is above the plane and half below.
+        at: Pose of its frame in the solid's; the identity by default.
+        rgba: Colour, where it differs from the solid's.
+        taper: Size of the top over that of the bottom.
+        shadow: Whether it casts one.
+    """
     flat = np.asarray(outline, dtype=np.float64)
     points = np.vstack([at_height(flat, -height / 2), at_height(flat * taper, height / 2)])
     return replace(hull(points.tolist(), at=at, rgba=rgba), shadow=shadow)

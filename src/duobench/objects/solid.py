@@ -42,19 +42,19 @@ class Image:
     mesh: Mesh
     """What is rendered."""
     rgba: Colour
-    """Colour."""
+    """Red, green, blue and opacity, each 0 to 1."""
     shadow: bool = True
     """Whether it casts one."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Solid:
-    """One rigid body's description."""
+    """One rigid body's description, in its own frame."""
 
     shapes: tuple[Shape, ...]
     """What collides: convex, may overlap. None at all for a mark on the table."""
     rgba: Colour
-    """Colour."""
+    """Red, green, blue and opacity, each 0 to 1, of shapes without a colour of their own."""
     mesh: Mesh | None = None
     """What is printed; the union of the shapes where it is not given."""
     images: tuple[Image, ...] = ()
@@ -119,7 +119,7 @@ def mesh_of(manifold: manifold3d.Manifold) -> Mesh:
 
 @lru_cache(maxsize=256)
 def printable(solid: Solid) -> Mesh:
-    """The watertight mesh of a solid: its own, or the union of its shapes."""
+    """The watertight mesh of a solid in its own frame: its `mesh`, or the union of its shapes."""
     return mesh_of(union_of(solid.shapes)) if solid.mesh is None else solid.mesh
 
 
@@ -166,7 +166,7 @@ def mass_properties(solid: Solid) -> MassProperties:
 
 @lru_cache(maxsize=256)
 def corner_points(solid: Solid) -> Array:
-    """Points (n, 3) of the solid that decide its lowest point at any orientation."""
+    """Points (n, 3) in metres, in its frame, that decide its lowest point at any orientation."""
     if not solid.shapes:
         return printable(solid).vertices
     points = np.vstack([shape.corners() for shape in solid.shapes])

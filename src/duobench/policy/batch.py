@@ -21,9 +21,9 @@ BatchMode = Literal["fixed", "dynamic"]
 MAX_BATCH = 8
 """Observations that are answered together, at most."""
 NOISE_STREAM = 0x6E6F697365
-"""Separates a policy's noise from everything else that is drawn with the same seed."""
+"""Separates a policy's noise from everything else that is sampled with the same seed."""
 _PADDING_SEED = 0
-"""Seed of the sessions that fill a batch up; nobody sees what they draw."""
+"""Seed of the sessions that fill a batch up; nobody sees what they sample."""
 
 
 @dataclass(kw_only=True, slots=True)
@@ -71,7 +71,7 @@ class BatchPolicy(Protocol):
 
         Args:
             instruction: What to do, in words.
-            seed: Seed of the episode; whatever is drawn in it follows from seed and `call`.
+            seed: Seed of the episode; whatever is sampled in it follows from seed and `call`.
 
         Returns:
             All that is remembered of the episode; small.
@@ -85,7 +85,7 @@ class BatchPolicy(Protocol):
 
         Args:
             sessions: What `begin` returned, one for each observation. A session is changed only
-                when nothing can fail any more: after an error, each is asked again by itself.
+                when nothing can fail any more: after an error, each is answered again by itself.
             observations: As in `Policy.act`, one for each session.
 
         Returns:
@@ -135,17 +135,17 @@ def answer(
     missing = batching.size - len(sessions) if batching.mode == "fixed" else 0
     shown = [*observations, *[observations[0]] * missing]
     seen = [copy.deepcopy(dict(observation)) for observation in shown]
-    asked = list(sessions)
+    filled = list(sessions)
     with ExitStack() as padding:
         for _ in range(missing):
-            asked.append(begin(policy, sessions[0].instruction, _PADDING_SEED))
-            padding.callback(end, policy, asked[-1])
-        if len(set(map(id, asked))) < len(asked):
+            filled.append(begin(policy, sessions[0].instruction, _PADDING_SEED))
+            padding.callback(end, policy, filled[-1])
+        if len(set(map(id, filled))) < len(filled):
             raise PolicyError("`begin` returned one session twice; each episode has its own.")
-        chunks = _listed(policy.act_batch(asked, seen))
-        if len(chunks) != len(asked):
+        chunks = _listed(policy.act_batch(filled, seen))
+        if len(chunks) != len(filled):
             raise PolicyError(
-                f"A policy was asked for {len(asked)} chunks and returned {len(chunks)}."
+                f"A policy was asked for {len(filled)} chunks and returned {len(chunks)}."
             )
         checked = [as_chunk(chunk, width=None) for chunk in chunks[: len(sessions)]]
     for session in sessions:

@@ -38,9 +38,9 @@ class PolicyMetadata:
     """What changes when the policy does, such as the hash of its checkpoint; a run goes on only
     with the version it began with. An evaluation takes the hash of the module's source for None."""
     horizon: int | None = None
-    """Actions of one chunk; None if that varies, or nobody knows."""
+    """Actions of one chunk; None if that varies or is unknown."""
     seeded: bool = True
-    """Whether everything that the policy draws follows from the seed of the episode."""
+    """Whether everything that the policy samples follows from the seed of the episode."""
     batch_invariant: bool = False
     """Whether an answer has the same bits however many observations are answered with it."""
     dtype: str | None = None

@@ -65,11 +65,14 @@ _LENS = (0.16, 0.18, 0.24, 1.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class View:
-    """A camera for people: eye and target in the table frame (metres), vertical field of view."""
+    """A camera for people."""
 
     eye: tuple[float, float, float]
+    """Position of the camera in the table frame, in metres."""
     target: tuple[float, float, float]
+    """Point in the middle of the image, in the table frame, in metres."""
     fovy_deg: float
+    """Vertical field of view in degrees."""
 
     @property
     def pose(self) -> SE3:

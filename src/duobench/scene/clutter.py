@@ -28,6 +28,7 @@ class Piece:
     size: tuple[float, float, float]
     """Full size along x, y and z in metres."""
     colour: RGB
+    """Red, green and blue, each 0 to 1."""
     is_round: bool
     """Whether it is a cylinder."""
 

@@ -1,4 +1,4 @@
-"""Compose the whole model: options, station, robot, cameras, and a task's props."""
+"""Compose the whole model: options, workcell, robot, cameras, and a task's props."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from duobench.scene.workcell import (
     ROOM_Y,
     SCENE_CENTRE,
     SCENE_EXTENT,
-    add_station,
+    add_workcell,
 )
 from duobench.types import CONTROL_HZ
 
@@ -37,11 +37,11 @@ MEMORY_BYTES = 32 * 2**20
 """Arena for contacts and constraints; twenty marbles in a cup need about a tenth of it."""
 SHADOW_MAP_SIZE = 704
 """Side of the shadow map in texels; together with its reach, 2.5 mm a texel, about a pixel of a
-square wrist image. Drawing the map is the dearest part of an image on a processor."""
+square wrist image. Rendering the map is the slowest part of an image on a processor."""
 SHADOW_REACH = 0.62
 """Half the side of the shadow map as a share of the scene's extent: table and arms."""
 BALL_SLICES, BALL_STACKS = 12, 6
-"""How finely balls are drawn, 120 triangles: twenty marbles must not cost as much as the robot."""
+"""Fineness of balls in images, 120 triangles: twenty marbles must not cost as much as the robot."""
 
 
 def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoco.MjSpec:
@@ -79,12 +79,12 @@ def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoc
     spec.visual.quality.numslices = BALL_SLICES
     spec.visual.quality.numstacks = BALL_STACKS
     spec.visual.map.shadowclip = SHADOW_REACH
-    # Properties of the off-screen buffer, large enough for a native image.
+    # Properties of the offscreen buffer, large enough for a native image.
     getattr(spec.visual, "global").offwidth = NATIVE_WIDTH
     getattr(spec.visual, "global").offheight = NATIVE_HEIGHT
     spec.visual.map.znear = 0.01
     spec.visual.map.zfar = 5.0
-    add_station(spec)
+    add_workcell(spec)
     add_robot(spec)
     add_head_camera(spec.worldbody)
     add_overview_camera(spec.worldbody, overview)

@@ -27,7 +27,7 @@ BASE_POSES = {
     Side.LEFT: SE3.from_wxyz((0.865641, -0.436978, 0.0225312, -0.243326), (0.0, 0.05018, 0.342)),
     Side.RIGHT: SE3.from_wxyz((0.865641, 0.436978, 0.0225312, 0.243326), (0.0, -0.05018, 0.342)),
 }
-"""World from arm base [manufacturer's duo set-up, as used by Robot Control Stack]."""
+"""World from arm base [manufacturer's duo workcell, as used by Robot Control Stack]."""
 SHOULDERS = {side: base.apply(LINKS[1].position) for side, base in BASE_POSES.items()}
 """Middle of each arm's shoulder (3,) in the table frame: where the axes of joints 1 to 3 meet."""
 

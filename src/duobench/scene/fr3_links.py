@@ -23,7 +23,9 @@ class Link:
     """One rigid part of the robot: where it hangs on the one before it, mass, and images."""
 
     position: Vector = (0.0, 0.0, 0.0)
+    """Position in the frame of the one before it, in metres."""
     wxyz: Vector = (1.0, 0.0, 0.0, 0.0)
+    """Orientation in that frame, as a quaternion of any length."""
     mass: float | None = None
     """Mass in kg; None where the link stands still or its geoms decide."""
     centre: Vector = ()
@@ -41,10 +43,15 @@ class Joint:
     """A revolute joint about its body's z axis, with its position servo."""
 
     limits: tuple[float, float]
+    """Range in radians."""
     torque: float
+    """Largest torque in N·m."""
     armature: float
+    """Inertia of the motor in kg·m²."""
     friction: float
+    """Dry friction in N·m."""
     kp: float
+    """Stiffness of the servo in N·m/rad."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -52,6 +59,7 @@ class ArmLink(Link):
     """One link of the arm."""
 
     joint: Joint | None = None
+    """Its joint to the one before it; None for the base."""
 
 
 # The published model has eleven more images: buttons, plugs and lettering, less than a pixel in

@@ -1,4 +1,4 @@
-"""Looks: how a scene is drawn, as a value.
+"""Looks: how a scene is rendered, as a value.
 
 A look changes colours, textures, lights, background, cameras and what happens to an image after it
 was rendered. It changes nothing that the physics knows, and it is switched, not compiled. What is
@@ -112,7 +112,7 @@ class CameraOffset:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look:
-    """How a scene is drawn; see the fields. JSON in records."""
+    """How a scene is rendered; see the fields. JSON in records."""
 
     seed: int = 0
     """Seeds textures, clutter, colour variation and noise: the same seed, the same images."""

@@ -78,11 +78,15 @@ class Part(Link):
     """One link of the linkage on either side of the gripper."""
 
     name: str
+    """Name within the finger."""
     parent: str
+    """Name of the link that carries it."""
     joint: Mapping[str, Any] | None = None
     """Arguments of its hinge, named as MuJoCo names them; None for a rigid one."""
     mesh_position: Vector
+    """Position of its meshes in its frame, in metres."""
     mesh_wxyz: Vector
+    """Their orientation in its frame, as a quaternion of any length."""
 
 
 _DRIVER_JOINT = {"range": (0.0, 0.9), "armature": 0.005, "damping": (0.1, 0.0, 0.0)}
@@ -232,8 +236,13 @@ def _add_finger(
             visual_only(image)
             if name != "tongue":
                 collide_unseen(add_mesh(spec, body, f"{mesh}:hull", position, wxyz), distal(side))
-    pad = add_link(bodies["follower"], f"{prefix}_pad", _PAD)
-    fingertip = bodies["follower"].add_geom(
+    _add_pad(bodies["follower"], f"{prefix}_pad", side)
+
+
+def _add_pad(follower: mujoco.MjsBody, name: str, side: Side) -> None:
+    """Add the rubber pad of a finger, and the metal tongue behind it."""
+    pad = add_link(follower, name, _PAD)
+    fingertip = follower.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=FINGERTIP_SIZE,
         pos=(_FOLLOWER_FROM_PAD @ SE3.at(*FINGERTIP_POSITION)).translation,

@@ -1,4 +1,4 @@
-"""The station around the robot: table, pedestal, mount, camera post, room and lights.
+"""The workcell around the robot: table, pedestal, mount, camera post, room and lights.
 
 The table frame is the world frame: origin under the duo mount on the table top, x away from the
 robot, y to its left, z up.
@@ -67,7 +67,7 @@ _BASE_OUTLINE = (
 """Half of the underside of an arm's base, in its frame, in metres [mesh of link 0]."""
 
 
-def add_station(spec: mujoco.MjSpec) -> None:
+def add_workcell(spec: mujoco.MjSpec) -> None:
     """Add everything that stands still around the robot."""
     _add_room(spec)
     _add_table(spec)
@@ -79,14 +79,14 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     world = spec.worldbody
     (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
     x, y, half_x, half_y = (x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0) / 2, (y1 - y0) / 2
-    floor_paint = _add_matte(spec, "floor", 0.10, floor_light())
-    wall_paint = _add_matte(spec, "wall", 0.35, wall_light())
-    ceiling_paint = _add_matte(spec, "ceiling", 0.4)
-    floor = _add_plane(world, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR, floor_paint)
+    floor_material = _add_matte(spec, "floor", 0.10, floor_light())
+    wall_material = _add_matte(spec, "wall", 0.35, wall_light())
+    ceiling_material = _add_matte(spec, "ceiling", 0.4)
+    floor = _add_plane(world, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR, floor_material)
     floor.name = "floor"
     collide_as(floor, Group.FIXTURE)
     above = SE3.at(x, y, FLOOR_Z + ROOM_HEIGHT) @ SE3.about((1, 0, 0), np.pi)
-    _add_plane(world, above, (half_x, half_y), _CEILING, ceiling_paint)
+    _add_plane(world, above, (half_x, half_y), _CEILING, ceiling_material)
     half_z = ROOM_HEIGHT / 2
     z = FLOOR_Z + half_z
     upright = SE3.about((0, 1, 0), np.pi / 2)
@@ -97,7 +97,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
         (-np.pi / 2, (x, y1), half_x),
     ):
         at = SE3.at(*centre, z, yaw=yaw) @ upright
-        _add_plane(world, at, (half_z, half_width), _WALL, wall_paint)
+        _add_plane(world, at, (half_z, half_width), _WALL, wall_material)
         # In front of the wall, not through it: nothing may hide behind what is not quite opaque.
         foot = SE3.at(*centre, FLOOR_Z + 0.05, yaw=yaw) @ SE3.at(0.0101)
         add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, shadow=False)
@@ -129,10 +129,10 @@ def _soft_box(
 
 
 def _add_matte(
-    spec: mujoco.MjSpec, name: str, glow: float, light: NDArray[np.float64] | None = None
+    spec: mujoco.MjSpec, name: str, emission: float, light: NDArray[np.float64] | None = None
 ) -> str:
     """Add a material without highlights, with light of its own and baked-in brightness."""
-    material = spec.add_material(name=name, specular=0.0, shininess=0.0, emission=glow)
+    material = spec.add_material(name=name, specular=0.0, shininess=0.0, emission=emission)
     if light is not None:
         grey = np.rint(255 * light).astype(np.uint8)
         spec.add_texture(
@@ -161,7 +161,7 @@ def _add_table(spec: mujoco.MjSpec) -> None:
         material=_add_matte(spec, "table", 0.0),
         friction=(TABLE_FRICTION, 0.005, 0.0001),
     )
-    # What casts no shadow cannot be speckled by its own; the floor has the table's painted on.
+    # What casts no shadow cannot be speckled by its own; the floor's texture has that of the table.
     top.group = SHADOWLESS_GEOM_GROUP
     collide_as(top, Group.FIXTURE)
     height = -FLOOR_Z - TABLE_THICKNESS
@@ -219,7 +219,7 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
     spec.visual.headlight.ambient = (0.43, 0.43, 0.44)
     spec.visual.headlight.diffuse = (0.0, 0.0, 0.0)
     spec.visual.headlight.specular = (0.0, 0.0, 0.0)
-    for name, eye, colour, glint, shadow in (
+    for name, eye, colour, specular, shadow in (
         ("light", (1.55, 0.00, 2.30), (0.45, 0.44, 0.42), 0.22, True),
         ("window", (-0.8, -2.2, 1.6), (0.20, 0.21, 0.23), 0.0, False),
         ("table_glow", (0.5, 0.0, -1.0), (0.12, 0.10, 0.08), 0.0, False),
@@ -230,7 +230,7 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
             pos=eye,
             dir=np.array(SHADOW_CENTRE) - eye,
             diffuse=colour,
-            specular=(glint, glint, glint),
+            specular=(specular, specular, specular),
             castshadow=shadow,
         )
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from duobench.scene.clutter import Piece, pieces
 from duobench.scene.look import CameraOffset, Light, Look
 from duobench.scene.workcell import SHADOW_CENTRE
-from duobench.sim.paints import paints
+from duobench.sim.materials import resolve_materials
 from duobench.types import Array
 
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
@@ -27,7 +27,7 @@ class Appearance:
     """A look, resolved against a model once."""
 
     def __init__(self, model: mujoco.MjModel, look: Look) -> None:
-        """Resolve every name, and make the pictures.
+        """Resolve every name, and make the textures.
 
         Args:
             model: The compiled model.
@@ -38,17 +38,17 @@ class Appearance:
             AssetError: An image file cannot be read.
         """
         self.look = look
-        found = paints(model, look)
-        self.pictures = found.pictures
+        materials = resolve_materials(model, look)
+        self.textures = materials.textures
         """What the materials after those of the model show; see `sim.uploads`."""
-        self._paints = found.by_geom
+        self._by_geom = materials.by_geom
         self._pieces = [_as_geom(piece) for piece in pieces(look.clutter, look.seed)]
         self._first_material, self._first_texture = model.nmat, model.ntex
         self._cameras = {model.camera(name).id: offset for name, offset in look.cameras.items()}
         ambient = np.mean(model.vis.headlight.ambient)
-        self._glow = None if look.ambient is None else float(np.mean(look.ambient) / ambient)
+        self._emission = None if look.ambient is None else float(np.mean(look.ambient) / ambient)
 
-    def dress(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int) -> None:
+    def apply(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int) -> None:
         """Change a scene that the engine has just made, all but its shapes and where they are.
 
         Args:
@@ -64,14 +64,14 @@ class Appearance:
         if self.look.ambient is not None:
             scene.lights[0].ambient[:] = self.look.ambient
         for geom in geoms[: scene.ngeom]:
-            paint = self._paints.get(geom.objid)
-            if paint is not None and paint.rgb is not None:
-                geom.rgba[:3] = paint.rgb
-            if paint is not None and paint.picture is not None:
-                geom.matid = self._first_material + paint.picture
-                geom.texid = self._first_texture + paint.picture
-            if self._glow is not None:
-                geom.emission *= self._glow
+            material = self._by_geom.get(geom.objid)
+            if material is not None and material.rgb is not None:
+                geom.rgba[:3] = material.rgb
+            if material is not None and material.texture is not None:
+                geom.matid = self._first_material + material.texture
+                geom.texid = self._first_texture + material.texture
+            if self._emission is not None:
+                geom.emission *= self._emission
         for piece in self._pieces:
             geom = geoms[scene.ngeom]
             mujoco.mjv_initGeom(geom, *piece)
@@ -95,8 +95,8 @@ def _as_geom(piece: Piece) -> tuple[int, Array, Array, Array, NDArray[np.float32
 def _light(scene: mujoco.MjvScene, lights: tuple[Light, ...]) -> None:
     """Put lights in the place of the model's; the first of the scene is the ambient light."""
     model = scene.lights[1]
-    for light, found in zip(scene.lights[1:], lights, strict=False):
-        direction = np.array(SHADOW_CENTRE) - found.position
+    for light, chosen in zip(scene.lights[1:], lights, strict=False):
+        direction = np.array(SHADOW_CENTRE) - chosen.position
         direction /= np.linalg.norm(direction)
         light.headlight = 0
         light.type, light.id, light.texid = model.type, model.id, -1
@@ -104,9 +104,9 @@ def _light(scene: mujoco.MjvScene, lights: tuple[Light, ...]) -> None:
         light.ambient[:] = 0.0
         light.pos[:] = SHADOW_CENTRE - _LIGHT_DISTANCE * direction
         light.dir[:] = direction
-        light.diffuse[:] = found.colour
-        light.specular[:] = found.highlight
-        light.castshadow = found.shadow
+        light.diffuse[:] = chosen.colour
+        light.specular[:] = chosen.highlight
+        light.castshadow = chosen.shadow
     scene.nlight = 1 + len(lights)
 
 

@@ -27,7 +27,7 @@ class SimBackend:
 
     @property
     def limits(self) -> DuoLimits:
-        """What the arms obey."""
+        """Limits of the arms."""
         return self.simulation.duo.limits
 
     @property

@@ -59,7 +59,7 @@ class Duo:
         max_change = np.full(FLAT_SIZE, np.inf)
         max_change[_JOINTS] = np.tile(VELOCITY_LIMITS, len(SIDES)) / CONTROL_HZ
         self.limits = DuoLimits(low=low, high=high, max_change=max_change)
-        """What the arms obey."""
+        """Limits of the arms."""
 
     def interpolate(self, command: DuoCommand) -> Iterator[None]:
         """Lead the controls linearly from where they are to a command.

@@ -42,5 +42,5 @@ def resolve(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
 def resolve_all(
     model: mujoco.MjModel, kind: mujoco.mjtObj, names: Iterable[str]
 ) -> NDArray[np.int64]:
-    """Ids of several named elements, in the order given."""
+    """Ids of several named elements, in the order of the names."""
     return np.array([resolve(model, kind, name) for name in names], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Drawing with MuJoCo's renderer: what lives on the OpenGL thread of a `Renderer`."""
+"""Rendering with MuJoCo: what belongs to the OpenGL thread of a `Renderer`."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from duobench.sim.appearance import Appearance
 from duobench.sim.opengl import info_of, open_context
 from duobench.sim.uploads import upload
 
-DRAWN_GROUPS = 3
-"""Geom groups 0 to 2 are drawn; collision shapes are in group 3."""
+VISIBLE_GROUPS = 3
+"""Geom groups 0 to 2 are rendered; collision shapes are in group 3."""
 LIGHT_RADIUS = 0.007
 """Tangent of half the angle under which the light appears, times the root of the number of samples:
 the more samples, the wider a shadow's edge can be before it shows the single ones."""
 
 _OPAQUE = 0.995
-"""What is less opaque than this is drawn as transparent [MuJoCo's renderer]."""
+"""What is less opaque than this is rendered as transparent [MuJoCo's renderer]."""
 _DUMMY_SHADOW_MAP = 4
-"""Side of the stand-in for a shadow map: the smallest that leaves something inside its border."""
+"""Side of the dummy shadow map: the smallest that leaves something inside its border."""
 _EVERYTHING = mujoco.mjtCatBit.mjCAT_ALL.value
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
 _EFFECTS = [
@@ -40,7 +40,7 @@ _SEGMENTATION = [mujoco.mjtRndFlag.mjRND_SEGMENT.value, mujoco.mjtRndFlag.mjRND_
 
 
 class OffscreenRenderer:
-    """What lives on the thread of a renderer: the context and all that was made with it."""
+    """What belongs to the thread of a renderer: the context and all that was made with it."""
 
     def __init__(
         self, model: mujoco.MjModel, height: int, width: int, samples: int, backend: str
@@ -61,24 +61,28 @@ class OffscreenRenderer:
         self._context = open_context(backend, height, width)
         self.info = info_of(backend)
         try:
-            self._drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
-            mujoco.mjr_resizeOffscreen(width, height, self._drawing)
+            self._mujoco_context = mujoco.MjrContext(
+                model, mujoco.mjtFontScale.mjFONTSCALE_50.value
+            )
+            mujoco.mjr_resizeOffscreen(width, height, self._mujoco_context)
         except mujoco.FatalError as error:
             self._context.free()
-            raise RenderingError(f"{self.info.renderer} cannot draw the scene: {error}") from error
-        self._shadows = self._drawing.shadowFBO, self._drawing.shadowSize
-        # A stand-in for the shadow map, for images that use the shadows of the one before.
-        mujoco.mjr_addAux(0, _DUMMY_SHADOW_MAP, _DUMMY_SHADOW_MAP, 0, self._drawing)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._drawing)
+            raise RenderingError(
+                f"{self.info.renderer} cannot render the scene: {error}"
+            ) from error
+        self._shadows = self._mujoco_context.shadowFBO, self._mujoco_context.shadowSize
+        # A dummy shadow map, for images that use the shadows of the one before.
+        mujoco.mjr_addAux(0, _DUMMY_SHADOW_MAP, _DUMMY_SHADOW_MAP, 0, self._mujoco_context)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._mujoco_context)
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + MAX_CLUTTER)
         self._scene.flags[_EFFECTS] = 0
         self._geoms = self._scene.geoms
         self._option = mujoco.MjvOption()
-        self._option.geomgroup[:] = np.arange(len(self._option.geomgroup)) < DRAWN_GROUPS
+        self._option.geomgroup[:] = np.arange(len(self._option.geomgroup)) < VISIBLE_GROUPS
         self._option.sitegroup[:] = 0
         shadowless = model.geom_group == SHADOWLESS_GEOM_GROUP
         self._shadowless = set(np.flatnonzero(shadowless).tolist())
-        self._objects = np.flatnonzero(~shadowless & (model.geom_group < DRAWN_GROUPS))
+        self._objects = np.flatnonzero(~shadowless & (model.geom_group < VISIBLE_GROUPS))
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
@@ -87,10 +91,10 @@ class OffscreenRenderer:
         self._appearance: Appearance | None = None
 
     def set_appearance(self, appearance: Appearance | None) -> None:
-        """Draw in a look from now on; None is the model's own."""
+        """Render in a look from now on; None is the model's own."""
         if appearance is not self._appearance:
             if appearance is not None:
-                upload(self._model, self._drawing, appearance.pictures)
+                upload(self._model, self._mujoco_context, appearance.textures)
             self._appearance = appearance
 
     def render(self, data: mujoco.MjData, cameras: Mapping[str, int]) -> dict[str, Image]:
@@ -101,7 +105,7 @@ class OffscreenRenderer:
                 image = self._average(data, camera)
             else:
                 self._update(data, camera)
-                self._draw(new_shadows=not images)
+                self._render(new_shadows=not images)
                 image = self._pixels[::-1].copy()
             if self._appearance is not None:
                 image = effects.apply(self._appearance.look, image, data, camera)
@@ -113,7 +117,7 @@ class OffscreenRenderer:
         self._update(data, camera)
         self._scene.flags[_SEGMENTATION] = 1
         try:
-            self._draw()
+            self._render()
         finally:
             self._scene.flags[_SEGMENTATION] = 0
         numbers = self._pixels[::-1].astype(np.int32) @ (1, 1 << 8, 1 << 16)
@@ -125,7 +129,7 @@ class OffscreenRenderer:
     def free(self) -> None:
         """Give back everything that was made with OpenGL."""
         self._restore_shadows()
-        self._drawing.free()
+        self._mujoco_context.free()
         self._context.free()
 
     def _average(self, data: mujoco.MjData, camera: int) -> Image:
@@ -139,7 +143,7 @@ class OffscreenRenderer:
             for light in self._scene.lights:
                 if light.castshadow:
                     _shift_light(light, radius, light_u, light_v)
-            self._draw()
+            self._render()
             total += self._pixels
         half = len(self._offsets) // 2
         return ((total[::-1] + half) // len(self._offsets)).astype(np.uint8)
@@ -149,7 +153,7 @@ class OffscreenRenderer:
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, self._view, _EVERYTHING, self._scene
         )
-        # Walls and floor pass for transparent, and MuJoCo draws what is transparent twice, unless
+        # Walls and floor pass for transparent, and MuJoCo renders what is transparent twice, unless
         # colours are to be added; they never overlap, so that comes to the same and saves time.
         opacity = self._model.geom_rgba[self._objects, 3]
         clear = bool(np.any((opacity > 0.0) & (opacity < _OPAQUE)))
@@ -158,22 +162,22 @@ class OffscreenRenderer:
             if geom.objid in self._shadowless:
                 geom.category = _DECOR  # which casts no shadow
         if self._appearance is not None:
-            self._appearance.dress(self._scene, self._geoms, camera)
+            self._appearance.apply(self._scene, self._geoms, camera)
 
-    def _draw(self, *, new_shadows: bool = True) -> None:
-        """Draw the scene into the pixels, with shadows of its own or those of the last one."""
+    def _render(self, *, new_shadows: bool = True) -> None:
+        """Render the scene into the pixels, with shadows of its own or those of the last one."""
         if new_shadows or not self._shadows[0]:
             self._restore_shadows()
         else:
-            self._drawing.shadowFBO = self._drawing.auxFBO[0]
-            self._drawing.shadowSize = _DUMMY_SHADOW_MAP
+            self._mujoco_context.shadowFBO = self._mujoco_context.auxFBO[0]
+            self._mujoco_context.shadowSize = _DUMMY_SHADOW_MAP
             for geom in self._geoms[: self._scene.ngeom]:
                 geom.category = _DECOR
-        mujoco.mjr_render(self._rectangle, self._scene, self._drawing)
-        mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._drawing)
+        mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
+        mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._mujoco_context)
 
     def _restore_shadows(self) -> None:
-        self._drawing.shadowFBO, self._drawing.shadowSize = self._shadows
+        self._mujoco_context.shadowFBO, self._mujoco_context.shadowSize = self._shadows
 
 
 def _offsets(samples: int) -> NDArray[np.float64]:

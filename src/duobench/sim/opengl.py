@@ -1,7 +1,7 @@
-"""Off-screen OpenGL: which library to use, and a thread that owns what was made with it.
+"""Offscreen OpenGL: which library to use, and a thread that owns what was made with it.
 
 A driver can be missing, crash its process or hang it for good, and a process that has loaded one
-library cannot turn to another. So the choice is made by child processes that draw an image under
+library cannot turn to another. So the choice is made by child processes that render an image under
 a time limit; only then does this process load the winner. All calls of one context run on one
 thread, which lets the caller stop waiting for a driver that does not come back.
 """
@@ -47,14 +47,14 @@ ASKED = "MUJOCO_GL"
 CHOSEN = "DUOBENCH_GL"
 """Environment variable that carries the choice to child processes, so that they need not probe."""
 PROBE_TIMEOUT_S = 30.0
-"""A child that has not drawn by then hangs; it needs less than a second on an idle machine."""
+"""A child that has not rendered by then hangs; it needs less than a second on an idle machine."""
 FRAME_TIMEOUT_S = 60.0
-"""An image that has not come by then never will."""
+"""An image that has not come by then never comes."""
 PARALLEL_PROBES = 8
-"""Most processes that a probe lets draw at the same time: with eight, a data-centre driver was
+"""Most processes that a probe runs at the same time: with eight, a data-centre driver was
 seen to hang that serves one [mujoco issue 3444]."""
 PARALLEL_PROBE_S = 1.0
-"""How long they draw at the same time."""
+"""How long they render at the same time."""
 
 _AUTOMATIC = ("", "enable", "enabled", "on", "true", "1")
 _OFF = ("disable", "disabled", "off", "false", "0")
@@ -75,7 +75,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenderingInfo:
-    """What draws the images."""
+    """What renders the images."""
 
     backend: str
     """How the context is made: egl, osmesa, glfw or cgl."""
@@ -86,21 +86,21 @@ class RenderingInfo:
     version: str
     """OpenGL version and driver, as OpenGL reports it."""
     software: bool
-    """Whether the processor draws instead of a graphics card."""
+    """Whether the processor renders instead of a graphics card."""
 
 
 def choose(processes: int = 1) -> str:
-    """Find a backend that draws, and tell child processes about it.
+    """Find a backend that renders, and tell child processes about it.
 
-    Call it before starting several processes that draw, so that not each of them finds out for
+    Call it before starting several processes that render, so that not each of them finds out for
     itself. No OpenGL is loaded into this process.
 
-    `MUJOCO_GL` is obeyed without a probe, and so is the choice of a parent process. Otherwise a
-    child process draws an image with each candidate, best first, until one succeeds. The first
+    `MUJOCO_GL` is used without a probe, and so is the choice of a parent process. Otherwise a
+    child process renders an image with each candidate, best first, until one succeeds. The first
     process that finds only software rendering says so in the log.
 
     Args:
-        processes: How many processes will draw at the same time. With more than one, a graphics
+        processes: How many processes will render at the same time. With more than one, a graphics
             card has to serve several children at once before it is chosen.
 
     Returns:
@@ -109,13 +109,13 @@ def choose(processes: int = 1) -> str:
     Raises:
         RenderingError: Rendering is switched off, or no backend works.
     """
-    asked = os.environ.get(ASKED, "").lower().strip()
-    if asked in _OFF:
+    name = os.environ.get(ASKED, "").lower().strip()
+    if name in _OFF:
         raise RenderingError(
-            f"Rendering is switched off by {ASKED}={asked}; unset it to get images."
+            f"Rendering is switched off by {ASKED}={name}; unset it to get images."
         )
-    if asked not in _AUTOMATIC:
-        return _ALIASES.get(asked, asked)
+    if name not in _AUTOMATIC:
+        return _ALIASES.get(name, name)
     inherited = os.environ.get(CHOSEN, "")
     if inherited in BACKENDS:
         return inherited
@@ -131,7 +131,7 @@ def choose(processes: int = 1) -> str:
             os.environ[CHOSEN] = backend
             if outcome.software:
                 _log.warning(
-                    "No graphics card draws here, so the processor does: %s through %s. "
+                    "No graphics card renders here, so the processor does: %s through %s. "
                     "Images are the same and take longer.",
                     outcome.renderer,
                     backend,
@@ -139,7 +139,7 @@ def choose(processes: int = 1) -> str:
             return backend
         failures[backend] = outcome
     reasons = "\n".join(f"  {backend}: {reason}" for backend, reason in failures.items())
-    raise RenderingError(f"No off-screen OpenGL works on this machine:\n{reasons}\n{_HELP}")
+    raise RenderingError(f"No offscreen OpenGL works on this machine:\n{reasons}\n{_HELP}")
 
 
 def _candidates() -> Sequence[str]:
@@ -149,7 +149,7 @@ def _candidates() -> Sequence[str]:
     candidates = [backend for backend in known if bound in ("", backend)]
     if not candidates:
         raise RenderingError(
-            f"PYOPENGL_PLATFORM={bound} binds OpenGL to something that cannot draw off screen; "
+            f"PYOPENGL_PLATFORM={bound} binds OpenGL to something that cannot render offscreen; "
             f"unset it, or set it to one of: {', '.join(known)}."
         )
     return candidates
@@ -163,17 +163,17 @@ def probe(
     timeout_s: float = PROBE_TIMEOUT_S,
     python: str | Path | None = None,
 ) -> RenderingInfo | str:
-    """Let child processes draw with a backend.
+    """Let child processes render with a backend.
 
     Args:
         backend: A key of `BACKENDS`.
-        processes: How many children draw at the same time.
-        seconds: How long each goes on drawing after its first image.
+        processes: How many children render at the same time.
+        seconds: How long each goes on rendering after its first image.
         timeout_s: When to give up on a child that does not answer.
         python: The interpreter that the children run; this process's by default.
 
     Returns:
-        What drew, or, where any child failed, the reason.
+        What rendered, or, where any child failed, the reason.
     """
     call = f"import sys; sys.path[:] = {sys.path!r}; import {__name__} as gl; "
     call += f"gl.answer({backend!r}, {seconds!r})"
@@ -209,19 +209,19 @@ def _outcome(
 ) -> RenderingInfo | str:
     with child:
         try:
-            answer, complaint = child.communicate(timeout=max(0.0, deadline - time.monotonic()))
+            answer, errors = child.communicate(timeout=max(0.0, deadline - time.monotonic()))
         except subprocess.TimeoutExpired:
             child.kill()
             return f"no image within {timeout_s:g} s; the driver hangs"
     lines = answer.splitlines()
     if child.returncode == 0 and lines:
         return RenderingInfo(**json.loads(lines[-1]))
-    words = [line.strip() for line in complaint.splitlines() if line.strip()]
+    words = [line.strip() for line in errors.splitlines() if line.strip()]
     return words[-1] if words else f"the process ended with status {child.returncode}"
 
 
 def answer(backend: str, seconds: float) -> None:
-    """Draw, say with what on the standard output, and end the process: the child of a probe."""
+    """Render, say with what on the standard output, and end the process: the child of a probe."""
     try:
         context = open_context(backend, 64, 64)
     except RenderingError as error:
@@ -229,8 +229,8 @@ def answer(backend: str, seconds: float) -> None:
     model = mujoco.MjModel.from_xml_string(_PROBE_MODEL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
-    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, drawing)
+    mujoco_context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, mujoco_context)
     scene = mujoco.MjvScene(model, maxgeom=1)
     view = mujoco.MjvCamera()
     view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED.value, 0
@@ -240,8 +240,8 @@ def answer(backend: str, seconds: float) -> None:
     pixels = np.zeros((64, 64, 3), dtype=np.uint8)
     deadline = time.monotonic() + seconds
     while True:
-        mujoco.mjr_render(rectangle, scene, drawing)
-        mujoco.mjr_readPixels(pixels, None, rectangle, drawing)
+        mujoco.mjr_render(rectangle, scene, mujoco_context)
+        mujoco.mjr_readPixels(pixels, None, rectangle, mujoco_context)
         if time.monotonic() >= deadline:
             break
     if not pixels.any():
@@ -249,7 +249,7 @@ def answer(backend: str, seconds: float) -> None:
         os._exit(1)
     sys.stdout.write(json.dumps(asdict(info_of(backend))) + "\n")
     sys.stdout.flush()
-    # Drivers have crashed while a process that had already drawn was taken down.
+    # Drivers have crashed while a process that had already rendered was taken down.
     os._exit(0 if context else 1)
 
 
@@ -297,7 +297,7 @@ def open_context(backend: str, height: int, width: int) -> Any:
             # MuJoCo only warns where there is no display, and fails at the first image.
             if backend == "glfw" and not import_module("glfw").get_current_context():
                 raise RuntimeError(
-                    "it needs a display and found none; egl and osmesa draw without one"
+                    "it needs a display and found none; egl and osmesa render without one"
                 )
     except _failures() as error:  # evaluated only when something was raised
         raise RenderingError(
@@ -321,7 +321,7 @@ def _reason(error: BaseException) -> str:
 
 
 def info_of(backend: str) -> RenderingInfo:
-    """What the context that is current on the calling thread draws with."""
+    """What the context that is current on the calling thread renders with."""
     # The low-level module: importing all of `OpenGL.GL` would take longer than an image.
     from OpenGL.raw.GL.VERSION import GL_1_0
 
@@ -337,7 +337,7 @@ def info_of(backend: str) -> RenderingInfo:
 
 
 class Thread:
-    """A thread that runs jobs one after another, for callers who will not wait for ever."""
+    """A thread that runs jobs one after another; waiting for one has a time limit."""
 
     def __init__(self, timeout_s: float = FRAME_TIMEOUT_S) -> None:
         """Start the thread.
@@ -348,7 +348,7 @@ class Thread:
         self._timeout_s = timeout_s
         self._lost = False
         self._jobs: queue.SimpleQueue[_Order | None] = queue.SimpleQueue()
-        # A daemon, so that a driver that never comes back does not keep the process alive.
+        # A daemon, so that a driver that hangs does not keep the process from ending.
         self._worker = threading.Thread(
             target=_serve, args=(self._jobs,), name="duobench-opengl", daemon=True
         )
@@ -367,7 +367,7 @@ class Thread:
         if self._lost:
             raise RenderingError(
                 f"No image came within {self._timeout_s:g} s: the graphics driver hangs. Some "
-                "do when several processes draw on one card at the same time. Draw in fewer "
+                "do when several processes render on one card at the same time. Render in fewer "
                 f"processes, or without the card: {ASKED}=osmesa."
             )
         return future.result()

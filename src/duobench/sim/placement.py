@@ -26,21 +26,21 @@ def problems(simulation: Simulation, layout: Layout) -> list[str]:
     """
     simulation.reset_data()
     simulation.apply(layout)
-    found = [
+    faults = [
         f"{one} and {other} overlap by {depth * 1000:.1f} mm"
         for one, other, depth in simulation.contacts.deepest(MAX_OVERLAP)
     ]
     for name in simulation.props:
         touching = simulation.contacts.partners(name)
         if any(owner.startswith(f"{side}/") for owner in touching for side in SIDES):
-            found.append(f"{name} touches the robot at home")
+            faults.append(f"{name} touches the robot at home")
         x, y, _ = layout.poses[name].translation
         reachable = REACH_X[0] <= x <= REACH_X[1] and REACH_Y[0] <= y <= REACH_Y[1]
         if not reachable:
-            found.append(f"{name} is out of reach at ({x:.3f}, {y:.3f})")
+            faults.append(f"{name} is out of reach at ({x:.3f}, {y:.3f})")
         if simulation.min_height(name) < -MAX_OVERLAP:
-            found.append(f"{name} is below the table top")
-    return found
+            faults.append(f"{name} is below the table top")
+    return faults
 
 
 def first_valid(simulation: Simulation, candidates: Iterator[Layout], task: str) -> Layout:
@@ -51,15 +51,15 @@ def first_valid(simulation: Simulation, candidates: Iterator[Layout], task: str)
     Raises:
         LayoutError: None was valid; the message says what was wrong with the last one.
     """
-    found: list[str] = []
+    faults: list[str] = []
     tried = 0
     for layout in islice(candidates, MAX_SAMPLES):
         tried += 1
-        found = problems(simulation, layout)
-        if not found:
+        faults = problems(simulation, layout)
+        if not faults:
             return layout
     which = f"the last of {tried} samples" if tried > 1 else "the given one"
     raise LayoutError(
-        f"Task {task!r} has no valid layout; {which} has these problems: {'; '.join(found)}. "
+        f"Task {task!r} has no valid layout; {which} has these problems: {'; '.join(faults)}. "
         "Move the objects apart, widen their placements or shrink them."
     )

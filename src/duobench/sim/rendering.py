@@ -1,4 +1,4 @@
-"""Images of a simulation, drawn off screen.
+"""Images of a simulation, rendered offscreen.
 
 Importing this module touches no OpenGL, and neither does making a `Renderer`: the first image
 does. An image shows the whole field of view of its camera whatever its size, so a square image
@@ -31,7 +31,7 @@ MAX_SAMPLES = 64
 
 
 def describe() -> RenderingInfo:
-    """Say what draws images in this process; makes an OpenGL context to find out.
+    """Say what renders images in this process; makes an OpenGL context to find out.
 
     Raises:
         RenderingError: No library works, or rendering is switched off.
@@ -53,7 +53,7 @@ def describe() -> RenderingInfo:
 
 
 class Renderer:
-    """Draws images of one size from the cameras of one model.
+    """Renders images of one size from the cameras of one model.
 
     May be used from any thread, one at a time. A process may hold several; a renderer cannot be
     taken into another process.
@@ -68,7 +68,7 @@ class Renderer:
         samples: int = 1,
         look: Look | None = None,
     ) -> None:
-        """Remember what to draw; OpenGL is first touched by the first image.
+        """Store what to render; OpenGL is first touched by the first image.
 
         Args:
             model: The compiled model; `Simulation.model`.
@@ -102,7 +102,7 @@ class Renderer:
         return self._look
 
     def set_look(self, look: Look) -> None:
-        """Draw in another look from the next image on; the model stays as it is.
+        """Render in another look from the next image on; the model stays as it is.
 
         Args:
             look: The look; `Look()` is the scene as it was composed.
@@ -115,11 +115,11 @@ class Renderer:
         self._look = look
 
     def render(self, data: mujoco.MjData, camera: str) -> Image:
-        """Draw one image, a new array (height, width, 3), from one camera; see `render_all`."""
+        """Render one image, a new array (height, width, 3), from one camera; see `render_all`."""
         return self.render_all(data, (camera,))[camera]
 
     def render_all(self, data: mujoco.MjData, cameras: Iterable[str]) -> dict[str, Image]:
-        """Draw one image of the same state from each of several cameras.
+        """Render one image of the same state from each of several cameras.
 
         Faster than one call for each: the shadows are computed once.
 
@@ -138,7 +138,7 @@ class Renderer:
         return self._run(lambda offscreen: offscreen.render(data, numbers))
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
-        """Draw which geom is seen where; a look's furniture is no geom, and is not in the way.
+        """Render which geom is seen where; a look's furniture is no geom, and is not in the way.
 
         Returns:
             A new array (height, width) of geom ids, -1 where there is nothing.
@@ -151,7 +151,7 @@ class Renderer:
 
     @property
     def info(self) -> RenderingInfo:
-        """What draws the images."""
+        """What renders the images."""
         return self._run(lambda offscreen: offscreen.info)
 
     def close(self) -> None:
@@ -187,11 +187,11 @@ class Renderer:
         thread, offscreen = self._open = self._open or self._start()
         appearance = self._appearance
 
-        def dressed() -> T:
+        def in_look() -> T:
             offscreen.set_appearance(appearance)
             return job(offscreen)
 
-        return thread.call(dressed)
+        return thread.call(in_look)
 
     def _start(self) -> tuple[Thread, OffscreenRenderer]:
         model, shape, backend = self._model, self._shape, choose()
@@ -201,7 +201,7 @@ class Renderer:
         except BaseException:
             thread.finish()
             raise
-        # A renderer that is dropped takes its thread along; at exit there is no need.
+        # The thread ends with the renderer; at exit that is not needed.
         self._free = weakref.finalize(self, thread.finish, offscreen.free)
         self._free.atexit = False
         return thread, offscreen

@@ -25,10 +25,10 @@ STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 """Everything that the next physics step depends on, warm start and controls included."""
 
 STILL_SPEED = 0.05
-STILL_TURN = 0.5
+STILL_ANGULAR_SPEED = 0.5
 """An object slower than this is still: m/s and rad/s."""
 SETTLE_SPEED = 0.005
-SETTLE_TURN = 0.1
+SETTLE_ANGULAR_SPEED = 0.1
 """Every object is slower than this (m/s, rad/s) when a reset ends, if it comes to rest in time."""
 MAX_SETTLE_STEPS = 45
 """A reset waits at most this many control steps for objects to come to rest."""
@@ -76,7 +76,7 @@ class Simulation:
         joints = self.model.dof_jntid[self._loose]
         slides = self.model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_FREE
         slides &= self._loose - self.model.jnt_dofadr[joints] < 3  # noqa: PLR2004 - x, y and z
-        self._settled = np.where(slides, SETTLE_SPEED, SETTLE_TURN)
+        self._settled = np.where(slides, SETTLE_SPEED, SETTLE_ANGULAR_SPEED)
         self.reset_data()
         self.forward()
 
@@ -279,20 +279,20 @@ class Simulation:
 
     def speed(self, prop: str) -> tuple[float, float]:
         """Linear (m/s) and angular (rad/s) speed of a free prop; zero for a fixed one."""
-        x, y, z, turn_x, turn_y, turn_z = self._velocity(prop)
-        return math.hypot(x, y, z), math.hypot(turn_x, turn_y, turn_z)
+        x, y, z, wx, wy, wz = self._velocity(prop)
+        return math.hypot(x, y, z), math.hypot(wx, wy, wz)
 
     def relative_speed(self, prop: str, frame: str) -> float:
         """Speed in m/s of a prop's origin, seen from the frame of another prop that may move."""
         px, py, pz = self.relative_position(prop, frame)
         x, y, z = self._velocity(prop)[:3]
-        ox, oy, oz, turn_x, turn_y, turn_z = self._velocity(frame)
+        ox, oy, oz, wx, wy, wz = self._velocity(frame)
         x, y, z = x - ox, y - oy, z - oz
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[self.body_id(frame)].tolist()
         return math.hypot(
-            xx * x + yx * y + zx * z - (turn_y * pz - turn_z * py),
-            xy * x + yy * y + zy * z - (turn_z * px - turn_x * pz),
-            xz * x + yz * y + zz * z - (turn_x * py - turn_y * px),
+            xx * x + yx * y + zx * z - (wy * pz - wz * py),
+            xy * x + yy * y + zy * z - (wz * px - wx * pz),
+            xz * x + yz * y + zz * z - (wx * py - wy * px),
         )
 
     def _velocity(self, prop: str) -> list[float]:

@@ -1,4 +1,4 @@
-"""Pictures of a look in OpenGL, as materials beside those of the model."""
+"""Textures of a look in OpenGL, as materials beside those of the model."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from duobench.sim.paints import Picture
+from duobench.sim.materials import Texture
 
 _RGB = mujoco.mjtTextureRole.mjTEXROLE_RGB.value
 _CUBE = mujoco.mjtTexture.mjTEXTURE_CUBE.value
 _ROLES = mujoco.mjtTextureRole.mjNTEXROLE.value
 _NAMES = 10_000
 """Textures have OpenGL names from here on, which the engine never reaches. A name keeps the kind of
-its first texture, so flat pictures have even ones and those of objects odd ones."""
+its first texture, so flat textures have even ones and those of objects odd ones."""
 
 
-def upload(model: mujoco.MjModel, context: mujoco.MjrContext, pictures: Sequence[Picture]) -> None:
-    """Make pictures the materials `model.nmat` and following of a context, in their order.
+def upload(model: mujoco.MjModel, context: mujoco.MjrContext, textures: Sequence[Texture]) -> None:
+    """Make textures the materials `model.nmat` and following of a context, in their order.
 
     The engine uploads textures of models only. So they stand in a small model of their own, which
-    is never simulated, after as many as the drawn model has.
+    is never simulated, after as many as the rendered model has.
 
     Args:
         model: The model that the context was made of.
         context: Current on this thread.
-        pictures: Square ones (n, n, 3), or six squares below each other (6 n, n, 3).
+        textures: Square ones (n, n, 3), or six squares below each other (6 n, n, 3).
     """
-    if not pictures:
+    if not textures:
         return
     spec = mujoco.MjSpec()
     of_model = np.zeros((1, 1, 3), dtype=np.uint8)
-    for number, texels in enumerate([*[of_model] * model.ntex, *pictures]):
+    for number, texels in enumerate([*[of_model] * model.ntex, *textures]):
         height, width, channels = texels.shape
         flat = height == width
         spec.add_texture(
@@ -44,7 +44,7 @@ def upload(model: mujoco.MjModel, context: mujoco.MjrContext, pictures: Sequence
             nchannel=channels,
         )
     holder = spec.compile()
-    for number, texels in enumerate(pictures, start=model.ntex):
+    for number, texels in enumerate(textures, start=model.ntex):
         kind = int(holder.tex_type[number])
         context.texture[number] = _NAMES + 2 * number + (kind == _CUBE)
         context.textureType[number] = kind
@@ -53,13 +53,13 @@ def upload(model: mujoco.MjModel, context: mujoco.MjrContext, pictures: Sequence
         mujoco.mjr_uploadTexture(holder, context, number)
         _filter_quickly(kind, int(context.texture[number]))
         material = model.nmat + number - model.ntex
-        textures = np.full(_ROLES, -1)
-        textures[_RGB] = number
-        context.mat_texid[_ROLES * material : _ROLES * (material + 1)] = textures
+        roles = np.full(_ROLES, -1)
+        roles[_RGB] = number
+        context.mat_texid[_ROLES * material : _ROLES * (material + 1)] = roles
         context.mat_texrepeat[2 * material : 2 * (material + 1)] = 1.0
         context.mat_texuniform[material] = 0
     # Freeing the context frees them too.
-    context.ntexture = max(context.ntexture, model.ntex + len(pictures))
+    context.ntexture = max(context.ntexture, model.ntex + len(textures))
 
 
 def _filter_quickly(kind: int, name: int) -> None:

@@ -70,7 +70,8 @@ def led_in(simulation: Simulation, peg: Port, socket: Port, depth: float, offset
 def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
     """The peg is in the socket: aligned, and its tip on the axis, deep enough and not beyond.
 
-    The bounds are `MAX_ANGLE`, `MAX_OFFSET` and `MAX_DEPTH`.
+    The axes differ by at most 10 degrees, the tip is at most 4 mm beside the axis and less than
+    30 mm inside.
 
     Args:
         peg: Tip of the peg.

@@ -2,7 +2,7 @@
 
 The gate is a plane that is fixed to a body, with a hole in it. An object that has just changed
 sides is in front of the hole or beside it: that tells the ways apart. What was led around the gate
-and backwards through the hole has not come through when it is drawn out again.
+and backwards through the hole has not come through when it is pulled out again.
 """
 
 from __future__ import annotations

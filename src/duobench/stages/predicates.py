@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from duobench.scene.naming import TABLE
-from duobench.sim.simulation import STILL_SPEED, STILL_TURN, Simulation
+from duobench.sim.simulation import STILL_ANGULAR_SPEED, STILL_SPEED, Simulation
 from duobench.types import CONTROL_HZ, SIDES, Side
 
 Point = tuple[float, float, float]
@@ -39,21 +39,24 @@ class StateView:
     lasted: Mapping[Predicate, int] = field(default_factory=dict)
     """For how many control steps in a row a predicate has held, this one included."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
-    """What was asked already: a predicate is pure, so it is tested once a moment."""
+    """Answers so far: a predicate is pure, so it is tested once a control step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicate:
-    """A named pure question about a moment."""
+    """A named pure question about a control step."""
 
     name: str
+    """The question in words, for messages."""
     test: Callable[[StateView], bool]
+    """Answers it, from the view alone; other predicates in it must be in `parts`."""
     parts: tuple[Predicate, ...] = field(default=())
+    """The predicates that `test` calls: `since` and `held_for` in them are remembered."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """The same as a call, as a plain function, which Python calls in half the time."""
 
     def __post_init__(self) -> None:
-        """Make the function that asks at most once a moment."""
+        """Make the function that asks at most once a control step."""
         test = self.test
 
         def ask(moment: StateView) -> bool:
@@ -87,15 +90,15 @@ class Predicate:
 
     def walk(self) -> Iterator[Predicate]:
         """This predicate and all it is made of, each once, inner ones first."""
-        found: dict[Predicate, None] = {}
-        self._collect(found)
-        yield from found
+        inner: dict[Predicate, None] = {}
+        self._collect(inner)
+        yield from inner
 
-    def _collect(self, found: dict[Predicate, None]) -> None:
-        if self not in found:
+    def _collect(self, inner: dict[Predicate, None]) -> None:
+        if self not in inner:
             for part in self.parts:
-                part._collect(found)
-            found[self] = None
+                part._collect(inner)
+            inner[self] = None
 
 
 class Since(Predicate):
@@ -125,7 +128,12 @@ class HeldFor(Predicate):
 
 
 def held_for(predicate: Predicate, seconds: float) -> Predicate:
-    """`predicate` holds, and has held at every control step of the last `seconds`."""
+    """`predicate` holds, and has held at every control step of the last `seconds`.
+
+    Args:
+        predicate: What must hold.
+        seconds: For how long, rounded to control steps of 1/30 s.
+    """
     steps = round(seconds * CONTROL_HZ)
     return HeldFor(
         f"{predicate.name} for {seconds:g} s",
@@ -194,7 +202,7 @@ def grasped_apart(one: str, other: str) -> Predicate:
 
 
 def off_table(body: str, *supports: str) -> Predicate:
-    """In contact with neither the table nor any of the given fixed supports."""
+    """In contact with neither the table nor any of these supports."""
     names = (TABLE, *supports)
     whole = ~any_of(*(touching(body, name) for name in names))
     return Predicate(f"{body} is off {', '.join(names)}", whole.test, whole.parts)
@@ -209,13 +217,19 @@ def raised(prop: str, height: float) -> Predicate:
 
 
 def lifted(arm: Side, prop: str, *supports: str) -> Predicate:
-    """Grasped by that arm, off table and supports, and raised by `LIFTED_HEIGHT`."""
+    """Grasped by that arm, off table and supports, and raised by at least 10 mm.
+
+    Args:
+        arm: Which arm.
+        prop: Name of a prop.
+        supports: Names of further bodies that it must not be in contact with.
+    """
     whole = all_of(grasped(arm, prop), off_table(prop, *supports), raised(prop, LIFTED_HEIGHT))
     return Predicate(f"{arm} lifts {prop}", whole.test, whole.parts)
 
 
 def lifted_by_any(prop: str, *supports: str) -> Predicate:
-    """Lifted by at least one arm."""
+    """Lifted by at least one arm; see `lifted`."""
     return any_of(*(lifted(side, prop, *supports) for side in SIDES))
 
 
@@ -228,11 +242,11 @@ def released(body: str) -> Predicate:
 
 
 def still(prop: str) -> Predicate:
-    """Slower than `STILL_SPEED` and `STILL_TURN`."""
+    """Slower than 0.05 m/s and 0.5 rad/s."""
 
     def test(m: StateView) -> bool:
-        speed, turn = m.simulation.speed(prop)
-        return speed < STILL_SPEED and turn < STILL_TURN
+        linear, angular = m.simulation.speed(prop)
+        return linear < STILL_SPEED and angular < STILL_ANGULAR_SPEED
 
     return Predicate(f"{prop} is still", test)
 
@@ -258,7 +272,7 @@ class BoxRegion:
     """Highest corner in metres."""
 
     def contains(self, point: Point) -> bool:
-        """Whether a point of the body's frame lies inside."""
+        """Whether a point of the body's frame, in metres, lies inside."""
         return all(
             low <= value <= high
             for low, value, high in zip(self.low, point, self.high, strict=True)
@@ -274,14 +288,14 @@ class CylinderRegion:
     radius: float
     """Radius in metres."""
     low: float
-    """Bottom in metres."""
+    """Bottom along z of the body's frame, in metres."""
     high: float
-    """Top in metres."""
+    """Top along z of the body's frame, in metres."""
     centre: tuple[float, float] = (0.0, 0.0)
     """Where the cylinder's axis crosses the x-y plane of the body, in metres."""
 
     def contains(self, point: Point) -> bool:
-        """Whether a point of the body's frame lies inside."""
+        """Whether a point of the body's frame, in metres, lies inside."""
         x, y, z = point
         offset = math.dist((x, y), self.centre)
         return offset <= self.radius and self.low <= z <= self.high
@@ -306,13 +320,13 @@ def touching(body: str, other: str) -> Predicate:
 
 
 def rests_on(prop: str, support: str) -> Predicate:
-    """In contact with the support, not with the table, and still."""
+    """In contact with the support, not with the table, and still (see `still`)."""
     whole = all_of(touching(prop, support), ~touching(prop, TABLE), still(prop))
     return Predicate(f"{prop} rests on {support}", whole.test, whole.parts)
 
 
 def hinge_open(hinge: str, angle: float) -> Predicate:
-    """A hinge is open by at least `angle` radians."""
+    """A hinge is open by at least `angle` radians; its name is `<prop>/<part>`."""
     return Predicate(
         f"{hinge} is open by {angle:.2f} rad", lambda m: m.simulation.angle(hinge) >= angle
     )

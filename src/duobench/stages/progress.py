@@ -80,9 +80,9 @@ def check_names(
     Raises:
         UnknownNameError: A predicate names what is not there; near misses are listed.
     """
-    lowest = {name: simulation.min_height(name) for name in simulation.props}
+    heights = {name: simulation.min_height(name) for name in simulation.props}
     moment = StateView(
-        simulation=simulation, start_heights=lowest, variants=variants, remembered=frozenset()
+        simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
     )
     for stage in stages:
         for part in stage.holds.walk():

@@ -1,4 +1,4 @@
-"""The benchmark's tasks: one module each, found by name, loaded when asked for.
+"""The benchmark's tasks: one module each, known by name, loaded on first use.
 
 Importing this module loads no task and no physics, so that ids can be registered at no cost.
 """

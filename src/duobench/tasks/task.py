@@ -43,7 +43,7 @@ class Placement:
     """Radians about the vertical."""
 
     def sample(self, rng: np.random.Generator) -> SE3:
-        """One pose in the table frame."""
+        """One pose in the table frame, upright."""
         x, y, yaw = self.x.sample(rng), self.y.sample(rng), self.yaw.sample(rng)
         return SE3.at(x, y, self.z, yaw=yaw)
 

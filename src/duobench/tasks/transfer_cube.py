@@ -49,7 +49,7 @@ the bowl: twice its length. What flies higher is thrown."""
 BELOW_RIM = 0.020
 """The block's lowest point is less than this above the table, in metres: not on top of the rim."""
 BOWL_TILT = math.radians(20)
-"""How far the bowl may lean, as in every task with bowls."""
+"""Largest tilt of the bowl, as in every task with bowls."""
 
 _CUBE = handover(CUBE, BOWL)
 _OVER_BOWL = inside(CUBE, replace(IN_BOWL, high=HIGHEST_DROP))

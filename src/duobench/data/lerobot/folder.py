@@ -31,7 +31,7 @@ class SourceEpisode:
     length: int
     """Number of its actions, and of its rows in the export."""
     instruction: str
-    """What the policy was told."""
+    """Instruction of the policy."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,7 +61,7 @@ class Export:
     def differences(self, other: Export) -> list[str]:
         """In what another export differs, one phrase each: `size: [8, 8], was [4, 4]`."""
         ours, theirs = self._choices(), other._choices()
-        found = [
+        differing = [
             f"{name}: {now}, was {theirs[name]}"
             for name, now in ours.items()
             if now != theirs[name]
@@ -74,8 +74,8 @@ class Export:
                 "changed": sum(now[file] != then[file] for file in now.keys() & then.keys()),
             }
             parts = [f"{count} {what}" for what, count in counts.items() if count]
-            found.append(f"episodes: {', '.join(parts)}")
-        return found
+            differing.append(f"episodes: {', '.join(parts)}")
+        return differing
 
     def _choices(self) -> dict[str, Any]:
         """Everything but the episodes, as it stands in the file."""

@@ -88,12 +88,12 @@ def _statistics(
     for camera, values in counts.items():
         features[image_key(camera)] = statistics.of_counts(values, len(columns["index"]))
     return {
-        feature: {name: value.tolist() for name, value in found.items()}
-        for feature, found in features.items()
+        feature: {name: value.tolist() for name, value in numbers.items()}
+        for feature, numbers in features.items()
     }
 
 
-def _episode(export: Export, index: int, found: _Statistics) -> dict[str, Any]:
+def _episode(export: Export, index: int, numbers: _Statistics) -> dict[str, Any]:
     """Where an episode is, and its statistics, as a row of the table of episodes."""
     source, (chunk, file) = export.episodes[index], location(index)
     first = export.first_row(index)
@@ -116,7 +116,7 @@ def _episode(export: Export, index: int, found: _Statistics) -> dict[str, Any]:
             f"{prefix}/from_timestamp": 0.0,
             f"{prefix}/to_timestamp": source.length / CONTROL_HZ,
         }
-    for feature, values in found.items():
+    for feature, values in numbers.items():
         row |= {f"stats/{feature}/{name}": value for name, value in values.items()}
     return row
 

@@ -32,7 +32,7 @@ def of_rows(rows: NDArray[Any]) -> Statistics:
         `min`, `max`, `mean`, `std` and quantiles (n,), n being 1 for plain numbers; `count` (1,).
     """
     values = rows.reshape(len(rows), -1).astype(np.float64)
-    found = {
+    numbers = {
         "min": values.min(axis=0),
         "max": values.max(axis=0),
         "mean": values.mean(axis=0),
@@ -40,7 +40,7 @@ def of_rows(rows: NDArray[Any]) -> Statistics:
         "count": np.array([len(values)]),
     }
     quantiles = np.quantile(values, list(QUANTILES.values()), axis=0)
-    return found | dict(zip(QUANTILES, quantiles, strict=True))
+    return numbers | dict(zip(QUANTILES, quantiles, strict=True))
 
 
 def no_counts() -> Counts:
@@ -65,11 +65,11 @@ def of_counts(counts: Counts, frames: int) -> Statistics:
         Each statistic (3, 1, 1), one number a channel; `count` (1,).
     """
     channels = [_of_channel(each) for each in counts]
-    found = {
+    numbers = {
         name: np.array([each[name] for each in channels]).reshape(CHANNELS, 1, 1)
         for name in channels[0]
     }
-    return found | {"count": np.array([frames])}
+    return numbers | {"count": np.array([frames])}
 
 
 def _of_channel(counts: NDArray[np.int64]) -> dict[str, float]:

@@ -70,7 +70,7 @@ class ActionChunks(DuoWrapper):
         observation, _, terminated, truncated, info = done[-1]
         rewards = np.zeros(self._length)
         rewards[: len(done)] = [reward for _, reward, _, _, _ in done]
-        info["clipped"] = np.any([told["clipped"] for _, _, _, _, told in done], axis=0)
+        info["clipped"] = np.any([step["clipped"] for *_, step in done], axis=0)
         info["rewards"] = rewards
         info["executed"] = len(done)
         return observation, float(rewards.sum()), terminated, truncated, info

@@ -19,6 +19,12 @@ class BinaryGripper(DuoWrapper):
     def check_action(self, action: Any) -> Array:
         """The action with rounded openings, without executing it.
 
+        Args:
+            action: In the action mode: 16 numbers, or 14 with `cartesian_relative`.
+
+        Returns:
+            As many float64 numbers, with each opening 0 or 1.
+
         Raises:
             ActionError: The wrapped environment would reject it.
         """

@@ -77,12 +77,12 @@ class PolicyAgent(Agent):
                 raise PolicyError("The policy is not made yet: `initialize` comes first.")
             before, instruction = self.instruction, obs.language_instruction or ""
             super().act(obs)
-            told = obs.obs[LEFT].info if LEFT in obs.obs else {}
-            seed, step = told.get(SEED), told.get(STEP)
+            extra = obs.obs[LEFT].info if LEFT in obs.obs else {}
+            seed, step = extra.get(SEED), extra.get(STEP)
             if self._answer and step is not None and (seed, step) == self._at:
                 return self._answer.result()  # VLAgents' client asks again after any error
             observation = as_observation(obs)
-            _check(self._policy.metadata, observation, told.get(MODE))
+            _check(self._policy.metadata, observation, extra.get(MODE))
             if step == 0 or (step is None and (not self._answer or instruction != before)):
                 self._policy.reset(instruction, _NO_SEED if seed is None else seed)
             elif not self._answer or seed != self._at[0]:

@@ -47,8 +47,8 @@ class TaskEnv(EvalEnv):
         """
         if env_kwargs.get("chunk") is not None:
             raise OptionError("VLAgents executes the actions of a chunk one by one: no `chunk`.")
-        self._reference = env_id.removeprefix(_PREFIX)
-        self._task = catalog.get(self._reference)
+        self._import_path = env_id.removeprefix(_PREFIX)
+        self._task = catalog.get(self._import_path)
         self._seed: int | None = None
         self._steps = 0
         self._left_of_chunk = 0
@@ -63,7 +63,7 @@ class TaskEnv(EvalEnv):
         Raises:
             DuoBenchError: If there is no such task, option or value.
         """
-        env = make(self._reference, **self.env_kwargs)
+        env = make(self._import_path, **self.env_kwargs)
         self._config = env.get_wrapper_attr("config")
         if self._config.cameras:
             env.get_wrapper_attr("set_rendering")(False)  # `_obs` renders what an agent sees

@@ -28,7 +28,7 @@ def as_obs(observation: Mapping[str, Any], instruction: str, info: Mapping[str, 
     Args:
         observation: `agent_pos` (16,), `tcp_pose` (14,), and perhaps `pixels`.
         instruction: What to do, in words.
-        info: What else the agent is told, in the info of the left arm.
+        info: What else the agent gets, in the info of the left arm.
 
     Returns:
         Joints in radians, the gripper's opening 0 closed to 1 open, and the tool pose x y z qx qy

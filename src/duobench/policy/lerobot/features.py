@@ -61,12 +61,12 @@ def horizon(config: Any) -> int:
     """Actions that a checkpoint predicts, from the current observation on.
 
     Raises:
-        PolicyError: It is of a kind that is not supported, or must be asked at every step.
+        PolicyError: It is of a kind that is not supported, or must act at every step.
     """
     if getattr(config, "temporal_ensemble_coeff", None) is not None:
         raise PolicyError(
             "The checkpoint averages overlapping chunks (temporal_ensemble_coeff), which must be "
-            "asked at every step; chunks are executed here. To execute them as they are, set it "
+            "called at every step; chunks are executed here. To execute them as they are, set it "
             "to null in the checkpoint's config.json."
         )
     if config.type == DIFFUSION:

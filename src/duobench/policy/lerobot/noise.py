@@ -17,10 +17,10 @@ _NORMAL = (torch.randn, torch.randn_like, torch.normal)
 class EpisodeNoise(TorchFunctionMode):
     """While active, normal noise for a batch is made row by row, each from its own generator.
 
-    Models differ in whether they take noise as an argument and how often they draw: diffusion draws
-    in every denoising step, X-VLA takes none. All of them draw through torch, and all of them put
-    the batch first, so noise is replaced there. It is made on the processor by NumPy, so that it is
-    the same on every device.
+    Models differ in whether they take noise as an argument and how often they sample: diffusion
+    does in every denoising step, X-VLA takes none. All of them sample with torch and put the batch
+    first, so noise is replaced there. It is made on the processor by NumPy, so that it is the same
+    on every device.
     """
 
     def __init__(self, keys: Sequence[tuple[int, int]]) -> None:
@@ -31,7 +31,7 @@ class EpisodeNoise(TorchFunctionMode):
         """
         super().__init__()
         self._generators = [np.random.default_rng((NOISE_STREAM, *key)) for key in keys]
-        # Whatever else a model draws follows from the whole batch, at least.
+        # Whatever else a model samples follows from the whole batch, at least.
         seeds = np.random.SeedSequence([number for key in keys for number in key])
         torch.manual_seed(int(seeds.generate_state(1)[0]))
 

@@ -125,8 +125,8 @@ class LeRobotPolicy:
             (session, self._window(session, observation))
             for session, observation in zip(sessions, observations, strict=True)
         ]
-        asked = [pair for pair in pairs if pair[0].left is None]
-        chunks = iter(self._predict(asked) if asked else ())
+        pending = [pair for pair in pairs if pair[0].left is None]
+        chunks = iter(self._predict(pending) if pending else ())
         one_by_one = (self._past or 1) - 1
         answers = []
         for session, window in pairs:
@@ -147,10 +147,10 @@ class LeRobotPolicy:
         return (*before, observation)[-past:]
 
     def _predict(
-        self, asked: Sequence[tuple[LeRobotSession, tuple[Observation, ...]]]
+        self, pending: Sequence[tuple[LeRobotSession, tuple[Observation, ...]]]
     ) -> list[Chunk]:
         """One call of the model: the actions (steps, 16) that are executed of each chunk."""
-        sessions, windows = zip(*asked, strict=True)
+        sessions, windows = zip(*pending, strict=True)
         batch: dict[str, Any] = {
             STATE: self._stacked(windows, lambda seen: np.asarray(seen["agent_pos"], np.float32))
         }
@@ -196,7 +196,7 @@ def _configure(config: Any, folder: Path, device: str, dtype: str | None) -> Non
     if hasattr(config, "pretrained_backbone_weights"):
         config.pretrained_backbone_weights = None  # they are in the checkpoint
     if hasattr(config, "compile_model"):
-        config.compile_model = False  # a compiled model draws its noise where nobody can see it
+        config.compile_model = False  # a compiled model samples its noise out of sight
     if torch.device(device).type == "cuda":
         torch.backends.cudnn.deterministic = True
         torch.backends.cudnn.benchmark = False

@@ -36,13 +36,13 @@ class Recipe:
     settings: tuple[Setting, ...]
     """Options, in the order in which they are given."""
     steps: Setting
-    """Steps of the optimizer, unless others are asked for."""
+    """Steps of the optimizer, unless other ones are chosen."""
     workers: int
     """Most processes that decode images."""
     one_task: bool = False
-    """Whether a policy learns one task; otherwise it is told what to do."""
+    """Whether a policy learns one task; otherwise it takes an instruction."""
     takes_domains: bool = False
-    """Whether simulated and real episodes can be told apart."""
+    """Whether simulated and real episodes can be distinguished."""
 
 
 _EXECUTED = Setting(

@@ -111,13 +111,13 @@ def program() -> Path:
         PolicyError: LeRobot is not installed here.
     """
     beside = Path(sys.executable).with_name(PROGRAM)
-    found = str(beside) if beside.exists() else shutil.which(PROGRAM)
-    if found is None:
+    command = str(beside) if beside.exists() else shutil.which(PROGRAM)
+    if command is None:
         raise PolicyError(
             f"There is no {PROGRAM} here. With Python 3.12 or newer: "
             "pip install 'duobench[lerobot]'."
         )
-    return Path(found)
+    return Path(command)
 
 
 class _Source:
@@ -170,8 +170,12 @@ class _Source:
 
     def mixes_domains(self) -> bool:
         """Whether there are simulated and real episodes."""
-        found = (self._read("meta/stats.json") or {}).get(DOMAIN)
-        return self.has_domains and isinstance(found, dict) and found.get("min") != found.get("max")
+        domains = (self._read("meta/stats.json") or {}).get(DOMAIN)
+        return (
+            self.has_domains
+            and isinstance(domains, dict)
+            and domains.get("min") != domains.get("max")
+        )
 
 
 def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) -> tuple[str, ...]:
@@ -189,7 +193,7 @@ def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) ->
     learned = tuple(wanted) or there
     if recipe.one_task and len(learned) != 1:
         raise DataError(
-            f"{kind} is told no instruction and learns one task; name one of: {', '.join(there)}."
+            f"{kind} takes no instruction and learns one task; name one of: {', '.join(there)}."
         )
     return learned
 
@@ -205,7 +209,7 @@ def _data_settings(recipe: Recipe, source: _Source, rows: list[int] | None) -> l
         settings.append(Setting("dataset.episodes", f"[{listed}]", "given: their tasks"))
     if source.mixes_domains() and recipe.takes_domains:
         _check_plugin()
-        why = "ours: simulated and real episodes are told apart; the paper does not"
+        why = "ours: simulated and real episodes are distinguished; the paper does not"
         settings.append(Setting("policy.domain_feature_key", DOMAIN, why))
     return settings
 

@@ -1,4 +1,4 @@
-"""Where a policy is served, and how it is asked: data, without a connection."""
+"""Where a policy is served, and in which layout: data, without a connection."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ WEBSOCKET = ("ws", "wss")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RemoteServer:
-    """Where a policy is served, and how it is asked; nothing of it is written to a record."""
+    """Where a policy is served, and in which layout; nothing of it is written to a record."""
 
     url: str
     """Address, such as ws://HOST:PORT, with a path if the server has one."""
     key: str | None = field(default=None, repr=False)
     """What the server asks for."""
     layout: Layout | None = None
-    """How a server that is not ours is asked; None sends our own observations."""
+    """Layout of a server that is not of DuoBench; None sends our own observations."""
     execute: int | None = None
     """Actions that are executed of each chunk; None takes all."""
     answer_s: float = ANSWER_S

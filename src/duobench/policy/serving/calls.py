@@ -111,7 +111,7 @@ class CallConnection:
         if answered != number or kind not in {_REPLY, _EXCEPTION}:
             raise MessageError("Something came that answers no question.")
         if kind == _EXCEPTION:
-            raise CallError(_told(content))
+            raise CallError(_error_text(content))
         if not isinstance(content, tuple) or len(content) != 2:  # noqa: PLR2004 - label and value
             raise MessageError("An answer is a label and a value.")
         return content
@@ -164,7 +164,7 @@ def _decompressed(data: bytes) -> bytes:
     return unpacked
 
 
-def _told(error: object) -> str:
+def _error_text(error: object) -> str:
     """What the other side says about an error, for people."""
     match error:
         case ((str(), str(kind)), tuple(arguments), tuple(), str(trace)):

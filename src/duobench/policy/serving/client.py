@@ -78,25 +78,25 @@ class RemotePolicy(WebSocketPolicy):
         if dialect is OURS:
             return _described(hello[OURS.name], server)
         layout, name = server.layout or Layout(), dialect.name
-        told = server.layout
-        return self._foreign_metadata(layout, name, name, told, seeded=dialect.has_seed), None
+        facts = server.layout
+        return self._foreign_metadata(layout, name, name, facts, seeded=dialect.has_seed), None
 
 
-def _described(told: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:
+def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:
     """What a server of ours tells about its policy, and how it is asked.
 
     Raises:
         ServingError: If it speaks another version of the protocol, or describes it wrongly.
     """
     try:
-        protocol = told.get("protocol") if isinstance(told, dict) else told
+        protocol = facts.get("protocol") if isinstance(facts, dict) else facts
         if type(protocol) is not int or protocol != PROTOCOL:
             raise ServingError(
                 f"The server speaks version {protocol!r:.20} of the protocol, this client "
                 f"{PROTOCOL}. Use the same version of DuoBench on both sides."
             )
-        metadata = msgspec.convert(told, PolicyMetadata)
-        batching = msgspec.convert({"mode": told["batch"], "size": told["max_batch"]}, Batching)
+        metadata = msgspec.convert(facts, PolicyMetadata)
+        batching = msgspec.convert({"mode": facts["batch"], "size": facts["max_batch"]}, Batching)
     except (msgspec.ValidationError, PolicyError, KeyError, TypeError) as error:
         raise ServingError(f"The server describes its policy wrongly: {error}.") from error
     if server.execute is not None and server.execute < (metadata.horizon or math.inf):

@@ -108,7 +108,7 @@ class ConnectedPolicy(ABC, Generic[C]):
         """Say and read what comes first on every connection.
 
         Returns:
-            What the policy expects, and how many observations are answered together, if told.
+            What the policy expects, and how many observations are answered together, if known.
 
         Raises:
             ServingError: If the server speaks otherwise, or contradicts the layout.
@@ -128,10 +128,10 @@ class ConnectedPolicy(ABC, Generic[C]):
         """What a server that lives would do, and this one does not; None if it lives."""
 
     def _foreign_metadata(
-        self, layout: Layout, name: str, version: str, told: object, *, seeded: bool = False
+        self, layout: Layout, name: str, version: str, facts: object, *, seeded: bool = False
     ) -> PolicyMetadata:
-        """What a policy of others expects; its version also says how it is asked."""
-        digest = hashlib.sha256(repr(told).encode(errors="replace")).hexdigest()[:16]
+        """What a policy of others expects; its version also says in which layout."""
+        digest = hashlib.sha256(repr(facts).encode(errors="replace")).hexdigest()[:16]
         version = f"{version}, layout {digest}, {self._server.executed}"
         return layout.metadata(name, version, seeded=seeded)
 

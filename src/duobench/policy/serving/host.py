@@ -51,7 +51,7 @@ class PolicyHost:
 
         Args:
             policy: The policy.
-            metadata: What clients are told about it.
+            metadata: What clients get to know about it.
             batching: How many observations are answered together.
             host: Address to listen at.
             port: Port to listen at; 0 takes a free one.

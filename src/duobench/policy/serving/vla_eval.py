@@ -1,4 +1,4 @@
-"""A policy at a model server of vla-eval 0.8, which is asked without vla-eval.
+"""A policy at a model server of vla-eval 0.8, which is used without vla-eval.
 
 Every message is a map of `type`, `payload`, `seq` and `timestamp`. The client says `hello` first;
 `episode_start` and `episode_end` are not answered; an `observation` is answered by an `action` or
@@ -68,15 +68,15 @@ class VlaEvalPolicy(WebSocketPolicy):
     def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
         """The chunk for an observation; an answer with a single action is a chunk of one."""
         request = self._layout.request(observation, self._instruction)
-        asked = self._send(connection, "observation", request)
+        number = self._send(connection, "observation", request)
         kind, answer, seq = self._receive(connection)
-        if kind == "error" and seq in (asked, self._start_seq):
+        if kind == "error" and seq in (number, self._start_seq):
             self._drop()  # of one about the start, the observation is still to be answered
             raise reported(str(answer.get("error")))
         if kind not in ("action", "error"):
             raise MessageError(f"An observation is answered by an action, got {kind!r:.40}.")
-        if seq != asked:
-            raise MessageError(f"Message {asked} was answered, but the answer is to {seq!r:.40}.")
+        if seq != number:
+            raise MessageError(f"Message {number} was answered, but the answer is to {seq!r:.40}.")
         actions = actions_of(answer, self._layout.actions.key)
         return self._layout.chunk([actions] if dimensions(actions) == 1 else actions)
 
@@ -129,6 +129,6 @@ class VlaEvalPolicy(WebSocketPolicy):
             )
         name = printable(declared.model_server)[:_LONGEST_NAME] or LAYOUT
         harness = printable(declared.harness_version)[:_LONGEST_NAME] or "unknown"
-        told = {key: hello.get(key) for key in ("observation_params", "action_spec")}
+        facts = {key: hello.get(key) for key in ("observation_params", "action_spec")}
         version = f"vla-eval {harness}, {name}"
-        return self._foreign_metadata(self._layout, name, version, (self._layout, told)), None
+        return self._foreign_metadata(self._layout, name, version, (self._layout, facts)), None

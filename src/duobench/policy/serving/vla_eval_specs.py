@@ -60,7 +60,7 @@ class DeclaredSpec(msgspec.Struct, frozen=True):
     format: str = ""
     """What its numbers mean."""
     dims: int = 0
-    """How many they are; 0 if that is not told."""
+    """How many they are; 0 if that is not said."""
 
 
 class Declared(msgspec.Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""Which geom of a compiled model has which colour and picture in a look."""
+"""Which geom of a compiled model has which colour and texture in a look."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from duobench.scene.workcell import (
 )
 from duobench.types import SIDES
 
-Picture = NDArray[np.uint8]
+Texture = NDArray[np.uint8]
 """Texels (height, width, 3), red green blue."""
 
 _FACE, _FACE_TEXELS = 0.50, 64
@@ -43,53 +43,54 @@ _SURFACES = {
     "walls": ((ROOM_HEIGHT, _ROOM[0]), 384),
     "robot": ((_FACE, _FACE), _FACE_TEXELS),
 }
-"""Height and width in metres of the picture on each part of the workcell, and texels along both;
+"""Height and width in metres of the texture on each part of the workcell, and texels along both;
 3 mm on the table."""
 _WHITE = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Paint:
+class GeomMaterial:
     """What a geom looks like."""
 
     rgb: RGB | None
     """Colour, or None for the model's."""
-    picture: int | None
-    """Number of its picture, or None for the model's."""
+    texture: int | None
+    """Number of its texture, or None for the model's."""
 
 
 @dataclass(kw_only=True, slots=True)
-class Paints:
+class GeomMaterials:
     """What differs from the model."""
 
-    by_geom: dict[int, Paint] = field(default_factory=dict)
-    pictures: list[Picture] = field(default_factory=list)
+    by_geom: dict[int, GeomMaterial] = field(default_factory=dict)
+    """By geom id."""
+    textures: list[Texture] = field(default_factory=list)
     """Flat ones (n, n, 3), and those of objects (6 n, n, 3): six faces, one below the other."""
 
-    def add(self, texels: Picture) -> int:
-        """Add a picture, and return its number."""
-        self.pictures.append(texels)
-        return len(self.pictures) - 1
+    def add(self, texels: Texture) -> int:
+        """Add a texture, and return its number."""
+        self.textures.append(texels)
+        return len(self.textures) - 1
 
 
-def paints(model: mujoco.MjModel, look: Look) -> Paints:
+def resolve_materials(model: mujoco.MjModel, look: Look) -> GeomMaterials:
     """Resolve the materials of a look against a model.
 
     Raises:
         UnknownNameError: The look names an object that the model has not.
         AssetError: An image file cannot be read.
     """
-    found = Paints()
+    materials = GeomMaterials()
     colours = [(r, g, b) for r, g, b, _ in model.geom_rgba.tolist()]
-    _paint_objects(found, _objects(model), colours, look)
+    _add_objects(materials, _objects(model), colours, look)
     for part, geoms in _parts(model, colours):
         material = look.parts.get(part)
         if material is not None:
             plain = material.texture is None and material.image is None
-            number = None if plain else found.add(_part_picture(material, part, look.seed))
+            number = None if plain else materials.add(_part_texture(material, part, look.seed))
             rgb = _WHITE if _hides_colour(material) else material.colour
-            found.by_geom |= dict.fromkeys(geoms, Paint(rgb=rgb, picture=number))
-    return found
+            materials.by_geom |= dict.fromkeys(geoms, GeomMaterial(rgb=rgb, texture=number))
+    return materials
 
 
 def _body(model: mujoco.MjModel, geom: int) -> str:
@@ -107,19 +108,19 @@ def _parts(model: mujoco.MjModel, colours: list[RGB]) -> Iterator[tuple[str, lis
 
 
 def _objects(model: mujoco.MjModel) -> dict[str, list[int]]:
-    """The drawn geoms of every part of every object, by the name of the part."""
-    found: dict[str, list[int]] = {}
+    """The visible geoms of every part of every object, by the name of the part."""
+    objects: dict[str, list[int]] = {}
     for geom in np.flatnonzero(model.geom_group < COLLISION_GEOM_GROUP).tolist():
         name = _body(model, geom)
         if name not in ("world", TABLE) and name.partition("/")[0] not in SIDES:
-            found.setdefault(name, []).append(geom)
-    return found
+            objects.setdefault(name, []).append(geom)
+    return objects
 
 
-def _paint_objects(
-    found: Paints, objects: dict[str, list[int]], colours: list[RGB], look: Look
+def _add_objects(
+    materials: GeomMaterials, objects: dict[str, list[int]], colours: list[RGB], look: Look
 ) -> None:
-    """Give every drawn geom of an object its colour and picture."""
+    """Give every visible geom of an object its colour and texture."""
     for name in look.objects:
         if name != EVERY_OBJECT and name not in objects:
             raise UnknownNameError("object", name, objects)
@@ -130,15 +131,15 @@ def _paint_objects(
         material = look.objects.get(key, Material())
         if key not in numbers:
             plain = material.texture is None and material.image is None
-            numbers[key] = None if plain else found.add(_object_picture(material, look.seed))
+            numbers[key] = None if plain else materials.add(_object_texture(material, look.seed))
         for geom in geoms:
             rgb = _object_colour(colours[geom], colours[geoms[0]], material, look)
             if rgb != colours[geom] or numbers[key] is not None:
-                found.by_geom[geom] = Paint(rgb=rgb, picture=numbers[key])
+                materials.by_geom[geom] = GeomMaterial(rgb=rgb, texture=numbers[key])
 
 
 def _hides_colour(material: Material) -> bool:
-    """Whether the colours are in the picture, so that the surface under it is white."""
+    """Whether the colours are in the texture, so that the surface under it is white."""
     return material.image is not None or material.second_colour is not None
 
 
@@ -152,45 +153,45 @@ def _object_colour(colour: RGB, main: RGB, material: Material, look: Look) -> RG
 
 
 @lru_cache(maxsize=32)
-def _part_picture(material: Material, part: str, seed: int) -> Picture:
-    """The picture of a part of the workcell, with the brightness that floor and walls have."""
-    size, texels = _SURFACES[part]
-    found = _picture(material, texels, size, seed)
+def _part_texture(material: Material, part: str, seed: int) -> Texture:
+    """The texture of a part of the workcell, with the brightness that floor and walls have."""
+    size, count = _SURFACES[part]
+    texels = _texture(material, count, size, seed)
     if part == "walls":
-        found, light = np.swapaxes(found, 0, 1), wall_light()  # columns from the ceiling down
+        texels, light = np.swapaxes(texels, 0, 1), wall_light()  # columns from the ceiling down
     elif part == "floor":
         light = floor_light()
     else:
-        return found
-    rows, columns = (np.arange(texels) * count // texels for count in light.shape)
+        return texels
+    rows, columns = (np.arange(count) * length // count for length in light.shape)
     shade = light[np.ix_(rows, columns)].astype(np.float32)
-    return np.rint(found * shade[..., None]).astype(np.uint8)
+    return np.rint(texels * shade[..., None]).astype(np.uint8)
 
 
 @lru_cache(maxsize=32)
-def _object_picture(material: Material, seed: int) -> Picture:
+def _object_texture(material: Material, seed: int) -> Texture:
     size = _FACE, _FACE
-    return np.vstack([_picture(material, _FACE_TEXELS, size, seed + face) for face in range(6)])
+    return np.vstack([_texture(material, _FACE_TEXELS, size, seed + face) for face in range(6)])
 
 
-def _picture(material: Material, texels: int, size: tuple[float, float], seed: int) -> Picture:
-    """What the texture or image of a material shows on a surface of a size in metres."""
+def _texture(material: Material, count: int, size: tuple[float, float], seed: int) -> Texture:
+    """The texture or image of a material, `count` texels along both, on a surface in metres."""
     if material.image is not None:
-        return _image(material.image, texels)
-    assert material.texture is not None  # without either there is no picture
-    bright = texture(material.texture, (texels, texels), size, seed)[..., None]
+        return _image(material.image, count)
+    assert material.texture is not None  # without either there is nothing to show
+    bright = texture(material.texture, (count, count), size, seed)[..., None]
     if material.colour is not None and material.second_colour is not None:
         low = np.array(material.second_colour, dtype=np.float32)
-        found = low + bright * (np.array(material.colour, dtype=np.float32) - low)
+        texels = low + bright * (np.array(material.colour, dtype=np.float32) - low)
     else:
-        found = np.repeat(1 - material.contrast * (1 - bright), 3, axis=2)
-    return np.rint(255 * found).astype(np.uint8)
+        texels = np.repeat(1 - material.contrast * (1 - bright), 3, axis=2)
+    return np.rint(255 * texels).astype(np.uint8)
 
 
-def _image(path: str, texels: int) -> Picture:
+def _image(path: str, count: int) -> Texture:
     try:
         with Pillow.open(Path(path)) as image:
-            return np.asarray(image.convert("RGB").resize((texels, texels)))
+            return np.asarray(image.convert("RGB").resize((count, count)))
     except OSError as error:
         raise AssetError(
             f"The look's image {path!r} cannot be read: {error}. It is the path of a PNG or JPEG "
