@@ -114,7 +114,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
 
 
 def _show(results: Results, suite: Suite, page: Path, screen: Console) -> None:
-    """Print the results; the exit code is 1 if an episode broke off."""
+    """Print the results; the exit code is 1 if an episode crashed."""
     from duobench.cli.table import results_table
 
     screen.print(results_table(results, suite.episodes))
