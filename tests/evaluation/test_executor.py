@@ -56,6 +56,13 @@ def test_result_that_cannot_be_read_is_played_again(
     assert_same_episodes(folder, reference, 2)
 
 
+def test_policy_that_spoils_its_clock_fails_its_episode_alone(play: Play) -> None:
+    _, results = play("SpoilsClock", workers=1, episodes=2, tasks=find_tasks([toy_tasks.NOD_NAME]))
+    for record in results.tasks[0].records:
+        assert record.reason.startswith("PolicyTimeoutError")
+        assert 0 <= record.steps <= record.horizon
+
+
 def test_time_to_read_a_message_grows_with_its_length_alone() -> None:
     reports: list[Report] = [Faulty("long" * (10 << 20)), Faulty("short")]
     ours, theirs = socket.socketpair()
