@@ -81,6 +81,11 @@ def test_a_sound_data_set_has_no_problems(original: DataSet) -> None:
     assert seen == [(done, EPISODES) for done in range(EPISODES + 1)]
 
 
+def test_an_episode_without_a_time_limit_has_no_problems(tmp_path: Path) -> None:
+    recorded(tmp_path, steps=3, horizon=None, max_episode_steps=-1)
+    assert find_problems(DataSet.open(tmp_path), workers=0) == []
+
+
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [

@@ -1,6 +1,9 @@
 """Workers are real processes here, and really hang, die and leave helpers behind."""
 
 import os
+import socket
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -9,6 +12,7 @@ from duobench.errors import MachineryError, RenderingError
 from duobench.evaluation import executor
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.suite import find_tasks
+from duobench.evaluation.worker import Channel, Faulty, Order, Report
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until
@@ -50,6 +54,30 @@ def test_result_that_cannot_be_read_is_played_again(
     folder, results = play("SpoilsOnce", workers=1, episodes=1)
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 2)
+
+
+def test_policy_that_spoils_its_clock_fails_its_episode_alone(play: Play) -> None:
+    _, results = play("SpoilsClock", workers=1, episodes=2, tasks=find_tasks([toy_tasks.NOD_NAME]))
+    for record in results.tasks[0].records:
+        assert record.reason.startswith("PolicyTimeoutError")
+        assert 0 <= record.steps <= record.horizon
+
+
+def test_time_to_read_a_message_grows_with_its_length_alone() -> None:
+    reports: list[Report] = [Faulty("long" * (10 << 20)), Faulty("short")]
+    ours, theirs = socket.socketpair()
+    sender: Channel[Order] = Channel(theirs, Order)  # pyright: ignore[reportArgumentType]
+    receiver: Channel[Report] = Channel(ours, Report)  # pyright: ignore[reportArgumentType]
+    thread = threading.Thread(target=lambda: [sender.send(report) for report in reports])
+    received: list[Report] = []
+    start = time.process_time()
+    with ours, theirs:
+        thread.start()
+        while len(received) < len(reports):
+            received += receiver.receive()
+        thread.join()
+    assert received == reports
+    assert time.process_time() - start < 3.0
 
 
 def test_workers_that_cannot_start_end_the_run(play: Play) -> None:

@@ -1,12 +1,14 @@
 """A task that takes a second, and policies that behave and misbehave, for processes to import."""
 
 import asyncio
+import math
 import multiprocessing
 import os
 import random
 import re
 import signal
 import stat
+import struct
 import subprocess
 import sys
 import time
@@ -122,6 +124,17 @@ class SpoilsOnce(RandomPolicy):
                     if stat.S_ISSOCK(os.fstat(int(path.name)).st_mode):
                         os.write(int(path.name), b"\0\0\0\0\0\0\0\5hello")
         return super().act(observation)
+
+
+class SpoilsClock(HoldPolicy):
+    """Writes nonsense into every file in memory that it inherited, and does not come back."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
+        for path in Path("/proc/self/fd").iterdir():
+            with suppress(OSError):
+                if "memfd:" in str(path.readlink()):
+                    os.pwrite(int(path.name), struct.pack("3d", 1.0, 1.0, math.inf), 0)
+        time.sleep(1000)
 
 
 class HasHelpers(HoldPolicy):

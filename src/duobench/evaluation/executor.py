@@ -334,6 +334,8 @@ class ProcessExecutor(_JobExecutor):
             self._workers.remove(worker)
             worker.kill()
             record = worker.reached or EpisodeRecorder(worker.episode).record(self._setup)
-            yield EpisodeResult(record=record.broken(late, worker.clock.steps))
+            # The policy's process can write into the clock, and nonsense must not end the run.
+            steps = min(max(worker.clock.steps, record.steps), record.horizon)
+            yield EpisodeResult(record=record.broken(late, steps))
         elif worker.clock.episode_s() > self._job.limits.episode_s + GRACE_S:
             self._replace(worker, "the simulation did not come back within the time limit.")

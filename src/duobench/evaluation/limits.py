@@ -55,7 +55,7 @@ class EpisodeClock:
     """
 
     SIZE = 3 * 8
-    """Bytes that it takes: three doubles."""
+    """Bytes that it takes: two doubles and a whole number."""
 
     def __init__(self, file: int = _NO_FILE) -> None:
         """Make a clock.
@@ -63,7 +63,8 @@ class EpisodeClock:
         Args:
             file: Descriptor of a memory file of `SIZE` bytes that another process has too.
         """
-        self._numbers = memoryview(mmap.mmap(file, self.SIZE)).cast("d")
+        memory = memoryview(mmap.mmap(file, self.SIZE))
+        self._times, self._counts = memory.cast("d"), memory.cast("q")
 
     def playing(self) -> AbstractContextManager[None]:
         """An episode runs as long as the block lasts."""
@@ -84,7 +85,7 @@ class EpisodeClock:
         Raises:
             PolicyTimeoutError: It took too long, or the episode did.
         """
-        self._numbers[_STEPS] = steps
+        self._counts[_STEPS] = steps
         with self.answering():
             yield
             if late := self.late(limits):
@@ -106,7 +107,7 @@ class EpisodeClock:
     @property
     def steps(self) -> int:
         """Control steps that the episode had when its policy last acted."""
-        return int(self._numbers[_STEPS])
+        return self._counts[_STEPS]
 
     def episode_s(self) -> float:
         """Seconds since the episode began, 0 between episodes."""
@@ -118,12 +119,12 @@ class EpisodeClock:
 
     @contextmanager
     def _running(self, which: int) -> Iterator[None]:
-        self._numbers[which] = time.monotonic()
+        self._times[which] = time.monotonic()
         try:
             yield
         finally:
-            self._numbers[which] = 0.0
+            self._times[which] = 0.0
 
     def _seconds(self, which: int) -> float:
-        since = self._numbers[which]
+        since = self._times[which]
         return time.monotonic() - since if since else 0.0

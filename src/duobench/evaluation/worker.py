@@ -114,7 +114,7 @@ class Channel(Generic[T]):
         self.socket = connection
         """The socket, to wait for, and to close."""
         self._decoder = msgspec.json.Decoder(kind)
-        self._rest = b""
+        self._rest = bytearray()
 
     def send(self, message: Order | Report) -> None:
         """Send a message.
@@ -140,7 +140,10 @@ class Channel(Generic[T]):
             piece = b""
         if not piece:
             raise EOFError
-        *lines, self._rest = (self._rest + piece).split(b"\n")
+        self._rest += piece
+        if b"\n" not in piece:  # of a long message, such as one with a video
+            return []
+        *lines, self._rest = self._rest.split(b"\n")
         try:
             return [self._decoder.decode(line) for line in lines]
         except (msgspec.MsgspecError, DuoBenchError) as error:
