@@ -12,6 +12,8 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, OtherRunError, OutputError
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.records import RECORD_SCHEMA
+from duobench.files import encode
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
 from tests.evaluation.processes import is_running
@@ -134,9 +136,9 @@ def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any
     folder, run = sample_folder(tmp_path / "run", sample_run(), []), sample_run()
     path = folder.record(LIFT.id, 0)
     path.parent.mkdir(parents=True)
-    path.write_text(sample_record(**{"task": LIFT, "reached": (5, 9)}).to_json())
+    path.write_text(encode(sample_record(**{"task": LIFT, "reached": (5, 9)}), RECORD_SCHEMA))
     assert len(folder.read_records(run)) == 1
-    path.write_text(replace(sample_record(LIFT, 0, (5, 9)), **changes).to_json())
+    path.write_text(encode(replace(sample_record(LIFT, 0, (5, 9)), **changes), RECORD_SCHEMA))
     with pytest.raises(EvaluationError, match=r"00000\.json does not belong"):
         folder.read_records(run)
 

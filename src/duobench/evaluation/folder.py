@@ -9,7 +9,15 @@ from pathlib import Path
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Run, TaskInfo
-from duobench.files import TEMPORARY_SUFFIX, locked, read, remove_temporary, write, writing
+from duobench.files import (
+    TEMPORARY_SUFFIX,
+    encode,
+    locked,
+    read,
+    remove_temporary,
+    write,
+    writing,
+)
 from duobench.randomness import SUITE_VERSION, episode_seed
 
 VIDEO_SUFFIX = ".webm"
@@ -68,7 +76,7 @@ class RunFolder:
         ):
             raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
         if run != before:
-            write(self.description, run.to_json())
+            write(self.description, encode(run, RUN_SCHEMA))
         remove_temporary(self.path)
 
     def locked(self) -> AbstractContextManager[None]:
@@ -139,7 +147,7 @@ class RunFolder:
         """
         if video is not None:
             write(self.video(record.task, record.episode), video)
-        write(self.record(record.task, record.episode), record.to_json())
+        write(self.record(record.task, record.episode), encode(record, RECORD_SCHEMA))
 
     def discard(self, record: EpisodeRecord) -> None:
         """Remove record and video of an episode, which makes it one that is still to be played."""
