@@ -19,6 +19,7 @@ from duobench.evaluation.metrics import Results
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.report import write_report
 from duobench.evaluation.suite import Run, Suite
+from duobench.files import locked
 from duobench.sim import rendering
 from duobench.versions import package_versions
 
@@ -75,7 +76,7 @@ def evaluate(
     """
     limits = limits or TimeLimits()
     executor = executor_for(policy, suite, limits, videos, workers)
-    with folder.locked(), closing(executor):
+    with locked(folder.path), closing(executor):
         setup = executor.prepare()
         run = Run(
             policy=setup.policy,
