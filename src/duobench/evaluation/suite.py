@@ -15,8 +15,8 @@ import msgspec
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.served import SERVED
 from duobench.policy import Batching, PolicyMetadata
+from duobench.policy.serving.address import SERVED
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed
 from duobench.scene import looks
 from duobench.tasks import catalog
