@@ -16,7 +16,8 @@ import pytest
 
 import duobench
 from duobench.envs.registration import env_id
-from duobench.evaluation.records import EpisodeRecord
+from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.files import decode
 from duobench.randomness import episode_seed
 from duobench.sim.duo import HOME
 from tests.experts.baseline_episodes import Episode, play_alone
@@ -79,7 +80,7 @@ def test_workers_change_nothing(tmp_path: Path) -> None:
     here, pool = (_records(tmp_path / workers) for workers in ("0", "2"))
     assert len(here) == episodes * len(tasks)
     assert here == pool
-    records = [EpisodeRecord.from_json(text) for text in here.values()]
+    records = [decode(text, EpisodeRecord, RECORD_SCHEMA) for text in here.values()]
     assert len({record.state_hash for record in records} - {None}) == len(records)
     assert {record.task for record in records if record.success} == set(tasks)
     seed = episode_seed(tasks[0], episodes - 1)

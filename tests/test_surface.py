@@ -22,7 +22,7 @@ SURFACE = {
         SimEnv StateError TaskStages TimeLimit base_of env_id make make_env register sim_of
     """,
     "duobench.evaluation": """
-        Attempt Episode EpisodeRecord Executor ExpertPolicy LocalExecutor Observer PolicyChoice
+        Attempt Episode EpisodeRecord Executor ExpertPolicy Job LocalExecutor Observer PolicyChoice
         PolicySource ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo TaskResult
         TimeLimits VideoRecorder Watcher evaluate find_tasks read_results record rollout source
         summarize wilson_interval write_report

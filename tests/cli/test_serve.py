@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from duobench.evaluation.served import SERVED
 from duobench.policy.serving.access import KEY_VARIABLE
+from duobench.policy.serving.address import SERVED
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,8 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, OtherRunError, OutputError
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.records import RECORD_SCHEMA
+from duobench.files import encode, locked
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
 from tests.evaluation.processes import is_running
@@ -84,10 +86,7 @@ def test_run_without_a_record_gives_way_to_a_corrected_one(tmp_path: Path) -> No
 )
 def test_folder_that_cannot_be_made_is_refused(tmp_path: Path, name: str, message: str) -> None:
     (tmp_path / "file").write_text("precious")
-    with (
-        pytest.raises(OutputError, match=rf"{name}.*{message}"),
-        RunFolder(tmp_path / name).locked(),
-    ):
+    with pytest.raises(OutputError, match=rf"{name}.*{message}"), locked(tmp_path / name):
         pass
     assert (tmp_path / "file").read_text() == "precious"
 
@@ -134,9 +133,9 @@ def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any
     folder, run = sample_folder(tmp_path / "run", sample_run(), []), sample_run()
     path = folder.record(LIFT.id, 0)
     path.parent.mkdir(parents=True)
-    path.write_text(sample_record(**{"task": LIFT, "reached": (5, 9)}).to_json())
+    path.write_text(encode(sample_record(**{"task": LIFT, "reached": (5, 9)}), RECORD_SCHEMA))
     assert len(folder.read_records(run)) == 1
-    path.write_text(replace(sample_record(LIFT, 0, (5, 9)), **changes).to_json())
+    path.write_text(encode(replace(sample_record(LIFT, 0, (5, 9)), **changes), RECORD_SCHEMA))
     with pytest.raises(EvaluationError, match=r"00000\.json does not belong"):
         folder.read_records(run)
 
@@ -169,8 +168,8 @@ def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
     script = (
         "import os, sys, time\n"
         "from pathlib import Path\n"
-        "from duobench.evaluation.folder import RunFolder\n"
-        "with RunFolder(Path(sys.argv[1])).locked():\n"
+        "from duobench.files import locked\n"
+        "with locked(Path(sys.argv[1])):\n"
         "    if os.fork() == 0:\n"
         "        print(os.getpid(), flush=True)\n"
         "    time.sleep(1000)\n"
@@ -183,7 +182,7 @@ def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
         other.kill()
         other.wait()
         assert is_running(orphan)
-        with RunFolder(tmp_path).locked():
+        with locked(tmp_path):
             pass
         os.kill(orphan, signal.SIGKILL)
 
@@ -192,8 +191,8 @@ def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> N
     script = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from duobench.evaluation.folder import RunFolder\n"
-        "with RunFolder(Path(sys.argv[1])).locked():\n"
+        "from duobench.files import locked\n"
+        "with locked(Path(sys.argv[1])):\n"
         "    print('locked', flush=True)\n"
         "    sys.stdin.read()\n"
     )
@@ -205,9 +204,9 @@ def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> N
     ) as other:
         assert other.stdout
         assert other.stdout.readline() == "locked\n"
-        with pytest.raises(EvaluationError, match="Another process"), RunFolder(tmp_path).locked():
+        with pytest.raises(EvaluationError, match="Another process"), locked(tmp_path):
             pass
         other.kill()
         other.wait()
-    with RunFolder(tmp_path).locked():
+    with locked(tmp_path):
         assert list(tmp_path.iterdir()) == []

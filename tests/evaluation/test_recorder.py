@@ -1,9 +1,10 @@
 import duobench
 from duobench.envs.config import EnvConfig
 from duobench.errors import PolicyTimeoutError
-from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
+from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import rollout
 from duobench.evaluation.suite import Episode, Setup, find_tasks
+from duobench.files import decode, encode
 from duobench.policy import PolicyMetadata, make
 from duobench.randomness import episode_seed
 from duobench.versions import record_versions
@@ -32,7 +33,7 @@ def test_record_says_what_the_environment_said() -> None:
 
         rollout(env, make("random"), seed=episode.seed, watchers=[recorder, Keeps(episode)])
         record = recorder.record(SETUP)
-        assert EpisodeRecord.from_json(record.to_json().encode()) == record
+        assert decode(encode(record, RECORD_SCHEMA), EpisodeRecord, RECORD_SCHEMA) == record
         stages = [info["stage"] for info in infos]
         assert [record.stage_after(number + 1) for number in range(len(stages))] == stages
         assert record.steps == len(infos)
@@ -59,4 +60,4 @@ def test_episode_that_never_began_still_has_a_record() -> None:
         0,
         None,
     )
-    assert EpisodeRecord.from_json(record.to_json().encode()) == record
+    assert decode(encode(record, RECORD_SCHEMA), EpisodeRecord, RECORD_SCHEMA) == record

@@ -7,7 +7,7 @@ import pytest
 
 from duobench.errors import EvaluationError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
-from duobench.files import read, write
+from duobench.files import encode, read, write
 from tests.evaluation.samples import LIFT, sample_record, sample_records, sample_run
 
 RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boom\n")]
@@ -15,13 +15,13 @@ RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boo
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: f"{record.task}-{record.episode}")
 def test_record_survives_its_file(record: EpisodeRecord, tmp_path: Path) -> None:
-    write(tmp_path / "r.json", record.to_json())
+    write(tmp_path / "r.json", encode(record, RECORD_SCHEMA))
     assert read_record(tmp_path / "r.json") == record
-    assert (tmp_path / "r.json").read_text() == record.to_json()
+    assert (tmp_path / "r.json").read_text() == encode(record, RECORD_SCHEMA)
 
 
 def test_text_has_a_field_a_line() -> None:
-    text = sample_record().to_json()
+    text = encode(sample_record(), RECORD_SCHEMA)
     assert '\n  "stage_changes": [[10, 1], [20, 2], [30, 3]],\n' in text
     assert json.loads(text)["schema"] == 3
 
@@ -60,7 +60,7 @@ def read_record(path: Path) -> EpisodeRecord:
 
 
 def broken_texts() -> dict[str, str]:
-    whole = sample_record().to_json()
+    whole = encode(sample_record(), RECORD_SCHEMA)
     document = json.loads(whole)
     return {
         "truncated": whole[: len(whole) // 2],
@@ -104,7 +104,9 @@ def test_wrong_type_is_refused_with_file_and_field(
     field: str, value: Any, found: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "00003.json"
-    path.write_text(json.dumps({**json.loads(sample_record().to_json()), field: value}))
+    path.write_text(
+        json.dumps({**json.loads(encode(sample_record(), RECORD_SCHEMA)), field: value})
+    )
     with pytest.raises(EvaluationError, match=rf"00003\.json: {re.escape(found)} - at `{field}"):
         read_record(path)
 

@@ -13,13 +13,14 @@ from duobench.errors import (
     UnknownNameError,
 )
 from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.suite import Run, find_tasks
+from duobench.evaluation.suite import RUN_SCHEMA, Run, find_tasks
+from duobench.files import decode, encode
 from tests.evaluation.samples import LIFT, SORT, sample_run
 
 
 def test_description_survives_its_text() -> None:
     run = sample_run()
-    assert Run.from_json(run.to_json().encode()) == run
+    assert decode(encode(run, RUN_SCHEMA), Run, RUN_SCHEMA) == run
 
 
 @pytest.mark.parametrize(
@@ -27,7 +28,7 @@ def test_description_survives_its_text() -> None:
 )
 def test_other_text_is_refused(text: str) -> None:
     with pytest.raises(EvaluationError):
-        Run.from_json(text.encode())
+        decode(text.encode(), Run, RUN_SCHEMA)
 
 
 @pytest.mark.parametrize(
@@ -65,13 +66,13 @@ def test_unknown_look_is_refused() -> None:
 def test_wrong_type_is_refused_with_the_name_of_the_field(
     path: tuple[str, ...], value: Any, message: str
 ) -> None:
-    document = json.loads(sample_run().to_json())
+    document = json.loads(encode(sample_run(), RUN_SCHEMA))
     part = document
     for name in path[:-1]:
         part = part[name]
     part[path[-1]] = value
     with pytest.raises(DuoBenchError, match=message):
-        Run.from_json(json.dumps(document).encode())
+        decode(json.dumps(document).encode(), Run, RUN_SCHEMA)
 
 
 def test_episodes_count_from_the_first() -> None:

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from duobench.envs.duo_env import ROUNDING
-from duobench.experts.expert import Expert, find_script, make_expert
+from duobench.evaluation import ExpertPolicy
+from duobench.experts.expert import Expert, find_script
 from duobench.experts.motion import Arms, Script
 from duobench.experts.variety import HUMAN, NONE, Variety
 from duobench.scene.fr3 import VELOCITY_LIMITS
@@ -106,7 +107,7 @@ def test_an_expert_only_reads_the_simulation_and_keeps_to_the_limits(
 ) -> None:
     env = make(name)
     simulation = sim_of(env).simulation
-    assert changed_in_episode(env, make_expert(name, simulation, variety=variety)) == []
+    assert changed_in_episode(env, ExpertPolicy(env, variety)) == []
     if not any(prop.choice for prop in simulation.props.values()):
         model = model_bytes(simulation.model)
         env.reset(seed=OTHER_SEED)

@@ -65,8 +65,9 @@ def test_same_actions_have_the_same_outcome_as_in_an_evaluation(
                 turn = episodes.execute(chunk_of(turn.observation["agent_pos"]))
             assert episodes._env is not None
             assert episodes._env.get_wrapper_attr("state_hash")() == record.state_hash
-            assert (turn.stage, turn.steps) == (record.final_stage, record.steps)
-            assert (turn.success, turn.progress) == (record.success, record.progress)
+            assert (turn.info["stage"], turn.steps) == (record.final_stage, record.steps)
+            assert turn.info["max_stage"] == record.max_stage
+            assert (turn.info["success"], turn.reward) == (record.success, record.progress)
             assert record.suite_version == SUITE_VERSION
             successes.add(record.success)
     assert successes == {True, False}
@@ -79,7 +80,7 @@ def test_single_actions_are_chunks_of_one_and_the_horizon_counts_control_steps()
     assert episodes.execute(still).steps == 1
     assert episodes.execute(np.tile(still, (2, 1))).steps == 3
     last = episodes.execute(np.tile(still, (30, 1)))
-    assert (last.steps, last.is_over, last.success) == (7, True, False)
+    assert (last.steps, last.is_over, last.info["success"]) == (7, True, False)
     episodes.close()
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import duobench
 from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
-from duobench.experts.expert import make_expert
+from duobench.evaluation import ExpertPolicy
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.bowl import FLOOR
 from duobench.objects.chest import HINGE, LID_UNDERSIDE, WALL
@@ -33,7 +33,7 @@ def states(name: str, seed: int) -> Iterator[Simulation]:
     env = duobench.make(name, cameras=False)
     env.reset(seed=seed)
     simulation = sim_of(env).simulation
-    expert = make_expert(name, simulation)
+    expert = ExpertPolicy(env)
     expert.reset("", seed)
     number, over = 0, False
     while not over:

@@ -141,10 +141,9 @@ def _chosen(
     key_file: Path | None,
 ) -> PolicyChoice:
     from duobench.evaluation.choice import PolicyChoice
-    from duobench.evaluation.served import SERVED
     from duobench.policy.batch import MAX_BATCH, Batching
     from duobench.policy.serving.access import read_key
-    from duobench.policy.serving.address import RemoteServer
+    from duobench.policy.serving.address import SERVED, RemoteServer
     from duobench.policy.serving.layout import read_layout
 
     batching = remote = None

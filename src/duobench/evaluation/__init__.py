@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from duobench.evaluation.choice import PolicyChoice as PolicyChoice
     from duobench.evaluation.demonstrations import Attempt as Attempt
     from duobench.evaluation.demonstrations import record as record
+    from duobench.evaluation.episode import Job as Job
     from duobench.evaluation.evaluate import Observer as Observer
     from duobench.evaluation.evaluate import evaluate as evaluate
     from duobench.evaluation.executor import Executor as Executor

@@ -10,11 +10,10 @@ from duobench.errors import PolicyError
 from duobench.evaluation import policies
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.policies import PolicySource
-from duobench.evaluation.served import OPENPI, SERVED
 from duobench.evaluation.suite import TaskInfo
 from duobench.policy import Batching
 from duobench.policy.serving import importing
-from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.address import OPENPI, SERVED, RemoteServer
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -155,7 +155,7 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
             f"{data.path} holds episodes that were recorded in another way; record into a folder "
             "of its own, and merge the two data sets afterwards."
         )
-    write(path, run.to_json())
+    write(path, encode(run, RUN_SCHEMA))
     attempts = data.path / ATTEMPTS
     listed: tuple[Attempt, ...] = ()
     if attempts.exists():

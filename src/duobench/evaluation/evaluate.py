@@ -11,7 +11,7 @@ from typing import Protocol
 
 from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.choice import PolicyChoice
-from duobench.evaluation.episode import RecordingPlan
+from duobench.evaluation.episode import Job, RecordingPlan
 from duobench.evaluation.executor import Executor, LocalExecutor, ProcessExecutor
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
@@ -19,6 +19,7 @@ from duobench.evaluation.metrics import Results
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.report import write_report
 from duobench.evaluation.suite import Run, Suite
+from duobench.files import locked
 from duobench.sim import rendering
 from duobench.versions import package_versions
 
@@ -75,7 +76,7 @@ def evaluate(
     """
     limits = limits or TimeLimits()
     executor = executor_for(policy, suite, limits, videos, workers)
-    with folder.locked(), closing(executor):
+    with locked(folder.path), closing(executor):
         setup = executor.prepare()
         run = Run(
             policy=setup.policy,
@@ -128,8 +129,9 @@ def executor_for(
         )
     choice = PolicyChoice(name=policy) if isinstance(policy, str) else policy
     choice.check()
+    job = Job(policy=choice, tasks=suite.tasks, limits=limits, look=suite.look, recording=recording)
     if workers == 0:
-        return LocalExecutor(choice, suite.tasks, limits, suite.look, recording)
+        return LocalExecutor(job)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if videos:
@@ -137,4 +139,4 @@ def executor_for(
     elif (":" in choice.name or choice.server) and workers > 1:
         with suppress(RenderingError):
             rendering.choose(processes=workers)
-    return ProcessExecutor(choice, suite.tasks, limits, workers, suite.look, recording)
+    return ProcessExecutor(job, workers)

@@ -13,9 +13,8 @@ import msgspec
 
 from duobench import errors
 from duobench.errors import EvaluationError, MachineryError, MessageError
-from duobench.evaluation.choice import PolicyChoice, find_source
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job, RecordingPlan
-from duobench.evaluation.limits import TimeLimits
+from duobench.evaluation.choice import find_source
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.records import EpisodeRecorder
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.worker import (
@@ -29,7 +28,6 @@ from duobench.evaluation.worker import (
     Stop,
     Worker,
 )
-from duobench.scene.looks import DEFAULT
 
 MAX_ATTEMPTS = 3
 """How often an episode is begun before a fault of the machinery ends the run."""
@@ -82,26 +80,9 @@ class Executor(Protocol):
 class _JobExecutor:
     """What both executors know: their job, and what went wrong in it."""
 
-    def __init__(
-        self,
-        policy: PolicyChoice,
-        tasks: Sequence[TaskInfo],
-        limits: TimeLimits,
-        look: str = DEFAULT,
-        recording: RecordingPlan | None = None,
-    ) -> None:
-        """Remember what to play.
-
-        Args:
-            policy: The policy.
-            tasks: The tasks of the suite.
-            limits: How long the policy may take.
-            look: Name of the look of the suite.
-            recording: Whether and where episodes are recorded.
-        """
-        self._job = Job(
-            policy=policy, tasks=tuple(tasks), limits=limits, look=look, recording=recording
-        )
+    def __init__(self, job: Job) -> None:
+        """Remember what to play, and how."""
+        self._job = job
         self._faults: Counter[Episode] = Counter()
 
     def _note_fault(self, episode: Episode, fault: str) -> None:
@@ -158,17 +139,9 @@ class ProcessExecutor(_JobExecutor):
     `if __name__ == "__main__":` guard.
     """
 
-    def __init__(
-        self,
-        policy: PolicyChoice,
-        tasks: Sequence[TaskInfo],
-        limits: TimeLimits,
-        workers: int,
-        look: str = DEFAULT,
-        recording: RecordingPlan | None = None,
-    ) -> None:
+    def __init__(self, job: Job, workers: int) -> None:
         """Remember what to play, by at most so many processes, which are started when needed."""
-        super().__init__(policy, tasks, limits, look, recording)
+        super().__init__(job)
         self._for_workers = self._job
         self._most = workers
         self._host: Worker | None = None

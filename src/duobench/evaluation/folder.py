@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Run, TaskInfo
-from duobench.files import TEMPORARY_SUFFIX, locked, read, remove_temporary, write, writing
+from duobench.files import TEMPORARY_SUFFIX, encode, read, remove_temporary, write, writing
 from duobench.randomness import SUITE_VERSION, episode_seed
 
 VIDEO_SUFFIX = ".webm"
@@ -54,10 +53,8 @@ class RunFolder:
         Raises:
             OtherRunError: If the folder holds another run, or files that belong to none.
         """
-        before = None
         if self.description.exists():
-            before = self.read_run()
-            differences = run.differences(before)
+            differences = run.differences(self.read_run())
             if differences and any(self.path.glob("records/*/*.json")):
                 raise OtherRunError(
                     f"{self.path} holds another evaluation; this one has {'; '.join(differences)}."
@@ -67,13 +64,8 @@ class RunFolder:
             for each in self.path.iterdir()
         ):
             raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
-        if run != before:
-            write(self.description, run.to_json())
+        write(self.description, encode(run, RUN_SCHEMA))
         remove_temporary(self.path)
-
-    def locked(self) -> AbstractContextManager[None]:
-        """Keep a second evaluation out of the folder; see `duobench.files.locked`."""
-        return locked(self.path)
 
     def read_run(self) -> Run:
         """The description of the run.
@@ -139,7 +131,7 @@ class RunFolder:
         """
         if video is not None:
             write(self.video(record.task, record.episode), video)
-        write(self.record(record.task, record.episode), record.to_json())
+        write(self.record(record.task, record.episode), encode(record, RECORD_SCHEMA))
 
     def discard(self, record: EpisodeRecord) -> None:
         """Remove record and video of an episode, which makes it one that is still to be played."""

@@ -13,12 +13,12 @@ import gymnasium as gym
 
 from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError
-from duobench.evaluation.served import SERVED
 from duobench.evaluation.suite import TaskInfo
 from duobench.experts.expert import Expert, find_script
 from duobench.experts.variety import NONE, VARIETIES, Variety, find_variety
 from duobench.policy import BASELINES, Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.registry import make_any, source_version, versioned_metadata
+from duobench.policy.serving.address import SERVED
 
 EXPERT = "expert"
 """The name under which each task's scripted expert is a policy; `expert:NAME` has a variety."""

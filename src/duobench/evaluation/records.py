@@ -17,7 +17,6 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, PolicyTimeoutError, printable, traceback_text
 from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.evaluation.suite import Episode, Setup
-from duobench.files import decode, encode
 from duobench.randomness import SUITE_VERSION
 
 RECORD_SCHEMA = 3
@@ -125,20 +124,6 @@ class EpisodeRecord:
         else:
             text = traceback_text(error)
         return replace(self, success=False, success_at_end=False, steps=steps, error=text)
-
-    def to_json(self) -> str:
-        """As JSON text, one field a line; the same record always gives the same text."""
-        return encode(self, RECORD_SCHEMA)
-
-    @staticmethod
-    def from_json(text: bytes | str) -> EpisodeRecord:
-        """From the text that `to_json` gave.
-
-        Raises:
-            EvaluationError: If it is no JSON, another schema, or a field is missing, unknown or of
-                a wrong type.
-        """
-        return decode(text, EpisodeRecord, RECORD_SCHEMA)
 
 
 class EpisodeRecorder:

@@ -15,9 +15,8 @@ import msgspec
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.served import SERVED
-from duobench.files import decode, encode
 from duobench.policy import Batching, PolicyMetadata
+from duobench.policy.serving.address import SERVED
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed
 from duobench.scene import looks
 from duobench.tasks import catalog
@@ -219,20 +218,6 @@ class Run:
             words += ["--act-timeout", f"{limits.act_s:g}"]
             words += ["--episode-timeout", f"{limits.episode_s:g}"]
         return shlex.join([*words, "--out", "DIR"])
-
-    def to_json(self) -> str:
-        """As JSON text with a final line feed."""
-        return encode(self, RUN_SCHEMA)
-
-    @staticmethod
-    def from_json(text: bytes | str) -> Run:
-        """From the text that `to_json` gave.
-
-        Raises:
-            EvaluationError: If it is no JSON or describes no run of this version; the message
-                names the field.
-        """
-        return decode(text, Run, RUN_SCHEMA)
 
     def differences(self, other: Run) -> list[str]:
         """What another run has differently, field by field; its number of episodes may be lower."""

@@ -93,18 +93,3 @@ def find_script(task: Task | str) -> Callable[[Arms], Script]:
         return load(task.expert, "script", callable)
     except DuoBenchError as error:
         raise PolicyError(f"The expert of task {task.id!r}: {error}") from error
-
-
-def make_expert(task: Task | str, simulation: Simulation, variety: Variety = NONE) -> Expert:
-    """The expert of a task, bound to the simulation that it reads.
-
-    Args:
-        task: The task, its id, or its import path `module:attribute`.
-        simulation: That of the environment the expert acts in: `env.unwrapped.simulation`.
-        variety: How its episodes differ from the plain script.
-
-    Raises:
-        PolicyError: The task has no expert.
-    """
-    task = catalog.get(task)
-    return Expert(simulation, find_script(task), variety=variety, task_id=task.id)

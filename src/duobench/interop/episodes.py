@@ -34,22 +34,10 @@ class Turn:
     """The reward of the last control step."""
     is_over: bool
     """Whether the episode is over."""
-    stage: int
-    """Highest stage that was reached, 0 for none."""
-    max_stage: int
-    """The task's last stage."""
+    info: Mapping[str, Any]
+    """The environment's, with `success`, `stage` and `max_stage`."""
     steps: int
     """Control steps of the episode so far."""
-
-    @property
-    def success(self) -> bool:
-        """Whether the last stage was reached."""
-        return self.stage == self.max_stage
-
-    @property
-    def progress(self) -> float:
-        """Highest stage over last stage, 0..1."""
-        return self.stage / self.max_stage
 
 
 class Episodes:
@@ -99,7 +87,7 @@ class Episodes:
         seed = episode_seed(catalog.get(task).id, index)
         observation, info = self._env.reset(seed=seed)
         self._instruction = info["instruction"]
-        self._last = _turn(observation, 0.0, info, is_over=False, steps=0)
+        self._last = Turn(observation=observation, reward=0.0, is_over=False, info=info, steps=0)
         return self._last
 
     def execute(self, actions: ArrayLike) -> Turn:
@@ -120,9 +108,14 @@ class Episodes:
             for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
                 self._set_rendering(self._env, left == 0)
                 observation, reward, terminated, truncated, info = self._env.step(action)
-                is_over = terminated or truncated
-                turn = _turn(observation, reward, info, is_over=is_over, steps=turn.steps + 1)
-                if is_over:
+                turn = Turn(
+                    observation=observation,
+                    reward=float(reward),
+                    is_over=terminated or truncated,
+                    info=info,
+                    steps=turn.steps + 1,
+                )
+                if turn.is_over:
                     break
         except BaseException:
             self.close()  # whatever broke may have left it in any state
@@ -162,16 +155,3 @@ class Episodes:
         if self._env is not None:
             self._env.close()
         self._env = self._import_path = self._last = None
-
-
-def _turn(
-    observation: Observation, reward: Any, info: Mapping[str, Any], *, is_over: bool, steps: int
-) -> Turn:
-    return Turn(
-        observation=observation,
-        reward=float(reward),
-        is_over=bool(is_over),
-        stage=int(info["stage"]),
-        max_stage=int(info["max_stage"]),
-        steps=steps,
-    )

@@ -146,8 +146,8 @@ class DuoBench(StepBenchmark):
         self._recorder.record_step(
             reward=turn.reward,
             done=turn.is_over,
-            success=turn.success,
-            stage=turn.stage,
+            success=turn.info["success"],
+            stage=turn.info["stage"],
             steps=turn.steps,
         )
         return StepResult(obs=turn, reward=turn.reward, done=turn.is_over, info={})
@@ -158,8 +158,9 @@ class DuoBench(StepBenchmark):
 
     def get_step_result(self, step_result: StepResult) -> dict[str, Any]:
         """How the episode has gone so far: `success`, `progress` 0..1 and the highest `stage`."""
-        turn = step_result.obs
-        return {"success": turn.success, "progress": turn.progress, "stage": turn.stage}
+        info = step_result.obs.info
+        progress = info["stage"] / info["max_stage"]
+        return {"success": info["success"], "progress": progress, "stage": info["stage"]}
 
     def get_metric_keys(self) -> dict[str, str]:
         """Success and progress are averaged; a stage means something for one task only."""

@@ -3,25 +3,24 @@
 It needs NumPy only: where a policy runs, there need be no simulator.
 """
 
-from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
-from duobench.policy.batch import Batching, BatchPolicy, Session, SessionPolicy, noise
-from duobench.policy.compatibility import check_fits
-from duobench.policy.protocol import Policy, PolicyMetadata, as_chunk
-from duobench.policy.registry import BASELINES, make
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "BASELINES",
-    "BatchPolicy",
-    "Batching",
-    "HoldPolicy",
-    "Policy",
-    "PolicyMetadata",
-    "RandomPolicy",
-    "Session",
-    "SessionPolicy",
-    "ZeroPolicy",
-    "as_chunk",
-    "check_fits",
-    "make",
-    "noise",
-]
+from duobench.references import lazy
+
+if TYPE_CHECKING:
+    from duobench.policy.baselines import HoldPolicy as HoldPolicy
+    from duobench.policy.baselines import RandomPolicy as RandomPolicy
+    from duobench.policy.baselines import ZeroPolicy as ZeroPolicy
+    from duobench.policy.batch import Batching as Batching
+    from duobench.policy.batch import BatchPolicy as BatchPolicy
+    from duobench.policy.batch import Session as Session
+    from duobench.policy.batch import SessionPolicy as SessionPolicy
+    from duobench.policy.batch import noise as noise
+    from duobench.policy.compatibility import check_fits as check_fits
+    from duobench.policy.protocol import Policy as Policy
+    from duobench.policy.protocol import PolicyMetadata as PolicyMetadata
+    from duobench.policy.protocol import as_chunk as as_chunk
+    from duobench.policy.registry import BASELINES as BASELINES
+    from duobench.policy.registry import make as make
+
+lazy(__name__)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from duobench.errors import PolicyError, traceback_text
 from duobench.policy.batch import (
@@ -22,6 +22,8 @@ from duobench.policy.batch import (
     begin,
     end,
 )
+
+T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
@@ -85,11 +87,7 @@ class InferenceLoop:
             BusyError: If too many requests wait, or the loop has ended.
         """
         errand = _Errand(lambda: begin(self._policy, instruction, seed))
-        with self._news:
-            self._check_room()
-            self._errands.append(errand)
-            self._news.notify()
-        return errand.future
+        return self._queued(errand, self._errands).future
 
     def act(self, session: Session, observation: Observation) -> Future[Chunk]:
         """Ask for the next actions of an episode, once its last request is answered.
@@ -102,12 +100,7 @@ class InferenceLoop:
         Raises:
             BusyError: If too many requests wait, or the loop has ended.
         """
-        question = _Question(session, observation)
-        with self._news:
-            self._check_room()
-            self._questions.append(question)
-            self._news.notify()
-        return question.future
+        return self._queued(_Question(session, observation), self._questions).future
 
     def end(self, session: Session) -> None:
         """Tell the policy, when it has time, that an episode is over."""
@@ -133,10 +126,14 @@ class InferenceLoop:
         for waiting in (*self._errands, *self._questions):
             waiting.future.cancel()
 
-    def _check_room(self) -> None:
-        if self._is_over or len(self._questions) + len(self._errands) >= MAX_WAITING:
-            what = "has ended" if self._is_over else f"has {MAX_WAITING} requests waiting"
-            raise BusyError(f"The policy's server {what}.")
+    def _queued(self, request: T, queue: deque[T]) -> T:
+        with self._news:
+            if self._is_over or len(self._questions) + len(self._errands) >= MAX_WAITING:
+                what = "has ended" if self._is_over else f"has {MAX_WAITING} requests waiting"
+                raise BusyError(f"The policy's server {what}.")
+            queue.append(request)
+            self._news.notify()
+        return request
 
     def _wait(self) -> bool:
         """Wait for something to do; whether the loop goes on."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from urllib.parse import SplitResult, urlsplit
 
 from duobench.errors import ServingError
@@ -16,8 +18,32 @@ WAIT_S = 60.0
 """Default seconds to wait for a server that is not there yet, or not there again."""
 MAX_S = 86_400.0
 """Most seconds for one answer, and to wait: a day; sockets know no endless time."""
-WEBSOCKET = ("ws", "wss")
+_WEBSOCKET = ("ws", "wss")
 """What the address of a WebSocket begins with."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ServerKind:
+    """How servers of one kind are used."""
+
+    client: str
+    """Import path of the class that connects, a `ConnectedPolicy`."""
+    schemes: tuple[str, ...] = _WEBSOCKET
+    """What the address of such a server may begin with; without any, it is HOST:PORT."""
+
+
+OPENPI = ServerKind(client="duobench.policy.serving.client:RemotePolicy")
+"""Those of DuoBench, and all others that speak openpi's protocol."""
+SERVED: Mapping[str, ServerKind] = MappingProxyType(
+    {
+        "openpi": OPENPI,
+        "vla-eval": ServerKind(client="duobench.policy.serving.vla_eval:VlaEvalPolicy"),
+        "vlagents": ServerKind(
+            client="duobench.policy.serving.vlagents:VLAgentsPolicy", schemes=()
+        ),
+    }
+)
+"""Kinds of servers, by the name under which a policy that somebody else serves is evaluated."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -36,9 +62,8 @@ class RemoteServer:
     """Seconds for one answer."""
     wait_s: float = WAIT_S
     """Seconds to wait for a server that is not there."""
-    schemes: tuple[str, ...] = WEBSOCKET
-    """What the address may begin with, which the kind of the server decides; of a kind without
-    any, the address is HOST:PORT."""
+    schemes: tuple[str, ...] = _WEBSOCKET
+    """Those of its `ServerKind`."""
 
     def __post_init__(self) -> None:
         """Reject what is no address, or holds more than one."""

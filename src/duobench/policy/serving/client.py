@@ -18,7 +18,6 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, read, unpack
 from duobench.policy.serving.connection import reported
 from duobench.policy.serving.dialect import OURS, Dialect, actions_of, dialect_of
-from duobench.policy.serving.layout import Layout
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 from duobench.policy.serving.websocket import WebSocketPolicy
 
@@ -77,9 +76,8 @@ class RemotePolicy(WebSocketPolicy):
         self._dialect = dialect = dialect_of(hello, server.parts.path)
         if dialect is OURS:
             return _described(hello[OURS.name], server)
-        layout, name = server.layout or Layout(), dialect.name
-        facts = server.layout
-        return self._foreign_metadata(layout, name, name, facts, seeded=dialect.has_seed), None
+        name, facts = dialect.name, server.layout
+        return self._foreign_metadata(name, name, facts, seeded=dialect.has_seed), None
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:

@@ -27,7 +27,7 @@ from duobench.errors import (
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.protocol import PolicyMetadata
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.layout import Layout
+from duobench.policy.serving.layout import Layout, read_layout
 
 C = TypeVar("C")
 
@@ -42,6 +42,8 @@ class ConnectedPolicy(ABC, Generic[C]):
     """What the policy expects of the environment."""
     batching: Batching | None
     """How many observations the server answers together, if it tells."""
+    _usual_layout: ClassVar[str | None] = None
+    """Name of the layout of a server for which none is given; None takes openpi's keys."""
     _breaks: ClassVar[tuple[type[Exception], ...]] = (OSError, EOFError)
     """What is raised where there is no connection, or no more."""
 
@@ -57,6 +59,8 @@ class ConnectedPolicy(ABC, Generic[C]):
             MachineryError: If there is no server of this kind.
         """
         self._server = server
+        usual = self._usual_layout
+        self._layout = server.layout or (Layout() if usual is None else read_layout(usual))
         self._ending = ExitStack()
         self._connection: C | None = None
         self._served: tuple[PolicyMetadata, Batching | None] | None = None
@@ -128,12 +132,12 @@ class ConnectedPolicy(ABC, Generic[C]):
         """What a server that lives would do, and this one does not; None if it lives."""
 
     def _foreign_metadata(
-        self, layout: Layout, name: str, version: str, facts: object, *, seeded: bool = False
+        self, name: str, version: str, facts: object, *, seeded: bool = False
     ) -> PolicyMetadata:
         """What a policy of others expects; its version also says in which layout."""
         digest = hashlib.sha256(repr(facts).encode(errors="replace")).hexdigest()[:16]
         version = f"{version}, layout {digest}, {self._server.executed}"
-        return layout.metadata(name, version, seeded=seeded)
+        return self._layout.metadata(name, version, seeded=seeded)
 
     def _start(self, seed: int) -> None:
         with self._talking() as connection:

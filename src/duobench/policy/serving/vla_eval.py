@@ -18,17 +18,13 @@ from duobench import __version__
 from duobench.errors import DuoBenchError, MachineryError, MessageError, ServingError, printable
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.protocol import PolicyMetadata, dimensions
-from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.connection import reported
 from duobench.policy.serving.dialect import actions_of
-from duobench.policy.serving.layout import read_layout
 from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.vla_eval_specs import Declared, contradictions
 from duobench.policy.serving.websocket import WebSocketPolicy
 
-LAYOUT = "vla_eval"
-"""The layout of a server for which no other is given."""
 _LONGEST_NAME = 80
 """Characters of a server's name and version that are kept."""
 
@@ -37,14 +33,10 @@ class VlaEvalPolicy(WebSocketPolicy):
     """A policy at a model server, as a plain one; its noise follows from no seed."""
 
     health_path = "/health"
+    _usual_layout = "vla_eval"
     _seq = 0
     _start_seq = 0
     _is_playing = False
-
-    def __init__(self, server: RemoteServer) -> None:
-        """Connect, and compare what the server says about itself with the layout."""
-        self._layout = server.layout or read_layout(LAYOUT)
-        super().__init__(server)
 
     def close(self) -> None:
         """End the episode, and close the connection."""
@@ -127,8 +119,8 @@ class VlaEvalPolicy(WebSocketPolicy):
                 f"The server and the layout contradict each other: {'; '.join(problems)}. Use a "
                 "layout that says what this server does, or a server that was made for this one."
             )
-        name = printable(declared.model_server)[:_LONGEST_NAME] or LAYOUT
+        name = printable(declared.model_server)[:_LONGEST_NAME] or "vla_eval"
         harness = printable(declared.harness_version)[:_LONGEST_NAME] or "unknown"
         facts = {key: hello.get(key) for key in ("observation_params", "action_spec")}
         version = f"vla-eval {harness}, {name}"
-        return self._foreign_metadata(self._layout, name, version, (self._layout, facts)), None
+        return self._foreign_metadata(name, version, (self._layout, facts)), None

@@ -17,7 +17,7 @@ from duobench.policy.serving import limits
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.calls import CallConnection, CallError
 from duobench.policy.serving.connection import ConnectedPolicy, reported
-from duobench.policy.serving.layout import ActionLayout, Layout, read_layout
+from duobench.policy.serving.layout import ActionLayout, Layout
 from duobench.policy.serving.vlagents_messages import actions_from, observation_text
 
 LAYOUT = "vlagents"
@@ -35,10 +35,12 @@ class VLAgentsPolicy(ConnectedPolicy[CallConnection]):
     A layout for it has the fields of VLAgents' observations for keys; there are no keys to get in.
     """
 
+    _usual_layout = LAYOUT
+
     def __init__(self, server: RemoteServer) -> None:
         """Connect, and wait until the agent is loaded."""
-        self._layout = server.layout or read_layout(LAYOUT)
-        _check(self._layout)
+        if server.layout is not None:
+            _check(server.layout)
         super().__init__(server)
 
     def _dial(self) -> AbstractContextManager[CallConnection]:
@@ -60,7 +62,7 @@ class VLAgentsPolicy(ConnectedPolicy[CallConnection]):
                 self._wait(_LOADING_S, "its agent is still being loaded, or could not be")
         except (CallError, MessageError) as error:
             raise MachineryError(f"What answers is no server of VLAgents: {error}") from error
-        return self._foreign_metadata(self._layout, f"vlagents {agent}", agent, self._layout), None
+        return self._foreign_metadata(f"vlagents {agent}", agent, self._layout), None
 
     def _begin(self, connection: CallConnection, seed: int) -> None:  # noqa: ARG002 - it takes none
         """See whether the server is there; only observations tell it the instruction."""
