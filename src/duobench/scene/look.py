@@ -14,7 +14,7 @@ from typing import Any
 
 import msgspec
 
-from duobench.errors import OptionError, UnknownNameError
+from duobench.errors import OptionError, UnknownNameError, check_known
 from duobench.scene.cameras import OVERVIEW
 from duobench.scene.colours import RGB
 from duobench.scene.textures import TEXTURES
@@ -53,12 +53,13 @@ class Material:
         _check_colour("colour", self.colour)
         _check_colour("second_colour", self.second_colour)
         _check_range("contrast", self.contrast, 0.0, 1.0)
-        if self.texture is not None and self.texture not in TEXTURES:
-            raise UnknownNameError("texture", self.texture, TEXTURES)
-        if self.texture is not None and self.image is not None:
-            raise OptionError(
-                f"A material has a texture or an image, got {self.texture!r} and {self.image!r}."
-            )
+        if self.texture is not None:
+            check_known("texture", self.texture, TEXTURES)
+            if self.image is not None:
+                raise OptionError(
+                    f"A material has a texture or an image, got {self.texture!r} and "
+                    f"{self.image!r}."
+                )
         if self.second_colour is not None and (self.colour is None or self.texture is None):
             raise OptionError("A second colour needs a texture and a first colour.")
 
@@ -145,11 +146,9 @@ class Look:
     def __post_init__(self) -> None:
         """Reject invalid values."""
         for name in self.parts:
-            if name not in PARTS:
-                raise UnknownNameError("part of the workcell", name, PARTS)
+            check_known("part of the workcell", name, PARTS)
         for name in self.cameras:
-            if name not in (*POLICY_CAMERAS, OVERVIEW):
-                raise UnknownNameError("camera", name, (*POLICY_CAMERAS, OVERVIEW))
+            check_known("camera", name, (*POLICY_CAMERAS, OVERVIEW))
         every = self.objects.get(EVERY_OBJECT, Material())
         if every.colour is not None or every.image is not None:
             raise OptionError(

@@ -15,7 +15,7 @@ from importlib import resources
 import mujoco
 import numpy as np
 
-from duobench.errors import AssetError, UnknownNameError
+from duobench.errors import AssetError, check_known
 from duobench.objects.solid import Mesh
 
 FILE = "robot_meshes.npz"
@@ -38,8 +38,7 @@ def add_robot_mesh(spec: mujoco.MjSpec, name: str) -> str:
         AssetError: The data file is missing or damaged.
     """
     meshes = robot_meshes()
-    if name not in meshes:
-        raise UnknownNameError("mesh of the robot", name, meshes)
+    check_known("mesh of the robot", name, meshes)
     if spec.mesh(name) is None:
         spec.add_mesh(
             name=name,

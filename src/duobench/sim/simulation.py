@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 import mujoco
 import numpy as np
 
-from duobench.errors import LayoutError, SimulationError, UnknownNameError
+from duobench.errors import LayoutError, SimulationError, check_known
 from duobench.objects.prop import Prop
 from duobench.objects.solid import corner_points
 from duobench.scene.cameras import OVERVIEW_VIEW, View
@@ -217,10 +217,8 @@ class Simulation:
 
     def place(self, name: str, pose: SE3) -> None:
         """Put a prop at a pose in the table frame, at rest; call `forward` after the last one."""
-        prop = self.props.get(name)
-        if prop is None:
-            raise UnknownNameError("object", name, self.props)
-        if prop.fixed:
+        check_known("object", name, self.props)
+        if self.props[name].fixed:
             number = self.model.body(name).mocapid[0]
             self.data.mocap_pos[number] = pose.translation
             self.data.mocap_quat[number] = pose.wxyz
