@@ -83,7 +83,7 @@ class Display:
     def say(self, line: str) -> None:
         """Print a line, if there are no bars; a report will say it then."""
         if self._progress.disable:
-            self._console.print(line, soft_wrap=True)
+            self._console.print(line)
 
 
 @contextmanager
