@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import msgspec
@@ -188,7 +188,6 @@ class Look:
         Raises:
             OptionError: A field is unknown or of a wrong type, or a value is invalid.
         """
-        _check_known(data, {one.name: None for one in fields(Look)})
         try:
             look = msgspec.convert(dict(data), Look)
         except msgspec.ValidationError as error:
