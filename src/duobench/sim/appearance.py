@@ -30,10 +30,6 @@ class Appearance:
     def __init__(self, model: mujoco.MjModel, look: Look) -> None:
         """Resolve every name, and make the pictures.
 
-        Args:
-            model: The compiled model.
-            look: The look.
-
         Raises:
             UnknownNameError: The look names an object that the model has not.
             AssetError: An image file cannot be read.
