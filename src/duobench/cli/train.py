@@ -55,8 +55,7 @@ def train(
     screen.print(" \\\n  ".join(map(shlex.quote, command)))
     width = max(len(setting.argument) for setting in planned.settings)
     for setting in planned.settings:
-        line = f"{setting.argument:{min(width, 48)}}  {setting.why}"
-        screen.print(line)
+        screen.print(f"{setting.argument:{min(width, 48)}}  {setting.why}")
     if only_print:
         return
     code = subprocess.run([training.program(), *command[1:]], check=False).returncode
