@@ -99,12 +99,10 @@ def recover(data: tyro.conf.Positional[Path]) -> None:
     with locked(source.path):
         for partial in source.partials():
             try:
-                path = source.recover(partial)
+                screen.print(str(source.recover(partial)))
             except (DataError, OutputError) as error:
                 lost += 1
                 screen.print(str(error))
-            else:
-                screen.print(str(path))
     if lost:
         sys.exit(1)
 

@@ -71,6 +71,12 @@ class View:
     target: tuple[float, float, float]
     fovy_deg: float
 
+    @property
+    def pose(self) -> SE3:
+        """Pose of the camera in the table frame, upright."""
+        eye = np.array(self.eye)
+        return looking(eye, np.array(self.target) - eye, np.array([0.0, 0.0, 1.0]))
+
 
 OVERVIEW_VIEW = View(eye=(2.35, -1.35, 1.42), target=(0.34, -0.03, 0.17), fovy_deg=37.0)
 """Robot and table from beyond the far edge; for a task that turns its back on it, see
@@ -140,7 +146,6 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
 
 
 def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:
-    """Add the camera for people, upright."""
-    eye = np.array(view.eye)
-    pose = looking(eye, np.array(view.target) - eye, np.array([0.0, 0.0, 1.0]))
+    """Add the camera for people."""
+    pose = view.pose
     world.add_camera(name=OVERVIEW, pos=pose.translation, quat=pose.wxyz, fovy=view.fovy_deg)

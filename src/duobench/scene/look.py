@@ -55,11 +55,10 @@ class Material:
         _check_range("contrast", self.contrast, 0.0, 1.0)
         if self.texture is not None:
             check_known("texture", self.texture, TEXTURES)
-            if self.image is not None:
-                raise OptionError(
-                    f"A material has a texture or an image, got {self.texture!r} and "
-                    f"{self.image!r}."
-                )
+        if self.texture is not None and self.image is not None:
+            raise OptionError(
+                f"A material has a texture or an image, got {self.texture!r} and {self.image!r}."
+            )
         if self.second_colour is not None and (self.colour is None or self.texture is None):
             raise OptionError("A second colour needs a texture and a first colour.")
 

@@ -36,8 +36,7 @@ def describe() -> RenderingInfo:
     Raises:
         RenderingError: No library works, or rendering is switched off.
     """
-    nothing = mujoco.MjSpec().compile()
-    with Renderer(nothing, height=1, width=1) as renderer:
+    with Renderer(mujoco.MjSpec().compile(), height=1, width=1) as renderer:
         return renderer.info
 
 
