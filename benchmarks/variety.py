@@ -28,7 +28,7 @@ from rich.table import Table
 
 import duobench
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.experts.variety import HUMAN, NONE, VARIETIES, find_variety
+from duobench.experts.variety import HUMAN, NONE, VARIETIES
 from duobench.randomness import TRAIN
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, SIDES
@@ -119,7 +119,7 @@ def path_of(env: gym.Env, expert: ExpertPolicy, *, layout_seed: int, seed: int) 
 def compare(task: str, variety: str, episodes: int = EPISODES) -> Comparison:
     """Play one task with a variety and without."""
     env = duobench.make(task, cameras=False, split=TRAIN)
-    varied, plain = ExpertPolicy(env, find_variety(variety)), ExpertPolicy(env, NONE)
+    varied, plain = ExpertPolicy(env, VARIETIES[variety]), ExpertPolicy(env, NONE)
     result = Comparison(
         task=task,
         varied=Paths(

@@ -158,6 +158,12 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
     return matrix_from_wxyz([math.cos(half), *(math.sin(half) * unit)])
 
 
+def rotation_by(vector: ArrayLike) -> Array:
+    """Rotation matrix (3, 3) of a rotation vector (3,), axis times angle in radians."""
+    angle = float(np.linalg.norm(vector))
+    return rotation_about(vector, angle) if angle > 0.0 else np.eye(3)
+
+
 def rotation_vector(rotation: ArrayLike) -> Array:
     """Rotation vector (3,), axis times angle in radians, of a rotation matrix (3, 3)."""
     w, *xyz = wxyz_from_matrix(rotation)

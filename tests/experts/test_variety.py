@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from duobench.errors import UnknownNameError
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.experts.variety import (
     HUMAN,
     NONE,
     STRAIGHT,
-    VARIETIES,
     WIDE,
     Variety,
     VarietySample,
-    find_variety,
 )
 from duobench.types import OPENING_SLOTS, SIDES, Side
 from tests.experts.baseline_episodes import Episode, make, play
@@ -126,12 +123,6 @@ def test_without_freedom_a_motion_is_that_of_the_script(variety: Variety) -> Non
         assert not sample.detour(WAY, 0.0).any()
         assert not sample.grasp_offset(0.0).translation.any()
         assert not sample.disturbance(np.zeros(2)).any()
-
-
-def test_a_variety_is_found_by_its_name() -> None:
-    assert [find_variety(name) for name in VARIETIES] == [NONE, HUMAN, WIDE]
-    with pytest.raises(UnknownNameError, match=r"variety 'humn'\. Did you mean 'human'"):
-        find_variety("humn")
 
 
 # --- episodes ------------------------------------------------------------------------------------

@@ -11,7 +11,8 @@ from duobench.errors import AssetError, UnknownNameError
 from duobench.objects import Mesh
 from duobench.scene import meshes
 from duobench.scene.compose import compose
-from duobench.scene.meshes import add_robot_mesh, decode, robot_meshes
+from duobench.scene.links import add_mesh
+from duobench.scene.meshes import decode, robot_meshes
 
 NAMES = sorted(robot_meshes())
 HULLS = [name for name in NAMES if name.endswith(":hull")]
@@ -106,10 +107,12 @@ def test_the_robot_uses_every_mesh_and_no_other() -> None:
 
 def test_a_mesh_is_added_once() -> None:
     spec = mujoco.MjSpec()
-    assert add_robot_mesh(spec, NAMES[0]) == add_robot_mesh(spec, NAMES[0]) == NAMES[0]
+    geoms = [add_mesh(spec, spec.worldbody, NAMES[0]) for _ in range(2)]
+    assert [geom.meshname for geom in geoms] == [NAMES[0]] * 2
     assert [mesh.name for mesh in spec.meshes] == [NAMES[0]]
 
 
 def test_an_unknown_name_is_rejected_with_the_near_ones() -> None:
+    spec = mujoco.MjSpec()
     with pytest.raises(UnknownNameError, match="'fr3/link1:hull'"):
-        add_robot_mesh(mujoco.MjSpec(), "fr3/link1:hul")
+        add_mesh(spec, spec.worldbody, "fr3/link1:hul")

@@ -11,9 +11,8 @@ from duobench.sim.handles import names_of, resolve, resolve_all
 TOY = """
 <mujoco>
   <worldbody>
-    <camera name="eye"/>
     <body name="pendulum">
-      <joint name="pivot"/><geom name="bob" size="0.1"/><geom size="0.1"/><site name="tip"/>
+      <joint name="pivot"/><geom size="0.1"/><site name="tip"/><site/>
     </body>
   </worldbody>
   <actuator><motor name="drive" joint="pivot"/></actuator>
@@ -29,10 +28,8 @@ def toy() -> mujoco.MjModel:
 KINDS = [
     (mujoco.mjtObj.mjOBJ_BODY, "body", "pendulum", 1),
     (mujoco.mjtObj.mjOBJ_JOINT, "joint", "pivot", 0),
-    (mujoco.mjtObj.mjOBJ_GEOM, "geom", "bob", 0),
     (mujoco.mjtObj.mjOBJ_SITE, "site", "tip", 0),
     (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator", "drive", 0),
-    (mujoco.mjtObj.mjOBJ_CAMERA, "camera", "eye", 0),
 ]
 
 
@@ -47,4 +44,4 @@ def test_names_become_ids(
 
 
 def test_nameless_elements_are_not_listed(toy: mujoco.MjModel) -> None:
-    assert names_of(toy, mujoco.mjtObj.mjOBJ_GEOM) == ["bob"]
+    assert names_of(toy, mujoco.mjtObj.mjOBJ_SITE) == ["tip"]

@@ -26,10 +26,11 @@ def undecided(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 
 @pytest.fixture
-def impostor(tmp_path: Path) -> Path:
-    """Something to run instead of the interpreter; a test writes what it does."""
+def impostor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Something that probes run instead of the interpreter; a test writes what it does."""
     path = tmp_path / "python"
     path.touch(mode=0o755)
+    monkeypatch.setattr(opengl.sys, "executable", str(path))
     return path
 
 
@@ -101,17 +102,18 @@ def test_several_children_draw_at_the_same_time() -> None:
     assert isinstance(probe(choose(), processes=2, seconds=0.1), RenderingInfo)
 
 
-def test_a_child_that_hangs_is_given_up(impostor: Path) -> None:
+def test_a_child_that_hangs_is_given_up(impostor: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     impostor.write_text("#!/bin/sh\nexec sleep 600\n")
-    outcome = probe("egl", processes=2, timeout_s=0.5, python=impostor)
+    monkeypatch.setattr(opengl, "PROBE_TIMEOUT_S", 0.5)
+    outcome = probe("egl", processes=2)
     assert outcome == "no image within 0.5 s; the driver hangs"
 
 
 def test_a_child_that_crashes_is_reported(impostor: Path) -> None:
     impostor.write_text("#!/bin/sh\nkill -SEGV $$\n")
-    assert probe("egl", python=impostor) == "the process ended with status -11"
+    assert probe("egl") == "the process ended with status -11"
     impostor.write_text("#!/bin/sh\necho 'no such card' >&2\nexit 1\n")
-    assert probe("egl", python=impostor) == "no such card"
+    assert probe("egl") == "no such card"
 
 
 def test_where_nothing_works_the_packages_to_install_are_named(tmp_path: Path) -> None:
@@ -228,8 +230,9 @@ def test_a_thread_hands_back_what_a_job_returns_or_raises() -> None:
     thread.finish()
 
 
-def test_a_caller_stops_waiting_for_a_job_that_hangs() -> None:
-    thread, never = Thread(timeout_s=0.2), threading.Event()
+def test_a_caller_stops_waiting_for_a_job_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(opengl, "FRAME_TIMEOUT_S", 0.2)
+    thread, never = Thread(), threading.Event()
     with pytest.raises(RenderingError, match=r"within 0\.2 s.*MUJOCO_GL=osmesa"):
         thread.call(never.wait)
     ran = []
@@ -245,9 +248,10 @@ def test_a_hung_thread_does_not_keep_a_process_alive() -> None:
         """
         import threading
         from duobench.errors import RenderingError
-        from duobench.sim.opengl import Thread
+        from duobench.sim import opengl
+        opengl.FRAME_TIMEOUT_S = 0.1
         try:
-            Thread(timeout_s=0.1).call(threading.Event().wait)
+            opengl.Thread().call(threading.Event().wait)
         except RenderingError:
             print("given up")
         """

@@ -11,11 +11,12 @@ PLAIN_WIDTH = 130
 def console() -> Console:
     """Standard output: coloured and as wide as the terminal, or plain and of one width.
 
-    Text is printed as it is: `[name]` and `:name:` come from people, not from us.
+    Text is printed as it is: `[name]` and `:name:` come from people, not from us, and only a
+    terminal breaks its lines.
     """
-    out = Console(highlight=False, markup=False, emoji=False)
+    out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
     if not out.is_terminal:
-        out = Console(highlight=False, markup=False, emoji=False, width=PLAIN_WIDTH)
+        out.width = PLAIN_WIDTH
     return out
 
 

@@ -59,7 +59,7 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
     table.add_row("All tasks", *map(str, whole), style="bold")
     screen = console()
     screen.print(table)
-    screen.print(f"Page: {write_page(source, summary, images=images)}", soft_wrap=True)
+    screen.print(f"Page: {write_page(source, summary, images=images)}")
 
 
 def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
@@ -77,7 +77,7 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
     with display(screen, "episode") as shown:
         problems = find_problems(source, workers=workers, progress=shown.tell)
     for problem in problems:
-        screen.print(f"{problem.path}: {problem.what}", soft_wrap=True)
+        screen.print(f"{problem.path}: {problem.what}")
     episodes = counted(len(source.episodes()), "episode")
     screen.print(f"{episodes}, {counted(len(problems), 'problem')}")
     if problems:
@@ -99,12 +99,10 @@ def recover(data: tyro.conf.Positional[Path]) -> None:
     with locked(source.path):
         for partial in source.partials():
             try:
-                path = source.recover(partial)
+                screen.print(str(source.recover(partial)))
             except (DataError, OutputError) as error:
                 lost += 1
-                screen.print(str(error), soft_wrap=True)
-            else:
-                screen.print(str(path), soft_wrap=True)
+                screen.print(str(error))
     if lost:
         sys.exit(1)
 
@@ -121,7 +119,7 @@ def merge(data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool 
     from duobench.data.arrange import merge as merge_into
 
     count = merge_into(sources, out, rename=rename)
-    console().print(f"{counted(count, 'episode')} in {out}", soft_wrap=True)
+    console().print(f"{counted(count, 'episode')} in {out}")
 
 
 def split(
@@ -145,4 +143,4 @@ def split(
 
     counts = split_into(source, *out, fraction=fraction, tasks=tasks, seed=seed)
     for folder, count in zip(out, counts, strict=True):
-        console().print(f"{counted(count, 'episode')} in {folder}", soft_wrap=True)
+        console().print(f"{counted(count, 'episode')} in {folder}")

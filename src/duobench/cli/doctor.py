@@ -25,10 +25,10 @@ def doctor() -> None:
         screen.print(heading, style="bold")
         try:
             for name, value in examine().items():
-                screen.print(f"  {name:<16}{value}", soft_wrap=True)
+                screen.print(f"  {name:<16}{value}")
         except DuoBenchError as error:
             is_well = False
-            screen.print(f"  does not work: {error}", style="red", soft_wrap=True)
+            screen.print(f"  does not work: {error}", style="red")
     if not is_well:
         sys.exit(1)
 

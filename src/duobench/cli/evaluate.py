@@ -15,9 +15,10 @@ from duobench.errors import PolicyError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.choice import PolicyChoice
     from duobench.evaluation.metrics import Results
     from duobench.evaluation.suite import Suite
+    from duobench.policy.batch import Batching
+    from duobench.policy.serving.address import RemoteServer
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -77,21 +78,16 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     load_engine()
     from duobench.cli.advice import advising, for_evaluation
     from duobench.cli.progress import EpisodesPlayed, display
+    from duobench.evaluation.choice import PolicyChoice
     from duobench.evaluation.evaluate import evaluate as play
     from duobench.evaluation.folder import RunFolder
     from duobench.evaluation.limits import TimeLimits
     from duobench.evaluation.suite import Suite, find_tasks
 
-    choice = _chosen(
-        policy,
-        batch=batch,
-        max_batch=max_batch,
-        server=server,
-        layout=layout,
-        execute=execute,
-        wait=wait,
-        key_file=key_file,
-    )
+    batching = _batching(batch, max_batch)
+    remote = _remote(policy, server, layout, execute, wait, key_file)
+    choice = PolicyChoice(name=policy, batching=batching, server=remote)
+    choice.check()
     suite = Suite(
         tasks=find_tasks(tasks), episodes=episodes, first_episode=first_episode, look=look
     )
@@ -118,53 +114,49 @@ def _show(results: Results, suite: Suite, page: Path, screen: Console) -> None:
     from duobench.cli.table import results_table
 
     screen.print(results_table(results, suite.episodes))
-    screen.print(f"Report: {page}", soft_wrap=True)
+    screen.print(f"Report: {page}")
     if results.overall.errors:
         screen.print(
             f"{counted(results.overall.errors, 'episode')} crashed, which counts as failed; "
             "the report has the tracebacks. To play what crashed again, give the same command "
             "with --retry-broken; a policy that was changed needs another --out.",
-            soft_wrap=True,
         )
         sys.exit(1)
 
 
-def _chosen(
+def _batching(mode: Literal["fixed", "dynamic"] | None, size: int | None) -> Batching | None:
+    from duobench.policy.batch import MAX_BATCH, Batching
+
+    if mode is None and size is None:
+        return None
+    return Batching(mode=mode or "fixed", size=MAX_BATCH if size is None else size)
+
+
+def _remote(
     policy: str,
-    *,
-    batch: Literal["fixed", "dynamic"] | None,
-    max_batch: int | None,
     server: str | None,
     layout: str | None,
     execute: int,
     wait: float,
     key_file: Path | None,
-) -> PolicyChoice:
-    from duobench.evaluation.choice import PolicyChoice
-    from duobench.policy.batch import MAX_BATCH, Batching
+) -> RemoteServer | None:
     from duobench.policy.serving.access import read_key
     from duobench.policy.serving.address import SERVED, RemoteServer
     from duobench.policy.serving.layout import read_layout
 
-    batching = remote = None
-    if batch is not None or max_batch is not None:
-        size = MAX_BATCH if max_batch is None else max_batch
-        batching = Batching(mode=batch or "fixed", size=size)
     if (policy in SERVED) != (server is not None):
         *others, last = SERVED
         names = policy if policy in SERVED else f"{', '.join(others)} or {last}"
         raise PolicyError(f"--policy {names} and --server URL go together.")
-    if server is not None:
-        remote = RemoteServer(
-            url=server,
-            key=read_key(key_file),
-            layout=None if layout is None else read_layout(layout),
-            execute=execute,
-            wait_s=wait,
-            schemes=SERVED[policy].schemes,
-        )
-    elif layout is not None:
-        raise PolicyError("--layout is for a policy at a --server.")
-    choice = PolicyChoice(name=policy, batching=batching, server=remote)
-    choice.check()
-    return choice
+    if server is None:
+        if layout is not None:
+            raise PolicyError("--layout is for a policy at a --server.")
+        return None
+    return RemoteServer(
+        url=server,
+        key=read_key(key_file),
+        layout=None if layout is None else read_layout(layout),
+        execute=execute,
+        wait_s=wait,
+        schemes=SERVED[policy].schemes,
+    )

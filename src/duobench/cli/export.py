@@ -67,7 +67,6 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     screen.print(
         f"{counted(done.episodes, 'episode')}, {counted(done.frames, 'frame')}, "
         f"{megabytes:.1f} MB in {out}",
-        soft_wrap=True,
     )
     if done.left_out:
         screen.print(f"Left out: {counted(done.left_out, 'episode')}, discarded or not wanted.")

@@ -30,13 +30,7 @@ class Display:
     """Bars that are updated in place, one for each name, or a line for each tenth of everything."""
 
     def __init__(self, console: Console, noun: str, progress: Progress) -> None:
-        """Show what is done.
-
-        Args:
-            console: Where lines are printed.
-            noun: What is counted, as of one.
-            progress: The bars, which are live; if they are disabled, lines are printed.
-        """
+        """Show what is done in bars, which are live, or in lines if the bars are disabled."""
         self._console, self._noun, self._progress = console, noun, progress
         self._bars: dict[str, TaskID] = {}
         self._successes: Counter[str] = Counter()
@@ -83,7 +77,7 @@ class Display:
     def say(self, line: str) -> None:
         """Print a line, if there are no bars; a report will say it then."""
         if self._progress.disable:
-            self._console.print(line, soft_wrap=True)
+            self._console.print(line)
 
 
 @contextmanager

@@ -68,7 +68,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             workers=workers,
             observers=[EpisodesKept(shown)],
         )
-    screen.print(_summary(attempts), soft_wrap=True)
+    screen.print(_summary(attempts))
 
 
 def _summary(attempts: Sequence[Attempt]) -> str:

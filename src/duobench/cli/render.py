@@ -60,4 +60,4 @@ def render(
         path = out / f"{info.id}-{seed}-{camera}.png"
         with writing(path):
             Image.fromarray(image).save(path)
-        screen.print(str(path), soft_wrap=True)
+        screen.print(str(path))

@@ -67,7 +67,6 @@ def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
                 screen.print(
                     f"{path.relative_to(data.path)}: first differs at step {result.first}, stage "
                     f"{result.stage} instead of {result.recorded_stage}",
-                    soft_wrap=True,
                 )
         wrong += sum(not result.is_exact for result in results)
         table.add_row(
@@ -82,7 +81,6 @@ def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
         screen.print(
             f"{counted(wrong, 'episode')} came out differently. On another kind of processor than "
             "the one that recorded, contacts amplify the last bit.",
-            soft_wrap=True,
         )
         sys.exit(1)
 
@@ -112,7 +110,7 @@ def _by_states(
                 target = out / path.parent.name / f"{path.stem}{VIDEO_SUFFIX}"
                 if (video := encode_video(_frames(source, recording))) is not None:
                     write(target, video)
-                    screen.print(str(target), soft_wrap=True)
+                    screen.print(str(target))
 
 
 def _frames(source: ImageSource, recording: Recording) -> Iterator[Image]:

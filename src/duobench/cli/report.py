@@ -27,4 +27,4 @@ def report(folder: tyro.conf.Positional[Path]) -> None:
     # First, so that the table of a folder can be had by who may only read it.
     screen.print(results_table(results, run.suite.episodes))
     write_report(run_folder)
-    screen.print(f"Report: {folder / run_folder.page.name}", soft_wrap=True)
+    screen.print(f"Report: {folder / run_folder.page.name}")

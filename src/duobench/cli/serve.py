@@ -48,6 +48,5 @@ def serve(
             f"Serving {metadata.name} at ws://{shown}:{place.port}, "
             f"{'with' if key else 'without'} a key, in {batching.mode} batches of at most "
             f"{batching.size}. Ctrl-C ends it.",
-            soft_wrap=True,
         )
         place.run()

@@ -52,11 +52,10 @@ def train(
         raise AdvisedError(f"{error} The command: {export}") from error
     command = planned.command(more)
     screen = console()
-    screen.print(" \\\n  ".join(map(shlex.quote, command)), soft_wrap=True, markup=False)
+    screen.print(" \\\n  ".join(map(shlex.quote, command)))
     width = max(len(setting.argument) for setting in planned.settings)
     for setting in planned.settings:
-        line = f"{setting.argument:{min(width, 48)}}  {setting.why}"
-        screen.print(line, soft_wrap=True, markup=False, highlight=False)
+        screen.print(f"{setting.argument:{min(width, 48)}}  {setting.why}")
     if only_print:
         return
     code = subprocess.run([training.program(), *command[1:]], check=False).returncode
@@ -66,5 +65,4 @@ def train(
     screen.print(
         f"Evaluate it: duobench eval --policy lerobot:{planned.checkpoint}"
         f"{' --tasks' + names if names else ''} --episodes 100 --out {out / 'evaluation'}",
-        soft_wrap=True,
     )

@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from filecmp import cmp
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 
 from duobench.data.dataset import SUFFIX, DataSet
@@ -39,17 +39,9 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
         raise DataError("There is nothing to merge; name at least one data set.")
     target = DataSet.open(out, how=f"merged from {len(sources)} data sets")
     with locked(target.path):
-        plan = _merged(sources, target, rename=rename)
-        _copy(plan)
-    return len(plan)
-
-
-def _merged(sources: Sequence[DataSet], target: DataSet, *, rename: bool) -> dict[Path, Path]:
-    """Episodes of data sets by their place in the one."""
-    plan: dict[Path, Path] = {}
-    clashes = []
-    for source in sources:
-        for path in source.episodes():
+        plan: dict[Path, Path] = {}
+        clashes = []
+        for path in chain.from_iterable(source.episodes() for source in sources):
             Recording.read_info(path)
             place = target.episode(path.parent.name, path.stem)
             if rename:
@@ -57,12 +49,13 @@ def _merged(sources: Sequence[DataSet], target: DataSet, *, rename: bool) -> dic
             if not _may_be(path, place, plan):
                 clashes.append(f"{place.parent.name}/{place.stem}")
             plan.setdefault(place, path)
-    if clashes:
-        raise DataError(
-            f"{len(clashes)} names stand for different episodes, such as {clashes[0]}; merge with "
-            "new names for them."
-        )
-    return plan
+        if clashes:
+            raise DataError(
+                f"{len(clashes)} names stand for different episodes, such as {clashes[0]}; merge "
+                "with new names for them."
+            )
+        _copy(plan)
+    return len(plan)
 
 
 def split(

@@ -41,7 +41,7 @@ class ImageSource:
         Raises:
             UnknownNameError: There is no such task or look.
         """
-        definition = catalog.get(task) if isinstance(task, str) else task
+        definition = catalog.get(task)
         self.simulation = Simulation(definition.props, definition.overview)
         """The physics, in the state that was rendered last."""
         self._backend = SimBackend(self.simulation)

@@ -8,13 +8,12 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
-from markupsafe import Markup
 from PIL import Image
 
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.recording import Recording
-from duobench.data.summary import JointSummary, Summary, TaskSummary
+from duobench.data.summary import Summary
 from duobench.files import write
 from duobench.pages import render
 from duobench.types import CONTROL_HZ, HEAD
@@ -54,9 +53,6 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
         summary=summary,
         sheets=sheets,
         rate=CONTROL_HZ,
-        lengths=_lengths,
-        range_strip=_range_strip,
-        shares=_shares,
     )
     write(page, text)
     return page
@@ -71,38 +67,3 @@ def _contact_sheet(data: DataSet, task: str) -> str:
     buffer = io.BytesIO()
     Image.fromarray(np.hstack(images)).save(buffer, format="JPEG", quality=JPEG_QUALITY)
     return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"
-
-
-def _lengths(task: TaskSummary) -> Markup:
-    """The length of every episode as a dot on a line from 0 to the horizon, and a tick at 99 %."""
-    longest = max(task.horizon, task.lengths[-1])
-    dots = Markup("").join(
-        Markup('<circle cx="{:.1f}" cy="6" r="2" fill="currentColor" fill-opacity=".35"/>').format(
-            100 * length / longest
-        )
-        for length in task.lengths
-    )
-    return Markup(
-        '<svg class="whisker" viewBox="-5 0 110 12" aria-hidden="true">'
-        '<path d="M0 6H100M100 2V10" stroke="currentColor" stroke-opacity=".25"/>{}'
-        '<path d="M{:.1f} 1V11" stroke="currentColor" stroke-width="1.5"/></svg>'
-    ).format(dots, 100 * task.long_length / longest)
-
-
-def _range_strip(joint: JointSummary) -> Markup:
-    """A joint's range as a line: what is commanded, 98 % of it thick, a tick at the median."""
-    span = joint.high - joint.low
-    least, low, middle, high, most = (100 * (q - joint.low) / span for q in joint.quantiles)
-    return Markup(
-        '<svg class="whisker" viewBox="-5 0 110 12" aria-hidden="true">'
-        '<path d="M0 6H100M0 2V10M100 2V10" stroke="currentColor" stroke-opacity=".25"/>'
-        '<path d="M{:.1f} 6H{:.1f}" stroke="currentColor" stroke-opacity=".6"/>'
-        '<path d="M{:.1f} 6H{:.1f}" stroke="currentColor" stroke-width="4"/>'
-        '<path d="M{:.1f} 1V11" stroke="currentColor" stroke-width="1.5"/></svg>'
-    ).format(least, most, low, high, middle)
-
-
-def _shares(task: TaskSummary) -> list[float]:
-    """Percent of the time that is spent in each stage."""
-    total = sum(task.stage_seconds) or 1.0
-    return [100 * seconds / total for seconds in task.stage_seconds]

@@ -55,7 +55,7 @@ class Replayer:
         Raises:
             UnknownNameError: There is no such task.
         """
-        self._task = catalog.get(task) if isinstance(task, str) else task
+        self._task = catalog.get(task)
         self._env: gym.Env | None = None
         self._config: EnvConfig | None = None
 

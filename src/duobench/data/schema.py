@@ -7,7 +7,7 @@ both pairings can be read: the causal one (o_t, a_t) and the delayed one (a_t, o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
@@ -128,9 +128,9 @@ class EpisodeInfo:
     """Hash of the `EpisodeState` of the last row."""
     control_rate_hz: float = CONTROL_HZ
     """Rows a second."""
-    observation_names: tuple[str, ...] = field(default=JOINT_NAMES)
+    observation_names: tuple[str, ...] = JOINT_NAMES
     """What the numbers of `agent_pos` and `sent` are."""
-    action_names: tuple[str, ...] = field(default=JOINT_NAMES)
+    action_names: tuple[str, ...] = JOINT_NAMES
     """What the numbers of `action` are."""
 
 

@@ -12,10 +12,10 @@ from functools import partial
 import gymnasium as gym
 
 from duobench.envs.sim_env import sim_of
-from duobench.errors import PolicyError, UnknownNameError
+from duobench.errors import PolicyError, UnknownNameError, check_known
 from duobench.evaluation.suite import TaskInfo
 from duobench.experts.expert import Expert, find_script
-from duobench.experts.variety import NONE, VARIETIES, Variety, find_variety
+from duobench.experts.variety import NONE, VARIETIES, Variety
 from duobench.policy import BASELINES, Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.registry import make_any, source_version, versioned_metadata
 from duobench.policy.serving.address import SERVED
@@ -70,7 +70,10 @@ def expert_variety(name: str) -> Variety | None:
     first, is_varied, variety = name.partition(":")
     if first != EXPERT:
         return None
-    return find_variety(variety) if is_varied else NONE
+    if not is_varied:
+        return NONE
+    check_known("variety", variety, VARIETIES)
+    return VARIETIES[variety]
 
 
 def _expert_metadata(variety: Variety) -> PolicyMetadata:

@@ -19,7 +19,7 @@ from duobench.experts.motion import (
 )
 from duobench.objects.maze_board import GRIP_OFFSET, cell_at, cell_centre
 from duobench.objects.mazes import MAZES, Cell, Direction, Maze
-from duobench.spatial import SE3
+from duobench.spatial import SE3, rotation_by
 from duobench.types import SIDES, Side
 
 _APPROACH = 0.08
@@ -104,9 +104,7 @@ class _Tilt:
     def towards(self, slope: np.ndarray) -> None:
         """Set the tools one control step nearer to a slope."""
         self.slope = self.slope + np.clip(slope - self.slope, -_TILT_RATE, _TILT_RATE)
-        axis = np.array([-self.slope[1], self.slope[0], 0.0])
-        angle = float(np.linalg.norm(axis))
-        board = self._level @ SE3.about(axis, angle) if angle > 0 else self._level
+        board = self._level @ SE3(rotation_by([-self.slope[1], self.slope[0], 0.0]))
         for side, grasp in self._grasps.items():
             self.arms.targets[side] = board @ grasp
 

@@ -19,7 +19,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from duobench.errors import check_known
 from duobench.randomness import Uniform, around, variety_generator
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
@@ -97,27 +96,11 @@ VARIETIES: Mapping[str, Variety] = MappingProxyType({v.name: v for v in (NONE, H
 """Every variety by name."""
 
 
-def find_variety(name: str) -> Variety:
-    """A variety by name.
-
-    Raises:
-        UnknownNameError: There is no such variety.
-    """
-    check_known("variety", name, VARIETIES)
-    return VARIETIES[name]
-
-
 class VarietySample:
     """What one episode does differently, sampled as its script asks for it."""
 
     def __init__(self, variety: Variety = NONE, task_id: str = "", seed: int = 0) -> None:
-        """Begin an episode.
-
-        Args:
-            variety: Ranges to sample from.
-            task_id: Id of the task.
-            seed: Seed of the episode.
-        """
+        """Begin an episode, given by task and seed."""
         self.variety = variety
         self._rng = variety_generator(task_id, seed, variety.name, "motion")
         self._noise_rng = variety_generator(task_id, seed, variety.name, "noise")

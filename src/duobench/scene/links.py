@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import mujoco
 
+from duobench.errors import check_known
 from duobench.scene.fr3_links import Link, Vector
-from duobench.scene.meshes import add_robot_mesh
+from duobench.scene.meshes import robot_meshes
 
 
 def add_link(parent: mujoco.MjsBody, name: str, link: Link) -> mujoco.MjsBody:
@@ -25,10 +26,20 @@ def add_mesh(
     position: Vector = (0.0, 0.0, 0.0),
     wxyz: Vector = (1.0, 0.0, 0.0, 0.0),
 ) -> mujoco.MjsGeom:
-    """Add one of the robot's meshes to a body, at a pose in its frame."""
-    return body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_robot_mesh(spec, mesh),
-        pos=position,
-        quat=wxyz,
-    )
+    """Add one of the robot's meshes to a body, at a pose in its frame; the model has it once.
+
+    Raises:
+        UnknownNameError: There is no such mesh.
+        AssetError: The data file is missing or damaged.
+    """
+    meshes = robot_meshes()
+    check_known("mesh of the robot", mesh, meshes)
+    if spec.mesh(mesh) is None:
+        spec.add_mesh(
+            name=mesh,
+            uservert=meshes[mesh].vertices.ravel(),
+            userface=meshes[mesh].faces.ravel(),
+            # Reduced meshes need not be watertight; none of them carries mass.
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, pos=position, quat=wxyz)

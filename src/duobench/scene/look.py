@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import msgspec
 
-from duobench.errors import OptionError, UnknownNameError
+from duobench.errors import OptionError, UnknownNameError, check_known
 from duobench.scene.cameras import OVERVIEW
 from duobench.scene.colours import RGB
 from duobench.scene.textures import TEXTURES
@@ -53,8 +53,8 @@ class Material:
         _check_colour("colour", self.colour)
         _check_colour("second_colour", self.second_colour)
         _check_range("contrast", self.contrast, 0.0, 1.0)
-        if self.texture is not None and self.texture not in TEXTURES:
-            raise UnknownNameError("texture", self.texture, TEXTURES)
+        if self.texture is not None:
+            check_known("texture", self.texture, TEXTURES)
         if self.texture is not None and self.image is not None:
             raise OptionError(
                 f"A material has a texture or an image, got {self.texture!r} and {self.image!r}."
@@ -145,11 +145,9 @@ class Look:
     def __post_init__(self) -> None:
         """Reject invalid values."""
         for name in self.parts:
-            if name not in PARTS:
-                raise UnknownNameError("part of the workcell", name, PARTS)
+            check_known("part of the workcell", name, PARTS)
         for name in self.cameras:
-            if name not in (*POLICY_CAMERAS, OVERVIEW):
-                raise UnknownNameError("camera", name, (*POLICY_CAMERAS, OVERVIEW))
+            check_known("camera", name, (*POLICY_CAMERAS, OVERVIEW))
         every = self.objects.get(EVERY_OBJECT, Material())
         if every.colour is not None or every.image is not None:
             raise OptionError(
@@ -189,7 +187,6 @@ class Look:
         Raises:
             OptionError: A field is unknown or of a wrong type, or a value is invalid.
         """
-        _check_known(data, {one.name: None for one in fields(Look)})
         try:
             look = msgspec.convert(dict(data), Look)
         except msgspec.ValidationError as error:

@@ -12,10 +12,9 @@ import io
 from collections.abc import Mapping
 from importlib import resources
 
-import mujoco
 import numpy as np
 
-from duobench.errors import AssetError, UnknownNameError
+from duobench.errors import AssetError
 from duobench.objects.solid import Mesh
 
 FILE = "robot_meshes.npz"
@@ -28,27 +27,6 @@ POINTS_PER_METRE = 100_000
 """Grid of the coordinates, which are kept as whole numbers."""
 
 _ADVICE = "Install duobench again."
-
-
-def add_robot_mesh(spec: mujoco.MjSpec, name: str) -> str:
-    """Add a mesh to a model under construction, unless it is there, and return its name.
-
-    Raises:
-        UnknownNameError: There is no such mesh.
-        AssetError: The data file is missing or damaged.
-    """
-    meshes = robot_meshes()
-    if name not in meshes:
-        raise UnknownNameError("mesh of the robot", name, meshes)
-    if spec.mesh(name) is None:
-        spec.add_mesh(
-            name=name,
-            uservert=meshes[name].vertices.ravel(),
-            userface=meshes[name].faces.ravel(),
-            # Reduced meshes need not be watertight; none of them carries mass.
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-    return name
 
 
 @functools.cache

@@ -16,6 +16,7 @@ from duobench.scene.clutter import Piece, pieces
 from duobench.scene.look import CameraOffset, Light, Look
 from duobench.scene.workcell import SHADOW_CENTRE
 from duobench.sim.materials import resolve_materials
+from duobench.spatial import rotation_by
 from duobench.types import Array
 
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
@@ -28,10 +29,6 @@ class Appearance:
 
     def __init__(self, model: mujoco.MjModel, look: Look) -> None:
         """Resolve every name, and make the textures.
-
-        Args:
-            model: The compiled model.
-            look: The look.
 
         Raises:
             UnknownNameError: The look names an object that the model has not.
@@ -114,7 +111,7 @@ def _move(lens: mujoco.MjvGLCamera, offset: CameraOffset) -> None:
     """Move, turn and zoom a camera of the scene."""
     back, up = -lens.forward.astype(np.float64), lens.up.astype(np.float64)
     axes = np.column_stack([np.cross(up, back), up, back])
-    turned = axes @ _rotation(np.array(offset.rotation))
+    turned = axes @ rotation_by(offset.rotation)
     lens.pos[:] += axes @ offset.position
     lens.forward[:], lens.up[:] = -turned[:, 2], turned[:, 1]
     near = lens.frustum_near
@@ -123,13 +120,3 @@ def _move(lens: mujoco.MjvGLCamera, offset: CameraOffset) -> None:
     for name in ("center", "width", "bottom", "top"):
         field = f"frustum_{name}"
         setattr(lens, field, zoom * getattr(lens, field))
-
-
-def _rotation(vector: Array) -> Array:
-    """Matrix of a rotation vector."""
-    quaternion, matrix = np.empty(4), np.empty(9)
-    angle = float(np.linalg.norm(vector))
-    axis = vector / angle if angle else np.array([1.0, 0.0, 0.0])
-    mujoco.mju_axisAngle2Quat(quaternion, axis, angle)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)

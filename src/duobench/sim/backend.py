@@ -16,11 +16,7 @@ class SimBackend:
     """A `DuoBackend` over a simulation."""
 
     def __init__(self, simulation: Simulation) -> None:
-        """Drive a simulation.
-
-        Args:
-            simulation: The physics.
-        """
+        """Drive a simulation."""
         self.simulation = simulation
         self._look = Look()
         self._renderers: dict[tuple[int, int], Renderer] = {}

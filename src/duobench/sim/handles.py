@@ -13,10 +13,8 @@ from duobench.errors import UnknownNameError
 _KINDS = {
     mujoco.mjtObj.mjOBJ_BODY: ("body", "nbody"),
     mujoco.mjtObj.mjOBJ_JOINT: ("joint", "njnt"),
-    mujoco.mjtObj.mjOBJ_GEOM: ("geom", "ngeom"),
     mujoco.mjtObj.mjOBJ_SITE: ("site", "nsite"),
     mujoco.mjtObj.mjOBJ_ACTUATOR: ("actuator", "nu"),
-    mujoco.mjtObj.mjOBJ_CAMERA: ("camera", "ncam"),
 }
 
 

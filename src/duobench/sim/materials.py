@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 
-from duobench.errors import AssetError, UnknownNameError
+from duobench.errors import AssetError, check_known
 from duobench.scene.colours import RGB, shifted
 from duobench.scene.filters import COLLISION_GEOM_GROUP
 from duobench.scene.look import EVERY_OBJECT, Look, Material
@@ -122,8 +122,8 @@ def _add_objects(
 ) -> None:
     """Give every visible geom of an object its colour and texture."""
     for name in look.objects:
-        if name != EVERY_OBJECT and name not in objects:
-            raise UnknownNameError("object", name, objects)
+        if name != EVERY_OBJECT:
+            check_known("object", name, objects)
     numbers: dict[str, int | None] = {}
     for name, geoms in objects.items():
         keys = (name, name.partition("/")[0], EVERY_OBJECT)

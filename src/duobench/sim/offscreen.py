@@ -47,12 +47,7 @@ class OffscreenRenderer:
     ) -> None:
         """Make a context, current on the calling thread, and upload the model's meshes.
 
-        Args:
-            model: The compiled model.
-            height: Height of the images in pixels.
-            width: Width of the images in pixels.
-            samples: Images that are averaged into one.
-            backend: A backend of `duobench.sim.opengl`.
+        The arguments are those of the `Renderer`, and a backend of `duobench.sim.opengl`.
 
         Raises:
             RenderingError: The backend does not work.

@@ -22,7 +22,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
 from dataclasses import asdict, dataclass
 from importlib import import_module
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import mujoco
@@ -155,22 +154,13 @@ def _candidates() -> Sequence[str]:
     return candidates
 
 
-def probe(
-    backend: str,
-    *,
-    processes: int = 1,
-    seconds: float = 0.0,
-    timeout_s: float = PROBE_TIMEOUT_S,
-    python: str | Path | None = None,
-) -> RenderingInfo | str:
+def probe(backend: str, *, processes: int = 1, seconds: float = 0.0) -> RenderingInfo | str:
     """Let child processes render with a backend.
 
     Args:
         backend: A key of `BACKENDS`.
         processes: How many children render at the same time.
         seconds: How long each goes on rendering after its first image.
-        timeout_s: When to give up on a child that does not answer.
-        python: The interpreter that the children run; this process's by default.
 
     Returns:
         What rendered, or, where any child failed, the reason.
@@ -185,7 +175,7 @@ def probe(
     try:
         for _ in range(processes):
             child = subprocess.Popen(
-                [python or sys.executable, "-c", call],
+                [sys.executable, "-c", call],
                 env=environment,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
@@ -198,21 +188,19 @@ def probe(
             child.kill()
             child.communicate()
         return f"no child process could be started to try it: {error}"
-    deadline = time.monotonic() + timeout_s
-    outcomes = [_outcome(child, deadline, timeout_s) for child in children]
+    deadline = time.monotonic() + PROBE_TIMEOUT_S
+    outcomes = [_outcome(child, deadline) for child in children]
     failures = [outcome for outcome in outcomes if isinstance(outcome, str)]
     return failures[0] if failures else outcomes[0]
 
 
-def _outcome(
-    child: subprocess.Popen[str], deadline: float, timeout_s: float
-) -> RenderingInfo | str:
+def _outcome(child: subprocess.Popen[str], deadline: float) -> RenderingInfo | str:
     with child:
         try:
             answer, errors = child.communicate(timeout=max(0.0, deadline - time.monotonic()))
         except subprocess.TimeoutExpired:
             child.kill()
-            return f"no image within {timeout_s:g} s; the driver hangs"
+            return f"no image within {PROBE_TIMEOUT_S:g} s; the driver hangs"
     lines = answer.splitlines()
     if child.returncode == 0 and lines:
         return RenderingInfo(**json.loads(lines[-1]))
@@ -339,13 +327,8 @@ def info_of(backend: str) -> RenderingInfo:
 class Thread:
     """A thread that runs jobs one after another; waiting for one has a time limit."""
 
-    def __init__(self, timeout_s: float = FRAME_TIMEOUT_S) -> None:
-        """Start the thread.
-
-        Args:
-            timeout_s: How long `call` waits for a job.
-        """
-        self._timeout_s = timeout_s
+    def __init__(self) -> None:
+        """Start the thread."""
         self._lost = False
         self._jobs: queue.SimpleQueue[_Order | None] = queue.SimpleQueue()
         # A daemon, so that a driver that hangs does not keep the process from ending.
@@ -358,15 +341,15 @@ class Thread:
         """Run a job on the thread, and return or raise what it returns or raises.
 
         Raises:
-            RenderingError: The job, or one before it, did not end in time.
+            RenderingError: The job, or one before it, did not end within `FRAME_TIMEOUT_S`.
         """
         future: Future[T] = Future()
         if not self._lost:
             self._jobs.put((future, job))
-            self._lost = not wait((future,), self._timeout_s).done
+            self._lost = not wait((future,), FRAME_TIMEOUT_S).done
         if self._lost:
             raise RenderingError(
-                f"No image came within {self._timeout_s:g} s: the graphics driver hangs. Some "
+                f"No image came within {FRAME_TIMEOUT_S:g} s: the graphics driver hangs. Some "
                 "do when several processes render on one card at the same time. Render in fewer "
                 f"processes, or without the card: {ASKED}=osmesa."
             )
@@ -382,7 +365,7 @@ class Thread:
         self._jobs.put(None)
         # The garbage collector may drop a renderer while it runs on this very thread.
         if not self._lost and threading.current_thread() is not self._worker:
-            self._worker.join(self._timeout_s)
+            self._worker.join(FRAME_TIMEOUT_S)
 
 
 def _serve(jobs: queue.SimpleQueue[_Order | None]) -> None:

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.backend import Image
-from duobench.errors import RenderingError, UnknownNameError
+from duobench.errors import RenderingError, check_known
 from duobench.scene.cameras import check_image_size
 from duobench.scene.look import Look
 from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import OffscreenRenderer
-from duobench.sim.opengl import RenderingInfo, Thread, choose, info_of, open_context
+from duobench.sim.opengl import RenderingInfo, Thread, choose
 
 T = TypeVar("T")
 
@@ -36,20 +36,8 @@ def describe() -> RenderingInfo:
     Raises:
         RenderingError: No library works, or rendering is switched off.
     """
-    backend = choose()
-
-    def ask() -> RenderingInfo:
-        context = open_context(backend, 1, 1)
-        try:
-            return info_of(backend)
-        finally:
-            context.free()
-
-    thread = Thread()
-    try:
-        return thread.call(ask)
-    finally:
-        thread.finish()
+    with Renderer(mujoco.MjSpec().compile(), height=1, width=1) as renderer:
+        return renderer.info
 
 
 class Renderer:
@@ -170,10 +158,8 @@ class Renderer:
         self.close()
 
     def _number(self, camera: str) -> int:
-        number = self._cameras.get(camera)
-        if number is None:
-            raise UnknownNameError("camera", camera, self._cameras)
-        return number
+        check_known("camera", camera, self._cameras)
+        return self._cameras[camera]
 
     def _run(self, job: Callable[[OffscreenRenderer], T]) -> T:
         """Run a job with the offscreen, on its thread."""

@@ -52,9 +52,8 @@ class Residual:
         )
 
 
-@cache
-def _kinematics() -> Kinematics:
-    return Kinematics()
+_kinematics = cache(Kinematics)
+"""The solver, made when it is first needed."""
 
 
 def joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Residual | None]:

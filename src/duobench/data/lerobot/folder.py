@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,7 @@ class Export:
     """Versions of the packages that the images depend on."""
     episodes: tuple[SourceEpisode, ...]
     """What is exported, in the order of the export."""
-    domains: tuple[str, ...] = field(default=DOMAINS)
+    domains: tuple[str, ...] = DOMAINS
     """What the numbers 0, 1 of the column `domain` stand for."""
 
     @property
