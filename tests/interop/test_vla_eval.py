@@ -111,7 +111,9 @@ def test_our_tasks_in_its_program_have_the_results_of_our_evaluation(
 
 def test_benchmark_is_what_its_programs_expect() -> None:
     command = [os.environ[VLA_EVAL_PYTHON], str(BENCHMARK_PEER)]
-    told = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    told = json.loads(
+        subprocess.run(command, check=True, capture_output=True, env=environment()).stdout
+    )
     assert told["parameters"] == sorted(row["parameter"] for row in table(PAGE, "parameter"))
     assert told["task"] == {"name": "bin_sort", "task_id": "bin_sort"}
     assert told["metadata"] == {"max_steps": 3, "action_dim": 16}
