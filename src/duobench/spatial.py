@@ -2,11 +2,15 @@
 
 A transform named `a_from_b` maps coordinates of frame b to frame a, so neighbours match:
 `world_from_cube = world_from_table @ table_from_cube`.
+
+Products and lengths are plain sums of floats in a fixed order. Those of NumPy end in BLAS, which
+picks its kernel by the type of the processor, and kernels differ in the last bit.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +25,53 @@ def _frozen(values: ArrayLike, shape: tuple[int, ...]) -> Array:
         raise ValueError(f"Expected an array of shape {shape}, got {array.shape}.")
     array.setflags(write=False)
     return array
+
+
+def product(a: Array, b: Array) -> Array:
+    """Matrix product of a (3, 3) with b, (3, 3) or (3,); the same bits on every processor."""
+    (a0, a1, a2), (a3, a4, a5), (a6, a7, a8) = a.tolist()
+    if b.ndim == 1:
+        x, y, z = b.tolist()
+        return np.array(
+            [a0 * x + a1 * y + a2 * z, a3 * x + a4 * y + a5 * z, a6 * x + a7 * y + a8 * z]
+        )
+    (b0, b1, b2), (b3, b4, b5), (b6, b7, b8) = b.tolist()
+    return np.array(
+        [
+            [
+                a0 * b0 + a1 * b3 + a2 * b6,
+                a0 * b1 + a1 * b4 + a2 * b7,
+                a0 * b2 + a1 * b5 + a2 * b8,
+            ],
+            [
+                a3 * b0 + a4 * b3 + a5 * b6,
+                a3 * b1 + a4 * b4 + a5 * b7,
+                a3 * b2 + a4 * b5 + a5 * b8,
+            ],
+            [
+                a6 * b0 + a7 * b3 + a8 * b6,
+                a6 * b1 + a7 * b4 + a8 * b7,
+                a6 * b2 + a7 * b5 + a8 * b8,
+            ],
+        ]
+    )
+
+
+def dot(a: ArrayLike, b: ArrayLike) -> float:
+    """Dot product of two short vectors (n,); the same bits on every processor."""
+    total = 0.0
+    for x, y in zip(_floats(a), _floats(b), strict=True):
+        total += x * y
+    return total
+
+
+def length(vector: ArrayLike) -> float:
+    """Euclidean length of a short vector (n,); the same bits on every processor."""
+    return math.sqrt(dot(vector, vector))
+
+
+def _floats(values: ArrayLike) -> Iterable[float]:
+    return values.tolist() if isinstance(values, np.ndarray) else values  # type: ignore[return-value]
 
 
 def matrix_from_wxyz(wxyz: ArrayLike) -> Array:
@@ -54,7 +105,7 @@ def wxyz_from_matrix(matrix: ArrayLike) -> Array:
         q[1 + j] = m[j, i] + m[i, j]
         q[1 + k] = m[k, i] + m[i, k]
     quat = np.array(q)
-    quat /= np.linalg.norm(quat)
+    quat /= length(quat)
     return -quat if quat[0] < 0 else quat
 
 
@@ -90,7 +141,7 @@ class SE3:
             ValueError: The quaternion has no length, so it names no orientation.
         """
         quat = np.asarray(wxyz, dtype=np.float64)
-        norm = np.linalg.norm(quat)
+        norm = length(quat)
         if not norm > 0.0:
             raise ValueError(f"A quaternion of length {norm:g} names no orientation.")
         return SE3(matrix_from_wxyz(quat / norm), np.asarray(translation))
@@ -119,16 +170,20 @@ class SE3:
     def __matmul__(self, other: SE3) -> SE3:
         """Composition: `a_from_b @ b_from_c` is `a_from_c`."""
         return SE3(
-            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+            product(self.rotation, other.rotation),
+            product(self.rotation, other.translation) + self.translation,
         )
 
     def inverse(self) -> SE3:
         """The inverse transform: of `a_from_b`, `b_from_a`."""
-        return SE3(self.rotation.T, -self.rotation.T @ self.translation)
+        return SE3(self.rotation.T, -product(self.rotation.T, self.translation))
 
     def apply(self, points: ArrayLike) -> Array:
         """Map points (..., 3) from the source frame to the target frame."""
-        return np.asarray(points) @ self.rotation.T + self.translation
+        points = np.asarray(points, dtype=np.float64)
+        x, y, z = (points[..., axis, None] for axis in range(3))
+        along_x, along_y, along_z = self.rotation.T
+        return x * along_x + y * along_y + z * along_z + self.translation
 
     def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> SE3:
         """Same orientation, shifted in the target frame by metres."""
@@ -136,31 +191,31 @@ class SE3:
 
     def interpolate(self, other: SE3, fraction: float) -> SE3:
         """Pose between this (0) and `other` (1): straight line, constant-axis rotation."""
-        relative = rotation_vector(self.rotation.T @ other.rotation)
-        angle = float(np.linalg.norm(relative))
+        relative = rotation_vector(product(self.rotation.T, other.rotation))
+        angle = length(relative)
         turn = rotation_about(relative, fraction * angle) if angle > 0 else np.eye(3)
         return SE3(
-            self.rotation @ turn,
+            product(self.rotation, turn),
             (1 - fraction) * self.translation + fraction * other.translation,
         )
 
     def distance(self, other: SE3) -> tuple[float, float]:
         """Distance in metres and angle in radians to another pose."""
-        angle = float(np.linalg.norm(rotation_vector(self.rotation.T @ other.rotation)))
-        return float(np.linalg.norm(other.translation - self.translation)), angle
+        angle = length(rotation_vector(product(self.rotation.T, other.rotation)))
+        return length(other.translation - self.translation), angle
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
     """Rotation matrix (3, 3) of `angle` radians about `axis` (3,), which need not be unit."""
     unit = np.asarray(axis, dtype=np.float64)
-    unit = unit / np.linalg.norm(unit)
+    unit = unit / length(unit)
     half = 0.5 * angle
     return matrix_from_wxyz([math.cos(half), *(math.sin(half) * unit)])
 
 
 def rotation_by(vector: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of a rotation vector (3,), axis times angle in radians."""
-    angle = float(np.linalg.norm(vector))
+    angle = length(vector)
     return rotation_about(vector, angle) if angle > 0.0 else np.eye(3)
 
 
@@ -168,7 +223,7 @@ def rotation_vector(rotation: ArrayLike) -> Array:
     """Rotation vector (3,), axis times angle in radians, of a rotation matrix (3, 3)."""
     w, *xyz = wxyz_from_matrix(rotation)
     vector = np.array(xyz)
-    sine = float(np.linalg.norm(vector))
+    sine = length(vector)
     if sine == 0.0:
         return np.zeros(3)
     return vector * (2.0 * math.atan2(sine, float(w)) / sine)

@@ -39,7 +39,7 @@ def at_goal(*sides: Side) -> Callable[[Simulation], bool]:
     def holds(sim: Simulation) -> bool:
         x, y, z = sim.relative_position("ball", "board")
         near = math.dist((x, y), cell_centre(GOAL)) <= AT_GOAL and 0 < z < WALL_HEIGHT
-        held = {side for side in SIDES if sim.contacts.pads(side, "board")}
+        held = {side for side in SIDES if sim.contacts.grasped(side, "board")}
         return near and held == set(sides) and not sim.contacts.between("board", "table")
 
     return holds
@@ -162,7 +162,7 @@ def press_half_open_fingers(arms: Arms) -> Script:
 
 def pressed(sim: Simulation) -> bool:
     """Both pads of both grippers touch the board."""
-    pads = {limb_owner(side, pad) for side in SIDES for pad in (Limb.LEFT_PAD, Limb.RIGHT_PAD)}
+    pads = {limb_owner(side, pad) for side in SIDES for pad in (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)}
     return pads <= sim.contacts.partners("board")
 
 

@@ -57,9 +57,9 @@ def held_balance(sim: Simulation) -> bool:
 
 def pressed(sim: Simulation) -> bool:
     """Both fingers of either gripper lie on its block."""
-    pads = ("left_pad", "right_pad")
+    fingers = ("left_finger", "right_finger")
     return all(
-        sim.contacts.between(f"{side}/{pad}", f"{side}_block") for side in SIDES for pad in pads
+        sim.contacts.between(f"{side}/{finger}", f"{side}_block") for side in SIDES for finger in fingers
     )
 
 

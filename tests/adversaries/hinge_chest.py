@@ -161,7 +161,7 @@ def in_and_out_again(arms: Arms) -> Script:
 
 def _pinched_inside(sim: Simulation) -> bool:
     inner = CAVITY_REGION.contains(sim.relative_position("cube", "chest"))
-    return inner and sim.contacts.between("cube", "chest") and sim.contacts.pads(INSERTER, "cube")
+    return inner and sim.contacts.between("cube", "chest") and sim.contacts.grasped(INSERTER, "cube")
 
 
 def _bounces_off(sim: Simulation) -> bool:
@@ -170,7 +170,7 @@ def _bounces_off(sim: Simulation) -> bool:
 
 def _tapped(sim: Simulation) -> bool:
     """The lid is open, one hand holds the cube, and the other one touches the lid."""
-    touched = sim.contacts.gripper(HOLDER, LID) and sim.contacts.pads(INSERTER, "cube")
+    touched = sim.contacts.gripper(HOLDER, LID) and sim.contacts.grasped(INSERTER, "cube")
     return touched and sim.angle(LID) >= OPEN_ANGLE
 
 

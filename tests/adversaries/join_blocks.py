@@ -272,7 +272,7 @@ def press(arms: Arms) -> Script:
 
 def pressed(sim: Simulation) -> bool:
     """Both pads of both grippers are in contact with their blocks."""
-    pads = (Limb.LEFT_PAD, Limb.RIGHT_PAD)
+    pads = (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)
     return all(
         sim.contacts.between(limb_owner(side, pad), block)
         for side, block in ((Side.LEFT, LIGHT), (Side.RIGHT, DARK))

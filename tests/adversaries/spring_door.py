@@ -152,12 +152,12 @@ def in_and_out_again(arms: Arms) -> Script:
 
 def _dragged_open(sim: Simulation) -> bool:
     """The door is open, and the hand that holds the cube is what holds it open."""
-    lone = sim.contacts.arm(INSERTER, DOOR) and sim.contacts.pads(INSERTER, "cube")
+    lone = sim.contacts.arm(INSERTER, DOOR) and sim.contacts.grasped(INSERTER, "cube")
     return lone and not sim.contacts.arm(HOLDER, DOOR) and sim.angle(DOOR) >= OPEN_ANGLE
 
 
 def _tapped(sim: Simulation) -> bool:
-    touched = sim.contacts.gripper(HOLDER, DOOR) and sim.contacts.pads(INSERTER, "cube")
+    touched = sim.contacts.gripper(HOLDER, DOOR) and sim.contacts.grasped(INSERTER, "cube")
     return touched and sim.angle(DOOR) >= OPEN_ANGLE
 
 
@@ -173,7 +173,7 @@ def _wedged(sim: Simulation) -> bool:
 def _pinched_inside(sim: Simulation) -> bool:
     inner = FLOOR_REGION.contains(sim.relative_position("cube", "microwave"))
     on_floor = sim.contacts.between("cube", "microwave")
-    return inner and on_floor and sim.contacts.pads(INSERTER, "cube")
+    return inner and on_floor and sim.contacts.grasped(INSERTER, "cube")
 
 
 ADVERSARIES: tuple[Adversary, ...] = (

@@ -185,7 +185,7 @@ def hand_back(arms: Arms) -> Script:
 def dipped(sim: Simulation) -> bool:
     """The left arm has the block in the ring, on the near side of its plane."""
     x, y, z = sim.relative_position("block", "gate")
-    return sim.contacts.pads(LEFT, "block") and y < 0.0 and math.hypot(x, z - RING_HEIGHT) < 0.1
+    return sim.contacts.grasped(LEFT, "block") and y < 0.0 and math.hypot(x, z - RING_HEIGHT) < 0.1
 
 
 def pressed_on_gate(sim: Simulation) -> bool:

@@ -85,7 +85,7 @@ def test_limbs_are_told_apart(height: float, gripper: bool, pads: bool) -> None:
     data.qpos[:3] = [-1.15, 0.0, height]
     look(model, data, contacts)
     assert contacts.gripper(Side.LEFT, "ball") is gripper
-    assert contacts.pads(Side.LEFT, "ball") is pads
+    assert contacts.grasped(Side.LEFT, "ball") is pads
     assert not contacts.gripper(Side.RIGHT, "ball")
 
 
@@ -95,7 +95,7 @@ def test_pads_means_both() -> None:
         data.qpos[:3] = [-1.0, y, 4.19]
         look(model, data, contacts)
         assert contacts.gripper(Side.LEFT, "ball")
-        assert not contacts.pads(Side.LEFT, "ball")
+        assert not contacts.grasped(Side.LEFT, "ball")
 
 
 def test_deepest_names_what_overlaps() -> None:
@@ -178,8 +178,8 @@ def test_pads_grasp_only_what_they_press_on_from_both_sides(
     look(model, data, contacts)
     touched = [contacts.between("ball", f"left/{side}_pad") for side in SIDES]
     assert touched == [True, True], "the ball is not where both pads touch it"
-    assert contacts.pads(Side.LEFT, "ball") is grasped
-    assert not contacts.pads(Side.RIGHT, "ball")
+    assert contacts.grasped(Side.LEFT, "ball") is grasped
+    assert not contacts.grasped(Side.RIGHT, "ball")
 
 
 # --- the real robot ------------------------------------------------------------------------------
@@ -204,11 +204,11 @@ def held_cube(sim: Simulation) -> None:
 def test_a_real_gripper_pinches_and_lets_go() -> None:
     sim = scene()
     held_cube(sim)
-    assert sim.contacts.pads(Side.LEFT, "cube")
+    assert sim.contacts.grasped(Side.LEFT, "cube")
     assert sim.contacts.gripper(Side.LEFT, "cube")
     assert not sim.contacts.gripper(Side.RIGHT, "cube")
     assert not sim.contacts.between("cube", TABLE)
-    pads = {limb_owner(Side.LEFT, Limb.LEFT_PAD), limb_owner(Side.LEFT, Limb.RIGHT_PAD)}
+    pads = {limb_owner(Side.LEFT, Limb.LEFT_FINGER), limb_owner(Side.LEFT, Limb.RIGHT_FINGER)}
     assert pads <= sim.contacts.partners("cube")
     for _ in range(20):
         sim.step(HOME)

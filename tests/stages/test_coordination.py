@@ -110,7 +110,7 @@ def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Momen
         bench.sim.set_state(state)
         contacts = bench.sim.contacts
         for side, handle in zip(SIDES, HANDLES, strict=True):
-            assert contacts.pads(side, handle) == (side in hands.get(letter, ())), letter
+            assert contacts.grasped(side, handle) == (side in hands.get(letter, ())), letter
         assert contacts.partners("pot") == supports.get(letter, set()), letter
     bench.sim.set_state(moments["u"])
     assert PLATE[2] + BOUNCE < bench.sim.min_height("pot") < LIFT

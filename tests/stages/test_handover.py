@@ -95,7 +95,7 @@ def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Momen
         bench.sim.set_state(state)
         contacts = bench.sim.contacts
         for side in Side:
-            assert contacts.pads(side, "cube") == (side in hands[letter]), letter
+            assert contacts.grasped(side, "cube") == (side in hands[letter]), letter
         for support in ("table", "bowl"):
             touches = contacts.between("cube", support)
             assert touches == (supports.get(letter) == support), letter

@@ -188,7 +188,7 @@ def test_the_moments_are_what_they_shall_be(scene: Scene) -> None:
     assert not contacts.gripper(case.bringer, "cube")
     for letter in "hniagsS":
         at(letter)
-        assert contacts.pads(case.bringer, "cube"), letter
+        assert contacts.grasped(case.bringer, "cube"), letter
     assert at("a").angle(case.lid) > 1.0
     assert not contacts.arm(case.holder, case.lid)
     assert at("g").angle(case.lid) >= OPEN

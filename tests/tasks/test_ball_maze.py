@@ -212,7 +212,7 @@ def test_a_board_is_lifted_from_10_mm_on(bench: TaskHarness, above: float, stage
     bench.sim.forward()
     for cell in (START, (2, 2)):
         bench.put(ball=on_board(bench, *cell_centre(cell)))
-    assert all(bench.sim.contacts.pads(side, "board") for side in SIDES)
+    assert all(bench.sim.contacts.grasped(side, "board") for side in SIDES)
     assert bench.stage == stage
 
 

@@ -169,7 +169,7 @@ def test_a_cube_still_held_in_its_bowl_is_in_it_and_not_released(bench: TaskHarn
     assert bench.act(carry(0.030)) == 2
     assert bench.hold(20) == 2
     assert bench.sim.contacts.between("white_cube", "white_bowl")
-    assert bench.sim.contacts.pads(Side.LEFT, "white_cube")
+    assert bench.sim.contacts.grasped(Side.LEFT, "white_cube")
     assert bench.act(lambda arms: release(arms, Side.LEFT)) == 3
 
 

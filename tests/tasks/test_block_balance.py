@@ -250,7 +250,7 @@ def test_a_block_that_was_let_go_on_the_beam_does_not_count(
         bench.judge()
     bench.sim.set_state(held)
     bench.judge()
-    assert bench.sim.contacts.pads(Side.LEFT, "left_block")
+    assert bench.sim.contacts.grasped(Side.LEFT, "left_block")
     assert bench.act(lambda arms: lower(arms, Side.RIGHT)) == stage
 
 

@@ -208,9 +208,9 @@ def test_a_pot_in_the_air_that_one_gripper_grasps_is_not_carried(
     command = bench.sim.duo.command()
     openings = command.openings.copy()
     openings[side.index] = 0.45
-    while bench.sim.contacts.pads(side, f"pot/{side}_handle"):
+    while bench.sim.contacts.grasped(side, f"pot/{side}_handle"):
         bench.sim.step(DuoCommand(joints=command.joints, openings=openings))
-    assert bench.sim.contacts.pads(side.other, f"pot/{side.other}_handle")
+    assert bench.sim.contacts.grasped(side.other, f"pot/{side.other}_handle")
     assert off_ground(bench)
     assert bench.sim.min_height("pot") > LIFT
     assert bench.judge() == 1
@@ -229,7 +229,7 @@ def test_a_pot_held_too_low_is_not_carried(bench: TaskHarness) -> None:
 
 
 def grasped_by_both(bench: TaskHarness) -> bool:
-    return all(bench.sim.contacts.pads(side, f"pot/{side}_handle") for side in SIDES)
+    return all(bench.sim.contacts.grasped(side, f"pot/{side}_handle") for side in SIDES)
 
 
 def test_a_pot_that_both_hold_on_the_plate_is_not_carried(bench: TaskHarness) -> None:

@@ -59,7 +59,7 @@ def cube_pressed_on_the_floor(bench: TaskHarness) -> None:
     bench.start(0)
     bench.act(press)
     assert bench.sim.contacts.between("cube", "chest")
-    assert bench.sim.contacts.pads(INSERTER, "cube")
+    assert bench.sim.contacts.grasped(INSERTER, "cube")
 
 
 @pytest.mark.parametrize("seed", [3, 17])

@@ -88,7 +88,7 @@ def let_rest(bench: TaskHarness, steps: int = REST_STEPS) -> int:
 
 def both_grasped(bench: TaskHarness) -> bool:
     contacts = bench.sim.contacts
-    return contacts.pads("left", "light_block") and contacts.pads("right", "dark_block")
+    return contacts.grasped("left", "light_block") and contacts.grasped("right", "dark_block")
 
 
 @pytest.mark.parametrize("seed", [3, 17])

@@ -114,7 +114,7 @@ def test_the_expert_pours_either_way(bench: TaskHarness, source: Side) -> None:
     assert bench.history == sorted(bench.history)
     assert {3, 4, 5, 6} <= set(bench.history)
     # The pads of its own hand are all that a cup may touch of the robot: no camera, no linkage.
-    pads = (Limb.LEFT_PAD, Limb.RIGHT_PAD)
+    pads = (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)
     grasps = {(CUPS[side], limb_owner(side, pad)) for side in SIDES for pad in pads}
     limbs = {limb_owner(side, limb) for side in SIDES for limb in Limb}
     assert {(name, owner) for name, owner in touched if owner in limbs} == grasps
@@ -141,7 +141,7 @@ def _afresh(bench: TaskHarness) -> dict[str, SE3]:
 def test_a_cup_in_the_gripper_of_the_other_arm_does_not_count(bench: TaskHarness) -> None:
     left, right = _afresh(bench).values()
     bench.put(left_cup=right, right_cup=left)
-    assert all(bench.sim.contacts.pads(side, CUPS[side.other]) for side in SIDES)
+    assert all(bench.sim.contacts.grasped(side, CUPS[side.other]) for side in SIDES)
     assert bench.stage == 0
     bench.put(left_cup=left, right_cup=SE3.at(0.5, -0.3))
     assert bench.stage == 1
@@ -157,7 +157,7 @@ def test_both_cups_count_as_lifted_from_20_mm_on(bench: TaskHarness) -> None:
         # The cups slide up between the pads: the grippers hold them all the time.
         heights = zip(held.items(), (left, right), strict=True)
         bench.put(**{name: pose.moved(z=mm / 1000) for (name, pose), mm in heights})
-        assert all(bench.sim.contacts.pads(side, CUPS[side]) for side in SIDES)
+        assert all(bench.sim.contacts.grasped(side, CUPS[side]) for side in SIDES)
         assert bench.stage == stage
 
 

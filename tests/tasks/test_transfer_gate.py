@@ -74,7 +74,7 @@ def on_mat(bench: TaskHarness) -> bool:
 
 def on_mat_in_hand(bench: TaskHarness) -> bool:
     contacts = bench.sim.contacts
-    return contacts.pads(LEFT, "block") and contacts.between("block", "mat")
+    return contacts.grasped(LEFT, "block") and contacts.between("block", "mat")
 
 
 def both_hold(arms: Arms) -> Script:
@@ -122,7 +122,7 @@ def test_crossing_on_the_table_does_not_count(table: TaskHarness) -> None:
         yield from grip(arms, RIGHT)
 
     table.act(grasp)
-    assert table.sim.contacts.pads(RIGHT, "block")
+    assert table.sim.contacts.grasped(RIGHT, "block")
     assert table.sim.contacts.between("block", "table")
     slide_gate_over_block(table)
     assert table.stage == 0
@@ -145,7 +145,7 @@ def test_taking_it_on_the_near_side_does_not_count(table: TaskHarness) -> None:
     assert table.stage == 1
     slide_gate_over_block(table)
     assert table.stage == 2
-    assert table.sim.contacts.pads(LEFT, "block")
+    assert table.sim.contacts.grasped(LEFT, "block")
     assert table.act(lambda arms: lower_onto_mat(arms, LEFT)) == 2
     table.act(lambda arms: drop(arms, LEFT))
     assert table.stage == 2

@@ -94,7 +94,7 @@ class Arms:
 
     def grasps(self, side: Side, body: str) -> bool:
         """Whether both pads of a gripper press on a body, towards each other."""
-        return self.sim.contacts.pads(side, body)
+        return self.sim.contacts.grasped(side, body)
 
 
 def smooth(fraction: float) -> float:

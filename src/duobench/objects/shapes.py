@@ -71,8 +71,8 @@ class Shape:
 
 def circle(segments: int, phase: float = 0.0) -> Array:
     """Points (segments, 2) on the unit circle, counter-clockwise from angle `phase` in radians."""
-    angles = phase + 2 * math.pi * np.arange(segments) / segments
-    return np.column_stack([np.cos(angles), np.sin(angles)])
+    angles = [phase + 2 * math.pi * number / segments for number in range(segments)]
+    return np.array([(math.cos(angle), math.sin(angle)) for angle in angles])
 
 
 def at_height(points: Array, z: float) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -152,15 +153,26 @@ def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
 @lru_cache(maxsize=256)
 def mass_properties(solid: Solid) -> MassProperties:
     """Mass properties of the printable mesh, with the solid's density, or scaled to its mass."""
-    import trimesh  # it brings SciPy, which a process that builds no scene does without
-
     mesh = printable(solid)
-    body = trimesh.Trimesh(vertices=mesh.vertices, faces=mesh.faces, process=False)
-    scale = solid.density if solid.mass is None else solid.mass / body.volume
+    # The solid is the signed sum of the tetrahedra that its triangles span with the origin. Sums
+    # are exact, so they depend neither on the processor nor on the order of the triangles.
+    corners = mesh.vertices[mesh.faces]
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    sixfold = (a * np.cross(b, c)).sum(axis=1)
+    volume = math.fsum(sixfold.tolist()) / 6
+    sums = corners.sum(axis=1)
+    first = [math.fsum((sixfold * sums[:, i]).tolist()) / 24 for i in range(3)]
+    # The integral of x_i x_j over a tetrahedron with one corner at the origin.
+    second = np.empty((3, 3))
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        mixed = (corners[:, :, i] * corners[:, :, j]).sum(axis=1) + sums[:, i] * sums[:, j]
+        second[i, j] = second[j, i] = math.fsum((sixfold * mixed).tolist()) / 120
+    centre = np.array(first) / volume
+    about_centre = second - volume * centre[:, None] * centre
+    inertia = (about_centre[0, 0] + about_centre[1, 1] + about_centre[2, 2]) * np.eye(3)
+    scale = solid.density if solid.mass is None else solid.mass / volume
     return MassProperties(
-        mass=float(body.volume * scale),
-        centre=np.array(body.center_mass),
-        inertia=np.array(body.moment_inertia) * scale,
+        mass=volume * scale, centre=centre, inertia=(inertia - about_centre) * scale
     )
 
 

@@ -16,7 +16,7 @@ from duobench.errors import RenderingError
 from duobench.scene.boxes import add_box
 from duobench.scene.filters import Group, distal
 from duobench.scene.surfaces import collide_as_metal
-from duobench.spatial import SE3
+from duobench.spatial import SE3, length
 from duobench.types import HEAD, Side, wrist_name
 
 NATIVE_HEIGHT, NATIVE_WIDTH = 720, 1280
@@ -94,9 +94,9 @@ def looking(eye: np.ndarray, direction: np.ndarray, up: np.ndarray) -> SE3:
         direction: Viewing direction (3,), any length.
         up: A direction (3,) that shall point upwards in the image.
     """
-    back = -direction / np.linalg.norm(direction)
+    back = -direction / length(direction)
     right = np.cross(up, back)
-    right /= np.linalg.norm(right)
+    right /= length(right)
     return SE3(np.column_stack([right, np.cross(back, right), back]), eye)
 
 

@@ -39,7 +39,9 @@ def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = 
     a = vertices[faces]
     onward = _unit(np.roll(a, -1, axis=1) - a)
     back = _unit(np.roll(a, 1, axis=1) - a)
-    angles = np.arccos(np.clip(np.einsum("fcx,fcx->fc", onward, back), -1.0, 1.0)).ravel()
+    cosines = np.clip(np.einsum("fcx,fcx->fc", onward, back), -1.0, 1.0)
+    # NumPy's own arc cosine differs in the last bit from one type of processor to the next.
+    angles = np.array([math.acos(cosine) for cosine in cosines.ravel().tolist()])
     normals = _unit(np.cross(a[:, 1] - a[:, 0], a[:, 2] - a[:, 0]))
     # Every pair of a corner and a corner of another triangle, or the same, at its vertex.
     corners = faces.ravel()

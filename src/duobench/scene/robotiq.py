@@ -9,6 +9,7 @@ tool's y.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -71,6 +72,11 @@ FINGERTIP_POSITION = (0.0349, 0.0, 0.129)
 """Half size and centre, in the pad's frame and metres, of the box that stands for the metal tongue
 behind a pad. It keeps 4 mm behind the pad's face: the tongue's own hull is flush with the pad, and
 the two would compete for every grasped object."""
+SPRING_LINK_SETBACK = (-0.00125, 0.00082, 0.0)
+"""Setback of the hull of the link behind a pad, in its frame and metres: 1.5 mm outwards when the
+fingers are 32 mm apart. The link is hollow there, and the pad stands proud of it; its convex hull is
+not, and took from the pad what reaches deep between the fingers (at 1 mm it still did with the
+hexagonal peg)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,6 +93,8 @@ class Part(Link):
     """Position of its meshes in its frame, in metres."""
     mesh_wxyz: Vector
     """Their orientation in its frame, as a quaternion of any length."""
+    hull_setback: Vector = (0.0, 0.0, 0.0)
+    """How far its hull lies from its image, in its frame and metres."""
 
 
 _DRIVER_JOINT = {"range": (0.0, 0.9), "armature": 0.005, "damping": (0.1, 0.0, 0.0)}
@@ -144,6 +152,7 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
             joint=_SPRING_JOINT,
             mesh_position=(0.0127, 0.06142, 0.01205),
             mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
+            hull_setback=SPRING_LINK_SETBACK,
             visuals=(("spring_link", BLACK),),
         ),
         Part(
@@ -235,7 +244,8 @@ def _add_finger(
             image.rgba = rgba
             visual_only(image)
             if name != "tongue":
-                collide_unseen(add_mesh(spec, body, f"{mesh}:hull", position, wxyz), distal(side))
+                back = tuple(map(operator.add, position, part.hull_setback))
+                collide_unseen(add_mesh(spec, body, f"{mesh}:hull", back, wxyz), distal(side))
     _add_pad(bodies["follower"], f"{prefix}_pad", side)
 
 

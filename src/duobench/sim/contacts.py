@@ -1,34 +1,33 @@
 """Who touches whom: the only place that reads the engine's contact list.
 
-Every geom belongs to one owner: a finger pad, the rest of a gripper, the rest of an arm, or the
-body that carries it. One query a control step turns the contact list into the set of
+Every geom belongs to one owner: a finger (its pad and its own linkage), the rest of a gripper, the
+rest of an arm, or the body that carries it. One query a control step turns the contact list into the set of
 pairs of owners that touch; every question after that is a look-up.
 """
 
 from __future__ import annotations
 
 import math
-import operator
 from enum import StrEnum
 
 import mujoco
-import numpy as np
 
 from duobench.errors import UnknownNameError
 from duobench.scene.naming import gripper_name, pad_names
+from duobench.spatial import dot, length
 from duobench.types import SIDES, Side
 
 MAX_PRESS_ANGLE = math.radians(60.0)
-"""Angle in radians between a pad's contact normal and the direction to the other pad up to which
-the pad presses towards it [task definitions]."""
+"""Angle in radians between a finger's contact normal and the direction to the other finger up to
+which the finger presses towards it [task definitions]."""
 _MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
 
 
 class Limb(StrEnum):
     """The parts of an arm that contacts tell apart."""
 
-    LEFT_PAD = "left_pad"
-    RIGHT_PAD = "right_pad"
+    LEFT_FINGER = "left_finger"
+    RIGHT_FINGER = "right_finger"
     PALM = "palm"
     ARM = "arm"
 
@@ -38,12 +37,17 @@ def limb_owner(side: Side, limb: Limb) -> str:
     return f"{side}/{limb}"
 
 
+_FINGERS = {"left": Limb.LEFT_FINGER, "right": Limb.RIGHT_FINGER}
+"""Limb by the first word of the names of a finger's bodies within its gripper."""
+
+
 def _owner_of_body(name: str) -> str:
     for side in SIDES:
-        if name in pad_names(side):
-            limb = Limb.LEFT_PAD if name == pad_names(side)[0] else Limb.RIGHT_PAD
-            return limb_owner(side, limb)
-        if name.startswith(f"{gripper_name(side)}/"):
+        gripper = gripper_name(side)
+        for finger, limb in _FINGERS.items():
+            if name.startswith(f"{gripper}/{finger}_"):
+                return limb_owner(side, limb)
+        if name.startswith(f"{gripper}/"):
             return limb_owner(side, Limb.PALM)
         if name.startswith(f"{side}/"):
             return limb_owner(side, Limb.ARM)
@@ -115,11 +119,12 @@ class Contacts:
         """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
         return self._touch(self._limbs[side][-1], self._row(owner)) or self.gripper(side, owner)
 
-    def pads(self, side: Side, owner: str) -> bool:
-        """Whether both finger pads of a gripper press on an owner, towards each other.
+    def grasped(self, side: Side, owner: str) -> bool:
+        """Whether both fingers of a gripper press on an owner, towards each other.
 
-        Fingers that are pressed on top of something touch it with both pads, and grasp nothing: so
-        each pad has a contact whose normal points to the other pad, within `MAX_PRESS_ANGLE`.
+        A finger is its pad or its own linkage behind it, which clamps what reaches deep into the
+        gripper. Fingers that are pressed on top of something touch it both, and grasp nothing: so
+        each has a contact whose normal points to the other finger, within `MAX_PRESS_ANGLE`.
         """
         row = self._row(owner)
         one, other, _, _ = self._limbs[side]
@@ -127,23 +132,22 @@ class Contacts:
             return False
         left, right = self._pad_bodies[side]
         across = self._pad_centres[right] - self._pad_centres[left]
-        across = (across / np.linalg.norm(across)).tolist()
+        across = (across / length(across)).tolist()
         return self._presses(one, row, across, 1.0) and self._presses(other, row, across, -1.0)
 
-    def _presses(self, pad: int, row: int, across: list[float], sign: float) -> bool:
-        """Whether a contact of a pad with an owner points along a direction, or against it."""
+    def _presses(self, finger: int, row: int, across: list[float], sign: float) -> bool:
+        """Whether a contact of a finger with an owner points along a direction, or against it."""
         owners, frames = self._owners, self._data.contact.frame
         for number, (first, second) in enumerate(self._pairs):
             # The engine's normal points from the first geom to the second.
-            if owners[first] == pad and owners[second] == row:
+            if owners[first] == finger and owners[second] == row:
                 outwards = sign
-            elif owners[first] == row and owners[second] == pad:
+            elif owners[first] == row and owners[second] == finger:
                 outwards = -sign
             else:
                 continue
             if self._distances[number] <= 0.0:
-                cosine = outwards * sum(map(operator.mul, frames[number, :3].tolist(), across))
-                if cosine > _MIN_PRESS_COSINE:
+                if outwards * dot(frames[number, :3], across) > _MIN_PRESS_COSINE:
                     return True
         return False
 

@@ -9,7 +9,7 @@ import numpy as np
 from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
 from duobench.scene.naming import arm_joint_names, tcp_name
 from duobench.scene.robot import LINK7_FROM_TCP, kinematic_model
-from duobench.spatial import SE3
+from duobench.spatial import SE3, length
 from duobench.types import CONTROL_HZ, SIDES, Array, Side
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
@@ -41,8 +41,9 @@ def within_reach(side: Side, tool: SE3) -> SE3:
     """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
     shoulder = SHOULDERS[side]
     away = (tool @ _TCP_FROM_WRIST).translation - shoulder
-    excess = max(0.0, float(np.linalg.norm(away)) - REACH)
-    return tool.moved(*(-excess * away / np.linalg.norm(away))) if excess else tool
+    distance = length(away)
+    excess = max(0.0, distance - REACH)
+    return tool.moved(*(-excess * away / distance)) if excess else tool
 
 
 class ArmKinematics:

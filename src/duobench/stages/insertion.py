@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
+from duobench.spatial import SE3, dot, length, product
 from duobench.stages.predicates import Predicate, StateView
 
 MAX_ANGLE = math.radians(10.0)
@@ -36,13 +36,12 @@ class Port:
 
     def axis(self, simulation: Simulation) -> np.ndarray:
         """Outward direction (3,) in the table frame."""
-        return simulation.rotation(self.body) @ self.pose.rotation[:, 2]
+        return product(simulation.rotation(self.body), self.pose.rotation[:, 2])
 
     def position(self, simulation: Simulation) -> np.ndarray:
         """Position (3,) in the table frame, in metres."""
-        return simulation.rotation(self.body) @ self.pose.translation + simulation.position(
-            self.body
-        )
+        offset = product(simulation.rotation(self.body), self.pose.translation)
+        return offset + simulation.position(self.body)
 
 
 def led_in(simulation: Simulation, peg: Port, socket: Port, depth: float, offset: float) -> bool:
@@ -62,8 +61,8 @@ def led_in(simulation: Simulation, peg: Port, socket: Port, depth: float, offset
         return False
     outwards = socket.axis(simulation)
     tip = peg.position(simulation) - socket.position(simulation)
-    height = float(tip @ outwards)
-    aside = float(np.linalg.norm(tip - height * outwards))
+    height = dot(tip, outwards)
+    aside = length(tip - height * outwards)
     return -MAX_DEPTH <= height <= -depth and aside <= offset
 
 
@@ -83,6 +82,6 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
         sim = m.simulation
         if not led_in(sim, peg, socket, depth, MAX_OFFSET):
             return False
-        return float(peg.axis(sim) @ socket.axis(sim)) <= -math.cos(MAX_ANGLE)
+        return dot(peg.axis(sim), socket.axis(sim)) <= -math.cos(MAX_ANGLE)
 
     return Predicate(f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}", test)

@@ -192,8 +192,8 @@ def arm_touches(arm: Side, body: str) -> Predicate:
 
 
 def grasped(arm: Side, body: str) -> Predicate:
-    """Both pads of that gripper press on the body, towards each other."""
-    return Predicate(f"{arm} grasps {body}", lambda m: m.simulation.contacts.pads(arm, body))
+    """Both fingers of that gripper press on the body, towards each other; see `Contacts.grasped`."""
+    return Predicate(f"{arm} grasps {body}", lambda m: m.simulation.contacts.grasped(arm, body))
 
 
 def grasped_apart(one: str, other: str) -> Predicate:

@@ -12,7 +12,7 @@ from duobench.envs.duo_env import Transition
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import ActionError
 from duobench.sim.kinematics import Kinematics
-from duobench.spatial import SE3
+from duobench.spatial import SE3, length
 from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, Array, DuoCommand
 
 MIN_NORM = 1e-3
@@ -45,7 +45,7 @@ class CartesianActions(DuoWrapper):
         for side in SIDES:
             start = side.index * SIDE_SIZE
             quaternion = numbers[start + 3 : start + 7]
-            if np.linalg.norm(quaternion) < MIN_NORM:
+            if length(quaternion) < MIN_NORM:
                 raise ActionError(
                     f"The {side} quaternion (qx qy qz qw) is {quaternion.tolist()}, which is no "
                     "orientation; send a quaternion of length one."

@@ -13,7 +13,7 @@ from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.sim.kinematics import Kinematics
-from duobench.spatial import SE3, rotation_by
+from duobench.spatial import SE3, product, rotation_by
 from duobench.types import SIDES, Array, Side
 
 MAX_TRACKING_LAG = 0.02
@@ -146,5 +146,5 @@ class RelativeCartesianActions(DuoWrapper):
 def _displaced(pose: SE3, displacement: Array) -> SE3:
     """A pose shifted and turned by dx dy dz rx ry rz along the table's axes."""
     displacement = np.clip(displacement[:6], -MAX_DISPLACEMENT, MAX_DISPLACEMENT)
-    rotation = rotation_by(displacement[3:]) @ pose.rotation
+    rotation = product(rotation_by(displacement[3:]), pose.rotation)
     return SE3(rotation, pose.translation + displacement[:3])
