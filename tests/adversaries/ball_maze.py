@@ -162,7 +162,9 @@ def press_half_open_fingers(arms: Arms) -> Script:
 
 def pressed(sim: Simulation) -> bool:
     """Both pads of both grippers touch the board."""
-    pads = {limb_owner(side, pad) for side in SIDES for pad in (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)}
+    pads = {
+        limb_owner(side, pad) for side in SIDES for pad in (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)
+    }
     return pads <= sim.contacts.partners("board")
 
 

@@ -59,7 +59,9 @@ def pressed(sim: Simulation) -> bool:
     """Both fingers of either gripper lie on its block."""
     fingers = ("left_finger", "right_finger")
     return all(
-        sim.contacts.between(f"{side}/{finger}", f"{side}_block") for side in SIDES for finger in fingers
+        sim.contacts.between(f"{side}/{finger}", f"{side}_block")
+        for side in SIDES
+        for finger in fingers
     )
 
 

@@ -161,7 +161,9 @@ def in_and_out_again(arms: Arms) -> Script:
 
 def _pinched_inside(sim: Simulation) -> bool:
     inner = CAVITY_REGION.contains(sim.relative_position("cube", "chest"))
-    return inner and sim.contacts.between("cube", "chest") and sim.contacts.grasped(INSERTER, "cube")
+    return (
+        inner and sim.contacts.between("cube", "chest") and sim.contacts.grasped(INSERTER, "cube")
+    )
 
 
 def _bounces_off(sim: Simulation) -> bool:

@@ -11,7 +11,16 @@ import pytest
 from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
 from duobench.scene.fr3_links import JOINT_RANGES
 from duobench.scene.robot import LINK7_FROM_TCP
-from duobench.sim.kinematics import ELBOW, REACH, STRAIGHT, Kinematics, within_reach
+from duobench.sim.kinematics import (
+    ELBOW,
+    GRID,
+    LIMIT_MARGIN,
+    MAX_JUMP,
+    REACH,
+    STRAIGHT,
+    Kinematics,
+    within_reach,
+)
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, SIDES, Side
 
@@ -144,7 +153,7 @@ def test_where_the_solver_finds_nothing_the_arms_stay(
 
     monkeypatch.setattr(mink, "solve_ik", solve_nothing)
     moved = kinematics.step(HOME_JOINTS, {side: down(0.5, 0.0, 0.3) for side in SIDES})
-    assert np.array_equal(moved, HOME_JOINTS)
+    assert np.abs(moved - HOME_JOINTS).max() <= 0.5 / GRID
 
 
 def test_a_tool_tracks_a_moving_target(kinematics: Kinematics) -> None:
@@ -170,3 +179,25 @@ def test_a_solver_remembers_nothing(kinematics: Kinematics) -> None:
     kinematics.solve(HOME_JOINTS + 0.2, {Side.RIGHT: down(0.6, -0.1, 0.1)})
     assert np.array_equal(kinematics.step(HOME_JOINTS, goal), first)
     assert np.array_equal(Kinematics().step(HOME_JOINTS, goal), first)
+
+
+def test_solutions_are_on_a_grid_that_float32_holds(kinematics: Kinematics) -> None:
+    moved = kinematics.step(HOME_JOINTS, {side: down(0.5, 0.2 * side.sign, 0.3) for side in SIDES})
+    assert np.array_equal(moved * GRID, np.rint(moved * GRID))
+    assert np.array_equal(moved.astype(np.float32), moved)
+
+
+def test_with_the_step_before_no_joint_jumps_or_turns_about(kinematics: Kinematics) -> None:
+    rng = np.random.default_rng(4)
+    before = joints = np.array(HOME_JOINTS)
+    low, high = JOINT_RANGES.T
+    for _ in range(20):
+        goals = poses(rng, [0.2, 0.0, 0.0], [0.8, 0.5, 0.6])
+        for _ in range(15):
+            moved = kinematics.step(joints, goals, before=before)
+            step, last = moved - joints, joints - before
+            assert np.abs(step - last).max() <= MAX_JUMP + 2.0 / GRID
+            turned = np.minimum(np.abs(step), np.abs(last))[step * last < 0.0]
+            assert turned.max(initial=0.0) <= MAX_JUMP / 2 + 1.0 / GRID
+            assert np.minimum(moved - low, high - moved).min() >= LIMIT_MARGIN - 1.0 / GRID
+            before, joints = joints, moved

@@ -68,6 +68,7 @@ class Arms:
         command = simulation.duo.command()
         self.joints: Array = command.joints.copy()
         """Commanded joints (2, 7) in radians."""
+        self._before: Array = self.joints
         self.openings: Array = command.openings.copy()
         """Commanded openings (2,), 0 closed to 1 open."""
         self.targets: dict[Side, SE3] = dict(self.kinematics.forward(self.joints))
@@ -81,7 +82,10 @@ class Arms:
 
     def action(self) -> Array:
         """The next 16 numbers: one step of inverse kinematics towards the targets."""
-        self.joints = self.kinematics.step(self.joints, self.targets, posture=self.posture)
+        before, self._before = self._before, self.joints
+        self.joints = self.kinematics.step(
+            self.joints, self.targets, posture=self.posture, before=before
+        )
         return DuoCommand(joints=self.joints, openings=self.openings).flat
 
     def tcp_pose(self, side: Side) -> SE3:

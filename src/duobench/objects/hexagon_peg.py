@@ -98,7 +98,9 @@ def _walls(hole: Hole) -> list[Shape]:
         ends = [k, (k + 1) % hole.corners]
         # Corners of the board between the two rays that bound this piece.
         first, second = (np.column_stack([-edge[e, 1], edge[e, 0]])[0] for e in ends)
-        between = corners[((corners * first).sum(axis=1) > 0) & ((corners * second).sum(axis=1) < 0)]
+        between = corners[
+            ((corners * first).sum(axis=1) > 0) & ((corners * second).sum(axis=1) < 0)
+        ]
         rim = np.vstack([edge[ends], between])
         points = [
             *((x, y, z) for x, y in rim for z in (BOARD_FLOOR, BOARD_HEIGHT)),

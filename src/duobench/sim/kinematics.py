@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
+import mujoco
 import numpy as np
 
 from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
@@ -14,10 +16,28 @@ from duobench.types import CONTROL_HZ, SIDES, Array, Side
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
 """Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""
-POSTURE_COST = 2e-3
+POSTURE_COST = 5e-3
 """Pull of the redundant joint towards the home posture; weak enough not to show at the tool."""
+POSTURE_GAIN = 0.05
+"""Share of its error that the posture may remove in a step: all of it at once, at full speed, the
+redundant joint overshoots and swings."""
+LIMIT_MARGIN = 0.05
+"""Distance in radians that solutions keep from the ends of the joints' ranges."""
+LIMIT_GAIN = 0.25
+"""Share of its distance from there that a joint may come nearer in a step: it slows down."""
+GRID = 2.0**20
+"""Joint targets are whole multiples of 1 / GRID radians (one micrometre at the tool), so that the
+last bits of a solution, which differ between processors, are gone. float32 holds them exactly."""
 VELOCITY_SHARE = 0.9
 """Part of the arm's velocity limits that a solution may use."""
+MAX_JUMP = 0.038
+"""Largest change in radians of a joint's step against the one before, where that one is given: so
+no target jumps by more than 0.05 rad a step², nor reverses by more than 0.02 rad."""
+INERTIA_COST = 0.02
+"""Weight of a change of the step against the one before, where that one is given: near a singular
+posture, where a small way of the tool takes long ways of the joints, they take them evenly."""
+DAMPING = 1e-5
+"""Weight of the squared step itself, which shortens such ways; too weak to show at the tool."""
 LM_DAMPING = 0.1
 """Damping for each unit of squared error: a target that is far away, or out of reach, is approached
 in many small steps. It fades as the tool comes near, and does not show in tracking."""
@@ -46,6 +66,34 @@ def within_reach(side: Side, tool: SE3) -> SE3:
     return tool.moved(*(-excess * away / distance)) if excess else tool
 
 
+def _step_limit(model: mujoco.MjModel) -> Any:
+    """A limit of mink's, which is loaded at first use, on the step of every joint."""
+    import mink
+
+    class StepLimit(mink.Limit):
+        """How far each joint may move in a step: range, speed, and change of speed."""
+
+        def __init__(self) -> None:
+            self._low, self._high = model.jnt_range.T
+            self._speeds = np.array(VELOCITY_LIMITS) * VELOCITY_SHARE
+            self._sides = np.vstack([np.eye(len(self._speeds)), -np.eye(len(self._speeds))])
+            self.last: Array | None = None
+            """The step before (7,) in radians; None where its change is not limited."""
+
+        def compute_qp_inequalities(
+            self, configuration: mink.Configuration, dt: float
+        ) -> mink.Constraint:
+            most = self._speeds * dt
+            low = np.maximum(-most, LIMIT_GAIN * (self._low - configuration.q))
+            high = np.minimum(most, LIMIT_GAIN * (self._high - configuration.q))
+            if self.last is not None:
+                slowest, fastest = self.last - MAX_JUMP, self.last + MAX_JUMP
+                low, high = np.clip(slowest, low, high), np.clip(fastest, low, high)
+            return mink.Constraint(G=self._sides, h=np.concatenate([high, -low]))
+
+    return StepLimit()
+
+
 class ArmKinematics:
     """Solves for the joints of one arm; holds no state between calls."""
 
@@ -54,6 +102,7 @@ class ArmKinematics:
         import mink  # it brings SciPy, which joint actions do without
 
         model = kinematic_model(side)
+        model.jnt_range += (LIMIT_MARGIN, -LIMIT_MARGIN)
         model.jnt_range[ELBOW, 1] = STRAIGHT
         self._low, self._high = model.jnt_range.T
         self._side = side
@@ -65,13 +114,9 @@ class ArmKinematics:
             orientation_cost=ORIENTATION_COST,
             lm_damping=LM_DAMPING,
         )
-        self._posture = mink.PostureTask(model, cost=POSTURE_COST)
-        speeds = np.array(VELOCITY_LIMITS) * VELOCITY_SHARE
-        names = arm_joint_names(side)
-        self._limits = [
-            mink.ConfigurationLimit(model),
-            mink.VelocityLimit(model, dict(zip(names, speeds.tolist(), strict=True))),
-        ]
+        self._posture = mink.PostureTask(model, cost=POSTURE_COST, gain=POSTURE_GAIN)
+        self._inertia = mink.PostureTask(model, cost=INERTIA_COST)
+        self._limit = _step_limit(model)
 
     def forward(self, joints: Array) -> SE3:
         """Tool pose in the table frame at joint positions (7,)."""
@@ -79,8 +124,10 @@ class ArmKinematics:
         pose = self._configuration.get_transform_frame_to_world(tcp_name(self._side), "site")
         return SE3(pose.rotation().as_matrix(), pose.translation())
 
-    def step(self, joints: Array, target: SE3, dt: float, posture: Array) -> Array:
-        """Joint targets (7,) one step nearer to a tool pose; see `Kinematics.step`."""
+    def step(
+        self, joints: Array, target: SE3, dt: float, posture: Array, before: Array | None
+    ) -> Array:
+        """Joint targets (7,) for the step towards a tool pose; see `Kinematics.step`."""
         import mink
 
         start = np.clip(joints, self._low, self._high)
@@ -89,11 +136,19 @@ class ArmKinematics:
         self._posture.set_target(posture)
         enough = (1.0 - LEAST_PROGRESS) * self._error(start)
         tasks = [self._tool, self._posture]
+        self._limit.last = last = None if before is None else joints - before
+        if last is not None:
+            self._inertia.set_target(start + last)
+            tasks.append(self._inertia)
         try:
-            velocity = mink.solve_ik(self._configuration, tasks, dt, SOLVER, limits=self._limits)
+            velocity = mink.solve_ik(
+                self._configuration, tasks, dt, SOLVER, damping=DAMPING, limits=[self._limit]
+            )
         except mink.NoSolutionFound:
             return start
         change = velocity * dt
+        if last is not None:  # the arm moves on, and cannot stop at once
+            return start + change
         for _ in range(SHORTENINGS + 1):
             if self._error(start + change) < enough:
                 return start + change
@@ -128,11 +183,13 @@ class Kinematics:
         *,
         dt: float = 1.0 / CONTROL_HZ,
         posture: Array = HOME_JOINTS,
+        before: Array | None = None,
     ) -> Array:
         """One step towards tool poses, within joint ranges and velocity limits.
 
-        Each step brings an arm nearer to its target, so towards a still target it comes to rest, in
-        reach or not. Where no step does, or the solver finds none, the arm stays.
+        Without `before`, each step brings an arm nearer to its target, so towards a still target it
+        comes to rest, in reach or not; where no step does, or the solver finds none, the arm stays.
+        With it, joints also keep to `MAX_JUMP`: smooth for targets that move smoothly.
 
         Args:
             joints: Where the arms are (2, 7), in radians. From outside the ranges that solutions
@@ -140,14 +197,18 @@ class Kinematics:
             targets: Tool pose wanted for each side; a side that is missing stays.
             dt: Duration of the step in seconds.
             posture: Joint positions (2, 7) that the redundant joint is attracted to.
+            before: Where the arms were one step earlier (2, 7), in radians.
 
         Returns:
-            Joint targets (2, 7).
+            Joint targets (2, 7), whole multiples of 1 / `GRID` for the sides that have a target.
         """
         result = np.array(joints, dtype=np.float64)
         for side, target in targets.items():
             row = side.index
-            result[row] = self._arms[side].step(result[row], target, dt, posture[row])
+            solution = self._arms[side].step(
+                result[row], target, dt, posture[row], None if before is None else before[row]
+            )
+            result[row] = np.rint(solution * GRID) / GRID
         return result
 
     def solve(
