@@ -23,8 +23,9 @@ POSTURE_GAIN = 0.05
 redundant joint overshoots and swings."""
 LIMIT_MARGIN = 0.05
 """Distance in radians that solutions keep from the ends of the joints' ranges."""
-LIMIT_GAIN = 0.25
-"""Share of its distance from there that a joint may come nearer in a step: it slows down."""
+LIMIT_GAIN = 0.24
+"""Share of its distance from there that a joint may come nearer in a step: so even the fastest one
+brakes by less than `MAX_JUMP` a step."""
 GRID = 2.0**20
 """Joint targets are whole multiples of 1 / GRID radians (one micrometre at the tool), so that the
 last bits of a solution, which differ between processors, are gone. float32 holds them exactly."""
