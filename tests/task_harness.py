@@ -18,7 +18,7 @@ from duobench.stages.progress import Progress, ProgressState
 from duobench.tasks.task import Task
 from duobench.types import Array, DuoCommand
 
-MOVED = ("joints", "openings", "targets", "posture", "freedom")
+MOVED = ("joints", "before", "openings", "targets", "posture", "freedom")
 """What a script changes in its arms."""
 
 
@@ -140,8 +140,12 @@ class TaskHarness:
 
     def advance(self) -> None:
         """Send the arms' next action, and judge what came of it."""
+        self.send(self.arms.action())
+
+    def send(self, action: Array) -> None:
+        """Send an action (16,), and judge what came of it."""
         # In float32, as a rollout does.
-        action = self.arms.action().astype(np.float32)
+        action = np.asarray(action, dtype=np.float32)
         duo = self.sim.duo
         self.sim.step(DuoCommand.from_flat(duo.limits.clip(action, duo.command().flat)))
         self.judge()

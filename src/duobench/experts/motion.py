@@ -68,7 +68,8 @@ class Arms:
         command = simulation.duo.command()
         self.joints: Array = command.joints.copy()
         """Commanded joints (2, 7) in radians."""
-        self._before: Array = self.joints
+        self.before: Array = self.joints
+        """Commanded joints (2, 7) one step earlier, in radians."""
         self.openings: Array = command.openings.copy()
         """Commanded openings (2,), 0 closed to 1 open."""
         self.targets: dict[Side, SE3] = dict(self.kinematics.forward(self.joints))
@@ -82,7 +83,7 @@ class Arms:
 
     def action(self) -> Array:
         """The next 16 numbers: one step of inverse kinematics towards the targets."""
-        before, self._before = self._before, self.joints
+        before, self.before = self.before, self.joints
         self.joints = self.kinematics.step(
             self.joints, self.targets, posture=self.posture, before=before
         )

@@ -74,9 +74,9 @@ behind a pad. It keeps 4 mm behind the pad's face: the tongue's own hull is flus
 the two would compete for every grasped object."""
 SPRING_LINK_SETBACK = (-0.00125, 0.00082, 0.0)
 """Setback of the hull of the link behind a pad, in its frame and metres: 1.5 mm outwards when the
-fingers are 32 mm apart. The link is hollow there, and the pad stands proud of it; its convex hull is
-not, and took from the pad what reaches deep between the fingers (at 1 mm it still did with the
-hexagonal peg)."""
+fingers are 32 mm apart. The pad stands proud of the link, which is hollow there; its convex hull is
+not, and took from the pad what reaches deep between the fingers (set back by 1 mm, it still did
+with the hexagonal peg)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

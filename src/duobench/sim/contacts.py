@@ -1,8 +1,8 @@
 """Who touches whom: the only place that reads the engine's contact list.
 
 Every geom belongs to one owner: a finger (its pad and its own linkage), the rest of a gripper, the
-rest of an arm, or the body that carries it. One query a control step turns the contact list into the set of
-pairs of owners that touch; every question after that is a look-up.
+rest of an arm, or the body that carries it. One query a control step turns the contact list
+into the set of pairs of owners that touch; every question after that is a look-up.
 """
 
 from __future__ import annotations
@@ -146,9 +146,10 @@ class Contacts:
                 outwards = -sign
             else:
                 continue
-            if self._distances[number] <= 0.0:
-                if outwards * dot(frames[number, :3], across) > _MIN_PRESS_COSINE:
-                    return True
+            if self._distances[number] > 0.0:
+                continue
+            if outwards * dot(frames[number, :3], across) > _MIN_PRESS_COSINE:
+                return True
         return False
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:

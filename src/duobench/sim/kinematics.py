@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
-from duobench.scene.naming import arm_joint_names, tcp_name
+from duobench.scene.naming import tcp_name
 from duobench.scene.robot import LINK7_FROM_TCP, kinematic_model
 from duobench.spatial import SE3, length
 from duobench.types import CONTROL_HZ, SIDES, Array, Side

@@ -1,6 +1,6 @@
 """Two arms at one thing: what counts as bringing it to its place together, all the way.
 
-That both arms had it once is worth nothing. What they bring must be in their hands until it touches
+That both arms had it once is worth nothing. What they bring must be in their hands until it is at
 its place; what is let go before, or carried by one arm in between, must be picked up again.
 """
 
@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
+from duobench.stages.placing import low_over
 from duobench.stages.predicates import (
     Predicate,
     all_of,
@@ -27,8 +28,6 @@ from duobench.types import SIDES
 FLICKER_SECONDS = 0.1
 """How long a contact that is lost is lost for good: three control steps. Fingers that let go and
 close again take longer, contacts that flicker do not."""
-BOUNCE = 0.005
-"""How high in metres an object may hop when fingers let go of it, and was not lifted again."""
 LANDING_DEPTH = 0.001
 """How far below the top of its support the lowest point of an object on it may seem to be."""
 
@@ -51,8 +50,8 @@ class Carriage:
     carried: Predicate
     """Each gripper grasps one handle, and the object is raised in the air."""
     put_down: Predicate
-    """It was carried to its place on its support, both handles grasped up to being there; since
-    then it has been neither on the table nor off the support again."""
+    """It was carried to its place on its support, both handles grasped until it was put down; since
+    then it has been neither on the table nor lifted again."""
 
 
 def carriage(
@@ -71,7 +70,7 @@ def carriage(
         handles: Its two handles.
         support: What it is put down on.
         place: It is where both arms have to bring it on the support.
-        top: Height of the support's top above the table, in metres.
+        top: Height of the top of the support, which stands on the table, in metres.
         height: How far a carried object is raised, in metres.
     """
     bodies = (prop, *handles)
@@ -89,8 +88,9 @@ def carriage(
         reset=any_of(on_table, interrupted(in_both), dropped),
     )
     # Put down beside its place, and pushed there by one arm, it was not brought there by both.
-    landed = all_of(on_support, raised(prop, top - LANDING_DEPTH), place, in_both, on_the_way)
-    lifted_again = in_air & raised(prop, top + BOUNCE)
+    low = low_over(prop, support, top)
+    landed = all_of(low, raised(prop, top - LANDING_DEPTH), place, in_both, on_the_way)
+    lifted_again = in_air & ~low
     return Carriage(
         carried=carried,
         put_down=since(landed, reset=any_of(on_table, let_go, lifted_again)),

@@ -53,16 +53,15 @@ class Handover:
         """An arm holds it alone, handed over by the other one."""
         return any_of(*self.received.values())
 
-    def put(self, there: Predicate, *, until: Predicate) -> Predicate:
-        """The arm that received it has brought it to its place, at an earlier step.
+    def put(self, there: Predicate) -> Predicate:
+        """The arm that received it has put it at its place, where it has been since.
 
         Args:
-            there: Holds where the object is at its place, in the arm's grasp.
-            until: What makes it forgotten that it was: the object is not at its place any more.
+            there: It is at its place, or so little above that it is put down when it is let go.
         """
         return any_of(
             *(
-                since(self.brought[side] & there, reset=until | self.disturbed[side])
+                since(self.brought[side] & there, reset=~there | self.disturbed[side])
                 for side in SIDES
             )
         )
@@ -78,7 +77,7 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
         prop: The object.
         supports: Where it may be put down, beside the table: on none of them it is in the air.
         way: The way that the object takes. The giver is the arm that brings it through, and it is
-            handed over on the far side.
+            handed over on the far side, or while it is in the hole.
     """
     held = {side: lifted(side, prop, *supports) for side in SIDES}
     alone = {side: held[side] & ~touches(side.other, prop) for side in SIDES}
@@ -91,10 +90,18 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
             for side in SIDES
         }
     else:
-        # Whoever was the last to hold it alone brings it through.
+        # Whoever was the last to hold it alone brings it through; where both hold it in the hole,
+        # whoever was the last before that.
         last = {side: since(alone[side], reset=alone[side.other]) for side in SIDES}
+        meeting = {side: all_of(shared, way.within, last[side]) for side in SIDES}
+        brought_in = {
+            side: since(meeting[side], reset=any_of(meeting[side.other], put_down, ~way.within))
+            for side in SIDES
+        }
+        brings = {side: brought_in[side] | (last[side] & ~brought_in[side.other]) for side in SIDES}
         giver = {
-            side: since(way.crossing & last[side], reset=put_down | ~way.through) for side in SIDES
+            side: since(way.crossing & brings[side], reset=put_down | ~way.through)
+            for side in SIDES
         }
     received = {
         side: all_of(alone[side], giver[side.other], since(shared, reset=alone[side.other]))

@@ -39,14 +39,17 @@ class Passage:
     """It comes through the hole, at this step, held."""
     through: Predicate
     """It is on the far side, and came there through the hole, held, not around."""
+    within: Predicate
+    """Its middle is in the hole: a part of it is on either side."""
 
 
-def passage(prop: str, hole: Hole, *, held: Predicate) -> Passage:
+def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage:
     """The predicates for an object that starts on the near side (negative y) of a hole.
 
     Args:
         prop: The object.
         hole: The hole.
+        length: Length of the object in metres.
         held: What must hold when the object comes through, at that step or at the one before.
     """
 
@@ -55,13 +58,15 @@ def passage(prop: str, hole: Hole, *, held: Predicate) -> Passage:
         x, y, z = m.simulation.relative_position(prop, hole.body)
         return y, math.hypot(x, z - hole.height)
 
-    def in_front(radius: float) -> Predicate:
+    def in_front(radius: float, depth: float = EXIT_DEPTH) -> Predicate:
         def test(m: StateView) -> bool:
             beyond, off_axis = where(m)
-            return abs(beyond) <= EXIT_DEPTH and off_axis <= radius
+            return abs(beyond) <= depth and off_axis <= radius
 
         return Predicate(
-            f"{prop} is within {radius * 1000:.0f} mm of the axis of {hole.body}", test
+            f"{prop} is within {radius * 1000:.0f} mm of the axis of {hole.body}, "
+            f"{depth * 1000:.0f} mm before or behind it",
+            test,
         )
 
     near = Predicate(f"{prop} is on the near side of {hole.body}", lambda m: where(m)[0] < 0)
@@ -78,4 +83,5 @@ def passage(prop: str, hole: Hole, *, held: Predicate) -> Passage:
     return Passage(
         crossing=Predicate(f"{prop} crosses {hole.body}", crossing.test, crossing.parts),
         through=all_of(~near, crossing | came_through),
+        within=in_front(hole.rim, length / 2),
     )

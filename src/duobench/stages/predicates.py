@@ -192,7 +192,7 @@ def arm_touches(arm: Side, body: str) -> Predicate:
 
 
 def grasped(arm: Side, body: str) -> Predicate:
-    """Both fingers of that gripper press on the body, towards each other; see `Contacts.grasped`."""
+    """Both fingers of that gripper press on the body, towards each other."""
     return Predicate(f"{arm} grasps {body}", lambda m: m.simulation.contacts.grasped(arm, body))
 
 

@@ -4,6 +4,9 @@ Lids and doors here shut by themselves. So whatever stays open longer than somet
 does, with nothing of the bringing arm against it, is held open by the other arm. That is asked for
 at a moment at which the bringing arm holds the object, and it stays true until the object is where
 it belongs. What happens to the lid after that is free.
+
+A hand that goes in may brush the lid, and a lid may lie on it for a moment: who holds it shows when
+the hand is gone. If the lid has not shut in between and still does not shut, the other arm held it.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from duobench.stages.placing import put
 from duobench.stages.predicates import (
     Predicate,
     all_of,
@@ -27,13 +31,11 @@ from duobench.types import SIDES, Side
 
 UNSUPPORTED_TIME = 0.6
 """Time in seconds for which a lid or door that is open needs support: thrown open by any speed,
-none of them stays open so long by itself (at most 0.5 s)."""
+none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose touch with it
+for as long, as fingers do that slip along it."""
 GRAZE_TIME = 0.1
 """Time in seconds from which on a touch that should not be is more than a graze: the bringing arm
 or the object at the lid, the supporting arm at the object. It is too short to hold a lid up."""
-SLIP_TIME = 0.2
-"""Time in seconds for which the supporting arm may lose touch with the lid, as it may when fingers
-slip along it: less than it takes to fall shut."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -44,11 +46,13 @@ class Support:
     """One arm lifts the object while the other one keeps the lid open, and touches it with its
     gripper: nothing of the first arm, nor the object, has touched the lid for `UNSUPPORTED_TIME`"""
     delivered: Predicate
-    """The arm that had the object then has brought it to its goal, where it has been since, and the
+    """The arm that had the object then has put it at its goal, where it has been since, and the
     other arm kept the lid open all the way."""
 
 
-def support(prop: str, fixture: str, lid: str, angle: float, goal: Predicate) -> Support:
+def support(
+    prop: str, fixture: str, lid: str, angle: float, *, goal: Predicate, there: Predicate
+) -> Support:
     """The predicates for an object that goes into something with a lid or a door.
 
     Args:
@@ -57,6 +61,7 @@ def support(prop: str, fixture: str, lid: str, angle: float, goal: Predicate) ->
         lid: The lid or door, a body with a hinge of the same name, that shuts by itself.
         angle: From which angle on the lid counts as open, in radians.
         goal: The object is inside.
+        there: It is where it may be let go: inside, or little above.
     """
     is_open = hinge_open(lid, angle)
     grazed = {side: arm_touches(side, lid) | touching(prop, lid) for side in SIDES}
@@ -68,17 +73,33 @@ def support(prop: str, fixture: str, lid: str, angle: float, goal: Predicate) ->
         )
         for side in SIDES
     }
+    void = {side: ~is_open | held_for(arm_touches(side.other, prop), GRAZE_TIME) for side in SIDES}
     lost = {
         side: any_of(
-            ~is_open,
+            void[side],
             held_for(grazed[side], GRAZE_TIME),
-            held_for(arm_touches(side.other, prop), GRAZE_TIME),
-            held_for(~arm_touches(side.other, lid), SLIP_TIME),
+            held_for(~arm_touches(side.other, lid), UNSUPPORTED_TIME),
         )
         for side in SIDES
     }
-    brought = any_of(*(goal & since(supported[side], reset=lost[side]) for side in SIDES))
+    # With the object at its goal, the lid shows who holds it.
+    shown = {
+        side: all_of(
+            touches(side.other, lid),
+            held_for(is_open & ~grazed[side], UNSUPPORTED_TIME),
+            since(supported[side], reset=void[side]),
+        )
+        for side in SIDES
+    }
+    brought = {
+        side: all_of(
+            goal,
+            put(prop, there, side),
+            since(supported[side], reset=lost[side]) | shown[side],
+        )
+        for side in SIDES
+    }
     return Support(
         supported=any_of(*supported.values()),
-        delivered=since(brought, reset=~goal),
+        delivered=since(any_of(*brought.values()), reset=~goal),
     )

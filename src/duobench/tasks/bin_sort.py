@@ -8,20 +8,26 @@ Randomization:
     Each cube anywhere in its half of the table at any yaw, each bowl within 5 cm of its place.
 
 Success:
-    Both cubes lie still in the bowls of their colours, which stand on the table, and are let go.
+    Both cubes have lain still for half a second in the bowls of their colours, which stand on the
+    table, and were let go there, below the rim.
 """
 
 from __future__ import annotations
+
+from math import inf
 
 from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
 from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.sim.layout import Layout
+from duobench.stages.placing import RIM_HEIGHT_ERROR, low_over, placed, put
 from duobench.stages.predicates import (
     CylinderRegion,
     Predicate,
+    all_of,
     any_of,
+    inside,
     lifted_by_any,
     released,
 )
@@ -53,12 +59,25 @@ def _apart(layout: Layout) -> bool:
 
 def _in_bowl(colour: str) -> Predicate:
     """The cube lies in the bowl of its colour."""
-    inner = CylinderRegion(body=_bowl(colour), radius=RADIUS - WALL, low=0.0, high=RIM_HEIGHT)
-    return lies_in(_cube(colour), inner)
+    return lies_in(_cube(colour), _inner(colour, RIM_HEIGHT))
+
+
+def _put_in(colour: str) -> Predicate:
+    """It was let go there, below the rim."""
+    cube, bowl = _cube(colour), _bowl(colour)
+    low = low_over(cube, bowl, RIM_HEIGHT, RIM_HEIGHT_ERROR)
+    return put(cube, inside(cube, _inner(colour, inf)) & low)
+
+
+def _inner(colour: str, high: float) -> CylinderRegion:
+    """Where the cube's centre is inside the bowl's wall, up to a height in metres."""
+    return CylinderRegion(body=_bowl(colour), radius=RADIUS - WALL, low=0.0, high=high)
 
 
 _REACHED = {colour: _in_bowl(colour) for colour in COLOURS}
-_WHITE_IN, _BLACK_IN = (_REACHED[colour] & released(_cube(colour)) for colour in COLOURS)
+_WHITE_IN, _BLACK_IN = (
+    all_of(_REACHED[colour], released(_cube(colour)), _put_in(colour)) for colour in COLOURS
+)
 _WHITE_LIFTED, _BLACK_LIFTED = (lifted_by_any(_cube(colour)) for colour in COLOURS)
 
 TASK = Task(
@@ -108,7 +127,7 @@ TASK = Task(
         Stage(
             name="both cubes lie in their bowls",
             instruction="Put the other cube into the bowl of its colour and let go of it.",
-            holds=_WHITE_IN & _BLACK_IN,
+            holds=placed(_WHITE_IN, _BLACK_IN),
         ),
     ),
     expert="duobench.experts.bin_sort:script",

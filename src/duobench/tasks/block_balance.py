@@ -22,7 +22,16 @@ from duobench.objects.prop import Prop
 from duobench.randomness import around
 from duobench.stages import predicates as is_
 from duobench.stages.coordination import brought, interrupted
-from duobench.stages.predicates import all_of, any_of, off_table, since, touching
+from duobench.stages.placing import low_over, placed
+from duobench.stages.predicates import (
+    all_of,
+    any_of,
+    off_table,
+    raised,
+    released,
+    since,
+    touching,
+)
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES
@@ -42,31 +51,35 @@ ENDS = tuple(
 LEVEL = math.radians(12.0)
 STANDING = math.radians(20.0)
 """Largest tilt of a block that stands on a level beam, in radians."""
-STILL_SECONDS = 0.5
-"""How long everything must stand still [task definitions]."""
+LYING = 0.005
+"""How far below the cube's top, in metres, the lowest point of a beam that lies on it may seem to
+be. A beam beside the cube, in the hand, is lower."""
 BLOCKS = ("left_block", "right_block")
 
 _EVERYTHING = ("cube", "beam", *BLOCKS)
 _ON_CUBE = touching("beam", "cube") & off_table("beam")
 _LEVEL = is_.upright("beam", LEVEL)
-_CARRIED = tuple(touching(name, "beam") & off_table(name) for name in BLOCKS)
-# A block is on either end of the beam, and the table carries neither.
-_ON_BEAM = all_of(*(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS), *_CARRIED)
+# The table carries no block, and each is on the beam, or so little above that it is put there.
+_LOW = tuple(low_over(name, "beam", BEAM[2] / 2) & off_table(name) for name in BLOCKS)
+_AT_ENDS = all_of(*(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS), *_LOW)
+_ON_BEAM = all_of(_AT_ENDS, *(touching(name, "beam") for name in BLOCKS))
 _HELD = is_.lifted_by_any("beam")
-_BRIDGE = all_of(is_.rests_on("beam", "cube"), _LEVEL, since(_HELD))
+# On the cube, not beside it in the hand.
+_LAID = all_of(is_.rests_on("beam", "cube"), raised("beam", CUBE_EDGE - LYING), released("beam"))
+_BRIDGE = all_of(_LAID, _LEVEL, since(_HELD))
 _GRASPED = is_.grasped_apart(*BLOCKS)
 _READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE))
 # Blocks that were put on one after the other, and grasped again, were not put on together.
 _TOGETHER = all_of(_GRASPED, *(brought(name, "beam") for name in BLOCKS))
-_LOADED = all_of(_ON_BEAM, _ON_CUBE, _TOGETHER, since(_READY))
-_LEFT = any_of(*(interrupted(carried) for carried in _CARRIED))
+_LOADED = all_of(_AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY))
+_LEFT = any_of(*(interrupted(low) for low in _LOW))
 # No arm props anything up, with its gripper or with any other part.
 _ALONE = all_of(
     *(is_.still(name) for name in _EVERYTHING),
     *(~is_.arm_touches(side, name) for name in _EVERYTHING for side in SIDES),
 )
 _STANDING = all_of(*(is_.upright(name, STANDING) for name in BLOCKS))
-_BALANCED = is_.held_for(all_of(_ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, _ALONE), STILL_SECONDS)
+_BALANCED = placed(_ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, _ALONE)
 
 TASK = Task(
     id="block_balance",

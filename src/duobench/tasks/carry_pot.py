@@ -8,8 +8,8 @@ Randomization:
     Pot within 8 cm of its place and turned by up to 10 degrees, plate within 4 cm of its place.
 
 Success:
-    The pot stands upright on the plate, near its middle, let go, after both arms carried it there:
-    in the air each of them grasped its handle, until the pot touched the plate.
+    The pot has stood upright on the plate for half a second, near its middle, let go, after both
+    arms carried it there: in the air each of them grasped its handle, until it was put down.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from duobench.objects.pot import HEIGHT, PLATE, pot, stove_plate
 from duobench.objects.prop import Prop
 from duobench.randomness import Uniform, around
 from duobench.stages.coordination import carriage
+from duobench.stages.placing import placed
 from duobench.stages.predicates import (
     BoxRegion,
     Predicate,
@@ -93,10 +94,7 @@ TASK = Task(
             name="the pot stands on the stove",
             instruction="Carry the pot to the stove, put it down near the middle, and let go.",
             holds=all_of(
-                rests_on("pot", "stove"),
-                _ON_PLATE,
-                upright("pot", TILT),
-                _RELEASED,
+                placed(rests_on("pot", "stove"), _ON_PLATE, upright("pot", TILT), _RELEASED),
                 _CARRIAGE.put_down,
             ),
         ),

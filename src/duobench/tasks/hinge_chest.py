@@ -9,21 +9,23 @@ Randomization:
     degrees of its place on the right.
 
 Success:
-    The cube rests in the chest and no gripper touches it. The arm that brought it did not touch
-    the lid, and the other arm kept the lid open until the cube was inside.
+    The cube has rested in the chest for half a second, and no gripper touches it. The arm that
+    brought it let it go below the rim, and the other arm kept the lid open until it was inside.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from math import inf
 
 from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
 from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL, chest
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
+from duobench.stages.placing import RIM_HEIGHT_ERROR, low_over, placed
 from duobench.stages.predicates import (
     BoxRegion,
-    all_of,
     hinge_open,
     inside,
     lifted_by_any,
@@ -45,7 +47,15 @@ CAVITY_REGION = BoxRegion(
 """Where the cube's centre is when the cube is in the cavity and does not stick out over its rim."""
 
 _INSIDE = inside("cube", CAVITY_REGION)
-_LID = support("cube", "chest", "chest/lid", OPEN_ANGLE, _INSIDE)
+_OVER = inside("cube", replace(CAVITY_REGION, high=(CAVITY[0] / 2, CAVITY[1] / 2, inf)))
+_LID = support(
+    "cube",
+    "chest",
+    "chest/lid",
+    OPEN_ANGLE,
+    goal=_INSIDE,
+    there=_OVER & low_over("cube", "chest", RIM_HEIGHT, RIM_HEIGHT_ERROR),
+)
 
 TASK = Task(
     id="hinge_chest",
@@ -79,7 +89,7 @@ TASK = Task(
         Stage(
             name="the cube lies in the chest",
             instruction="Put the black cube into the chest and let go of it.",
-            holds=all_of(_INSIDE, rests_on("cube", "chest"), released("cube"), _LID.delivered),
+            holds=placed(_INSIDE, rests_on("cube", "chest"), released("cube")) & _LID.delivered,
         ),
     ),
     expert="duobench.experts.hinge_chest:script",

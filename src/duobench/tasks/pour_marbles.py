@@ -8,7 +8,8 @@ Randomization:
     Each cup within 5 cm of its square's centre; which cup holds the marbles.
 
 Success:
-    Both cups stand upright on their squares, released and still, with all marbles in the target.
+    Both cups have stood upright on their squares for half a second, put down there by their arms,
+    released and still, with all marbles in the target.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from duobench.scene.naming import TABLE
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages import predicates as is_
+from duobench.stages.placing import low_over, placed, put
 from duobench.stages.pouring import Pouring, pouring
 from duobench.stages.predicates import Predicate, all_of, any_of
 from duobench.stages.progress import Stage
@@ -112,7 +114,10 @@ TASK = Task(
         Stage(
             name="both cups are back",
             instruction="Put both cups upright on their green squares and let go.",
-            holds=all_of(*map(_back, SIDES), _into_target(lambda p: p.kept)),
+            holds=all_of(
+                placed(*map(_back, SIDES), _into_target(lambda p: p.kept)),
+                *(put(CUPS[side], low_over(CUPS[side], TABLE, 0.0), side) for side in SIDES),
+            ),
         ),
     ),
     expert="duobench.experts.pour_marbles:script",

@@ -9,20 +9,23 @@ Randomization:
     and 3 degrees of its place.
 
 Success:
-    The cube rests on the floor of the cavity, clear of the door, and no gripper touches it. The arm
-    that brought it did not touch the door, and the other arm kept the door open until the cube was
-    inside.
+    The cube has rested on the floor of the cavity for half a second, clear of the door, and no
+    gripper touches it. The arm that brought it let it go near the floor, and the other arm kept the
+    door open until it was inside.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from math import inf
 
 from duobench.objects.blocks import CUBE_EDGE, WHITE, cube
 from duobench.objects.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.scene.cameras import View
+from duobench.stages.placing import low_over, placed
 from duobench.stages.predicates import (
     BoxRegion,
     all_of,
@@ -40,6 +43,9 @@ from duobench.tasks.task import Category, Placement, Task
 
 OPEN_ANGLE = 0.8
 """Angle in radians from which on the door counts as open."""
+HIGHEST_PUT = 0.030
+"""How high above the floor the cube may be let go, in metres: a hand under the roof reaches in
+aslant [task definitions]."""
 
 FLOOR_REGION = BoxRegion(
     body="microwave",
@@ -49,7 +55,15 @@ FLOOR_REGION = BoxRegion(
 """Where the cube's centre is when the cube lies on the cavity's floor, behind the front."""
 
 _INSIDE = inside("cube", FLOOR_REGION)
-_DOOR = support("cube", "microwave", "microwave/door", OPEN_ANGLE, _INSIDE)
+_OVER = inside("cube", replace(FLOOR_REGION, high=(*FLOOR_REGION.high[:2], inf)))
+_DOOR = support(
+    "cube",
+    "microwave",
+    "microwave/door",
+    OPEN_ANGLE,
+    goal=_INSIDE,
+    there=_OVER & low_over("cube", "microwave", FLOOR, HIGHEST_PUT),
+)
 _AT_REST = all_of(rests_on("cube", "microwave"), ~touching("cube", "microwave/door"))
 
 TASK = Task(
@@ -90,7 +104,7 @@ TASK = Task(
         Stage(
             name="the cube lies in the microwave",
             instruction="Put the white cube on the floor of the microwave and let go of it.",
-            holds=all_of(_INSIDE, _AT_REST, released("cube"), _DOOR.delivered),
+            holds=placed(_INSIDE, _AT_REST, released("cube")) & _DOOR.delivered,
         ),
     ),
     # From beside the robot: the microwave faces it.

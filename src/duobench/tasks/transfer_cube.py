@@ -10,22 +10,24 @@ Randomization:
     within 5 cm of its place.
 
 Success:
-    The block rests in the bowl, which stands on the table, and no gripper touches it. The arm that
-    received it from the one that picked it up has held it over the bowl and let it go from there,
-    at no great height: neither thrown nor pushed.
+    The block has rested for half a second in the bowl, which stands on the table, and no gripper
+    touches it. The arm that received it from the one that picked it up has let it go there, below
+    the rim: neither dropped nor thrown nor pushed.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from math import inf
 
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
-from duobench.objects.bowl import RADIUS, WALL, bowl
+from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.scene.naming import TABLE
 from duobench.stages.handover import handover
+from duobench.stages.placing import RIM_HEIGHT_ERROR, low_over, placed
 from duobench.stages.predicates import (
     CylinderRegion,
     all_of,
@@ -43,16 +45,15 @@ from duobench.tasks.task import Category, Placement, Task
 CUBE, BOWL = "cube", "bowl"
 IN_BOWL = CylinderRegion(body=BOWL, radius=RADIUS - WALL, low=0.0, high=0.6 * LONG_BLOCK)
 """Where the block's centre is when it lies, leans or stands in the bowl."""
-HIGHEST_DROP = 0.20
-"""Height of the block's centre above the bowl's underside, in metres, from which it may fall into
-the bowl: twice its length. What flies higher is thrown."""
 BELOW_RIM = 0.020
 """The block's lowest point is less than this above the table, in metres: not on top of the rim."""
 BOWL_TILT = math.radians(20)
 """Largest tilt of the bowl, as in every task with bowls."""
 
 _CUBE = handover(CUBE, BOWL)
-_OVER_BOWL = inside(CUBE, replace(IN_BOWL, high=HIGHEST_DROP))
+_OVER_BOWL = all_of(
+    inside(CUBE, replace(IN_BOWL, high=inf)), low_over(CUBE, BOWL, RIM_HEIGHT, RIM_HEIGHT_ERROR)
+)
 
 TASK = Task(
     id="transfer_cube",
@@ -88,13 +89,15 @@ TASK = Task(
             name="the white block is in the bowl",
             instruction="Put the white block into the bowl and let go.",
             holds=all_of(
-                inside(CUBE, IN_BOWL),
-                rests_on(CUBE, BOWL),
-                ~raised(CUBE, BELOW_RIM),
-                released(CUBE),
-                upright(BOWL, BOWL_TILT),
-                touching(BOWL, TABLE),
-                _CUBE.put(_OVER_BOWL, until=~_OVER_BOWL),
+                placed(
+                    inside(CUBE, IN_BOWL),
+                    rests_on(CUBE, BOWL),
+                    ~raised(CUBE, BELOW_RIM),
+                    released(CUBE),
+                    upright(BOWL, BOWL_TILT),
+                    touching(BOWL, TABLE),
+                ),
+                _CUBE.put(_OVER_BOWL),
             ),
         ),
     ),

@@ -9,8 +9,9 @@ Randomization:
     board lies within 10 cm of its place on the left and does not move.
 
 Success:
-    The peg is at least 15 mm deep in the hexagonal hole, at rest, and no gripper touches it. The
-    arm that received it from the one that picked it up has led it in, and let go only then.
+    The peg has been at rest at least 15 mm deep in the hexagonal hole for half a second, and no
+    gripper touches it. The arm that received it from the one that picked it up has led it in, and
+    let go only when its tip was in the hole.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ from duobench.randomness import Uniform, around
 from duobench.spatial import SE3
 from duobench.stages.handover import handover
 from duobench.stages.insertion import Port, inserted
-from duobench.stages.predicates import all_of, any_of, lifted_by_any, released, still
+from duobench.stages.joining import engaged
+from duobench.stages.placing import placed
+from duobench.stages.predicates import any_of, lifted_by_any, released, still
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -55,6 +58,7 @@ MOUTH = Port(body=BOARD, pose=SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT))
 
 _PEG = handover(PEG, BOARD)
 _IN_HOLE = any_of(*(inserted(tip, MOUTH, DEPTH) for tip in TIPS))
+_TIP_IN_HOLE = any_of(*(engaged(tip, MOUTH) for tip in TIPS))
 
 TASK = Task(
     id="transfer_reorient",
@@ -94,7 +98,7 @@ TASK = Task(
         Stage(
             name="the peg is in the hexagonal hole",
             instruction="Insert the peg upright into the hexagonal hole and let go.",
-            holds=all_of(_IN_HOLE, still(PEG), released(PEG), _PEG.put(_IN_HOLE, until=~_IN_HOLE)),
+            holds=placed(_IN_HOLE, still(PEG), released(PEG)) & _PEG.put(_TIP_IN_HOLE),
         ),
     ),
     expert="duobench.experts.transfer_reorient:script",

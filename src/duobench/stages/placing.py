@@ -1,0 +1,65 @@
+"""Put down, not dropped: what counts as bringing something to its place and leaving it there.
+
+Nobody lets go at the exact step of the first contact, so a place has some height: what is let go
+there is put down, what is let go above it is dropped. And what is let go has to stay: half a second
+of rest without a hand tells what stands from what topples, rolls off or drops through.
+"""
+
+from __future__ import annotations
+
+from duobench.stages.predicates import (
+    Predicate,
+    StateView,
+    all_of,
+    any_of,
+    grasped,
+    held_for,
+    since,
+)
+from duobench.types import SIDES, Side
+
+PUT_HEIGHT = 0.010
+"""How high above what it is to stand on the lowest point of an object may be when it is let go, in
+metres [task definitions]."""
+RIM_HEIGHT_ERROR = 0.003
+"""How far above a rim, in metres, the lowest point of an object that is let go at the rim may seem
+to be; otherwise it is below the rim [task definitions]."""
+REST_SECONDS = 0.5
+"""How long an object rests where it was put before it counts, in seconds [task definitions]."""
+
+
+def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Predicate:
+    """Its lowest point is at most `height` metres above the top of a body.
+
+    Args:
+        prop: The object.
+        body: What is below it. It may be tilted: the top is taken right below the object's centre.
+        top: Height of the top in the body's frame, in metres.
+        height: How far above it, in metres.
+    """
+
+    def test(m: StateView) -> bool:
+        sim = m.simulation
+        x, y, _ = sim.relative_position(prop, body)
+        up_x, up_y, up_z = sim.rotation(body)[2].tolist()
+        level = float(sim.position(body)[2]) + up_x * x + up_y * y + up_z * top
+        return sim.min_height(prop) - level <= height
+
+    return Predicate(f"{prop} is at most {height * 1000:.0f} mm above {body}", test)
+
+
+def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
+    """A gripper has let go of it at its place, or holds it there, and there it has been since.
+
+    Args:
+        prop: The object.
+        there: It is at its place, or so little above that it is put down when it is let go.
+        sides: The grippers that may have done so; either where none is given.
+    """
+    in_hand = any_of(*(grasped(side, prop) for side in sides or SIDES))
+    return since(in_hand & there, reset=~there)
+
+
+def placed(*conditions: Predicate) -> Predicate:
+    """All of them have held for half a second without a break."""
+    return held_for(all_of(*conditions), REST_SECONDS)
