@@ -37,8 +37,8 @@ class Adversary:
     deed: Callable[[Simulation], bool]
     """What holds at some control step if the script does what it is meant to do."""
     gets: int
-    """The highest stage that it may reach: it reaches this one exactly."""
+    """The highest stage that it may reach: with its deed done it reaches this one exactly."""
     seed: int = 0
-    """Seed of the layout."""
-    settle: int = 30
+    """First seed of the layouts that are tried until the deed is done."""
+    settle: int = 45
     """Control steps for which the robot waits after the script: nothing may count later."""

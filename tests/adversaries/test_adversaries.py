@@ -15,6 +15,8 @@ from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
 from tests.task_harness import TaskHarness
 
+TRIES = 6
+"""Seeds that are tried until the deed is done: a deed may fail by physics, but not on all."""
 MOVED = 1e-3
 """Change of a commanded joint (radians) or opening by which an arm was told to move."""
 
@@ -49,7 +51,17 @@ CASES = [
 @pytest.mark.parametrize(("task", "adversary"), CASES)
 def test_an_adversary_gets_no_more_than_it_may(task: str, adversary: Adversary) -> None:
     bench = bench_of(task)
-    bench.start(adversary.seed)
+    for seed in range(adversary.seed, adversary.seed + TRIES):
+        if play(bench, adversary, seed):
+            assert bench.stage == adversary.gets
+            return
+        assert bench.stage <= adversary.gets
+    pytest.fail(f"the adversary did what it is meant to do on none of {TRIES} seeds")
+
+
+def play(bench: TaskHarness, adversary: Adversary, seed: int) -> bool:
+    """Play an adversary, check that it keeps to its arms, and return whether its deed was done."""
+    bench.start(seed)
     start = bench.sim.duo.command().flat.reshape(len(SIDES), -1)
     done, together, moved = False, False, set[Side]()
     for _ in bench.steps(adversary.script, then=adversary.settle):
@@ -57,13 +69,12 @@ def test_an_adversary_gets_no_more_than_it_may(task: str, adversary: Adversary) 
         together = together or len(hands_on(bench.sim)) > 1
         now = bench.sim.duo.command().flat.reshape(len(SIDES), -1)
         moved |= {side for side in SIDES if np.abs(now - start)[side.index].max() > MOVED}
-    assert done, "the adversary did not do what it is meant to do"
-    assert bench.stage == adversary.gets
     if adversary.hands is Hands.ONE:
         assert len(moved) == 1
     if adversary.hands is Hands.TURNS:
         assert len(moved) > 1
         assert not together
+    return done
 
 
 @pytest.mark.parametrize("task", catalog.names())
