@@ -19,6 +19,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy._core import _multiarray_umath as numpy_core
 
@@ -123,16 +124,21 @@ def report(job: Mapping[str, Any]) -> Found:
                 targets = kept[key] if job["first"] else _targets(env, seed)
                 found["experts"][key] = _digest(targets.tobytes())
             found["resets"][key], found["replays"][key] = _replay(env, seed, kept[key])
-        model = sim_of(env).simulation.model
-        found["models"][task] = {
-            name: _digest(value.tobytes())
-            for name in dir(model)
-            if isinstance(value := getattr(model, name), np.ndarray)
-        }
+        found["models"][task] = model_digests(sim_of(env).simulation.model)
         env.close()
     if job["first"]:
         np.savez(path, **kept)
     return found
+
+
+def model_digests(model: mujoco.MjModel) -> dict[str, str]:
+    """A digest of every array of a compiled model, by its name."""
+    arrays = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
+    return {
+        name: _digest(array.tobytes())
+        for name, array in arrays.items()
+        if isinstance(array, np.ndarray)
+    }
 
 
 def probe() -> dict[str, str]:
@@ -165,8 +171,9 @@ def _targets(env: Any, seed: int) -> np.ndarray:
 
 
 def _replay(env: Any, seed: int, targets: np.ndarray) -> tuple[str, str]:
-    """Digests of the state after a reset, and of all that followed: states, memories of stages,
-    observations, rewards and lowest points.
+    """Digests of the state after a reset, and of all that followed.
+
+    That is states, memories of stages, observations, rewards and lowest points.
     """
     from duobench.envs.sim_env import sim_of
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import duobench
 from duobench.policy import Policy
+from duobench.randomness import EVAL
 from duobench.scene.fr3 import HOME_JOINTS
 from duobench.scene.fr3_links import JOINT_RANGES
 from duobench.sim.kinematics import Kinematics
@@ -54,6 +55,10 @@ class Smoothness:
             jump=float(np.abs(after - before).max()),
             margin=float(np.minimum(joints - low, high - joints).min()),
         )
+
+    def __str__(self) -> str:
+        """The three numbers."""
+        return f"{self.reversal:.3f} {self.jump:.3f} {self.margin:.3f}"
 
     def worst(self, other: Smoothness) -> Smoothness:
         """The worse one of each number."""
@@ -101,15 +106,18 @@ class Intended:
         return chunk
 
 
-def replayed_as_poses(task: str, seed: int, commands: list[NDArray[np.floating]]) -> bool:
+def replay_as_poses(
+    task: str, seed: int, commands: list[NDArray[np.floating]], *, split: str = EVAL
+) -> bool:
     """Whether tool poses and openings alone, without the elbows, win the episode once more.
 
     Args:
         task: Id of the task.
         seed: Seed of the layout.
         commands: Flat commands (16,) of an expert that won; only their tool poses are sent.
+        split: Split of the seed.
     """
-    env: gym.Env = duobench.make(task, cameras=False, action_mode="cartesian", horizon=2000)
+    env: gym.Env = duobench.make(task, cameras=False, action_mode="cartesian", split=split)
     kinematics = Kinematics()
     _, info = env.reset(seed=seed)
     for flat in commands:

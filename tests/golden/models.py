@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from benchmarks.kernels import model_digests
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import ShapeKind
 from duobench.objects.solid import Solid
@@ -140,6 +141,7 @@ def describe(props: tuple[Prop, ...]) -> dict[str, Description]:
     numbers = {name: model.body(name).id for name in solids}
     station = [number for number in range(model.nbody) if number not in numbers.values()]
     return {
+        "compiled": {"arrays": digest(model_digests(model))},
         "options": {name: significant(getattr(model.opt, name)) for name in OPTIONS},
         "sizes": {name: int(getattr(model, name)) for name in SIZES},
         **_station(model, np.array(station)),

@@ -34,7 +34,8 @@ def test_the_physics_is_made_of_what_it_was(golden: dict[str, Any], name: str) -
     described = models.describe(catalog.get(name).props)
     expected = golden["tasks"][name][episodes.MODEL]
     for part, quantities in described.items():
-        assert quantities == expected[part], part
+        if part != episodes.COMPILED or episodes.EXACT:
+            assert quantities == expected[part], part
     assert described.keys() == expected.keys()
 
 
@@ -104,6 +105,12 @@ def test_the_file_is_written_where_there_is_none_or_nothing_differs(
         (("1", "states", "20"), [0.0] * 22, "seed 1, step 20: a joint or a position is"),
         (("1", "states", "20"), [0.0], "seed 1, step 20: 1 numbers became 22"),
         (("2",), {"stages": [[1, 1]]}, "seed 2: the stages"),
+        pytest.param(
+            ("1", "hashes"),
+            ["0", "0"],
+            "seed 1: the hashes of the first and last state are others",
+            marks=pytest.mark.skipif(not episodes.EXACT, reason="another architecture"),
+        ),
     ],
 )
 def test_a_file_of_the_same_suite_version_is_not_written_over(
