@@ -5,10 +5,12 @@ import trimesh
 
 from duobench.objects.chest import (
     HINGE,
+    HOLE_RADIUS,
     LID_LIMITS,
+    LID_WIDTH,
     OUTER_Y,
-    PIN_RADIUS,
     RIM_HEIGHT,
+    THREAD_RADIUS,
     chest_box,
     chest_lid,
 )
@@ -55,7 +57,7 @@ def printed(solid: Solid) -> manifold3d.Manifold:
 
 
 def overlap(solid: Solid, radius: float, axis: SE3) -> float:
-    """Volume in m³ that a pin along y through `axis` shares with a solid."""
+    """Volume in m³ that a rod along y through `axis` shares with a solid."""
     pose = axis @ SE3.about((1, 0, 0), np.pi / 2)
     return (printed(solid) ^ exact(cylinder(radius, 2 * OUTER_Y, at=pose))).volume()
 
@@ -67,10 +69,21 @@ def clash(angle: float) -> float:
     return (printed(PARTS["box"]) ^ lid).volume()
 
 
-@pytest.mark.parametrize(("name", "axis"), [("box", SE3.at(*HINGE)), ("lid", SE3())])
-def test_a_pin_runs_through_lugs_and_barrel(name: str, axis: SE3) -> None:
-    assert overlap(PARTS[name], PIN_RADIUS - 0.0001, axis) == pytest.approx(0.0, abs=1e-12)
-    assert overlap(PARTS[name], PIN_RADIUS + 0.001, axis) > 1e-8
+@pytest.mark.parametrize(
+    ("name", "axis", "radius"),
+    [("box", SE3.at(*HINGE), HOLE_RADIUS), ("lid", SE3(), THREAD_RADIUS)],
+)
+def test_a_hole_for_screws_runs_through_lugs_and_barrel(
+    name: str, axis: SE3, radius: float
+) -> None:
+    assert overlap(PARTS[name], radius - 0.0001, axis) == pytest.approx(0.0, abs=1e-12)
+    assert overlap(PARTS[name], radius + 0.001, axis) > 1e-8
+
+
+def test_an_m3_screw_of_20_mm_turns_in_the_lug_and_cuts_into_the_barrel() -> None:
+    assert THREAD_RADIUS < 0.0015 < HOLE_RADIUS
+    in_the_barrel = 0.020 - (OUTER_Y - LID_WIDTH) / 2
+    assert in_the_barrel == pytest.approx(0.013)
 
 
 def test_the_hinge_is_above_the_rim() -> None:
