@@ -28,9 +28,9 @@ SURFACE = {
         summarize wilson_interval write_report
     """,
     "duobench.objects": """
-        BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Prop RED
-        Shape Solid Mesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder
-        hull images_of long_block mass_properties mesh_of printable prism ring_wall sphere
+        BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Piece Prop
+        RED Shape Solid Mesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder
+        hull images_of long_block mass_properties mesh_of pieces_of printable prism ring_wall sphere
     """,
     "duobench.policy": """
         BASELINES BatchPolicy Batching HoldPolicy Policy PolicyMetadata RandomPolicy Session

@@ -37,11 +37,13 @@ if TYPE_CHECKING:
     from duobench.objects.solid import Image as Image
     from duobench.objects.solid import MassProperties as MassProperties
     from duobench.objects.solid import Mesh as Mesh
+    from duobench.objects.solid import Piece as Piece
     from duobench.objects.solid import Solid as Solid
     from duobench.objects.solid import corner_points as corner_points
     from duobench.objects.solid import images_of as images_of
     from duobench.objects.solid import mass_properties as mass_properties
     from duobench.objects.solid import mesh_of as mesh_of
+    from duobench.objects.solid import pieces_of as pieces_of
     from duobench.objects.solid import printable as printable
 
 lazy(__name__)

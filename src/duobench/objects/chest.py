@@ -12,6 +12,7 @@ import math
 
 import manifold3d
 
+from duobench.objects.printing import OVERLAP
 from duobench.objects.prop import Hinge, Part, Prop
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder, prism
 from duobench.objects.solid import Solid, mesh_of, placed, union_of
@@ -33,8 +34,11 @@ GAP = 0.001
 """Play between the shut lid and the rim, and between lid and lugs, in metres."""
 BARREL_RADIUS = 0.005
 """Outer radius of the hinge's barrel in metres."""
-PIN_RADIUS = 0.0016
-"""Radius of the hole for a 3 mm hinge pin in metres."""
+HOLE_RADIUS = 0.0016
+"""Radius in metres of the hole in a lug, in which an M3 screw turns: 0.1 mm of play a side."""
+THREAD_RADIUS = 0.0014
+"""Radius in metres of the hole in the barrel, into which an M3 screw cuts its thread. Two screws of
+20 mm [task definitions], one from either side, reach 13 mm into the barrel and are the hinge."""
 LIP = 0.038
 """How far the lid stands out over the front, all along it, in metres: the tab that a finger lifts.
 Closed fingertips are 32 mm thick, but the linkage behind them is 126 mm wide, so that a hand that
@@ -76,24 +80,26 @@ def chest(name: str, *, body: Colour, lid: Colour) -> Prop:
 
 
 def chest_box(rgba: Colour) -> Solid:
-    """The open box with two lugs for the hinge's pin and two posts that stop the lid."""
-    depth, width, height = CAVITY
-    wall_z = WALL + height / 2
+    """The open box with two lugs for the hinge's screws and two posts that stop the lid."""
+    depth, width, _ = CAVITY
     lug_height = RIM_HEIGHT + LUG[1]
     shapes = [box(OUTER_X, OUTER_Y, WALL, at=SE3.at(0, 0, WALL / 2))]
     for sign in (-1, 1):
         x, y = sign * (depth + WALL) / 2, sign * (width + WALL) / 2
         shapes += [
-            box(WALL, OUTER_Y, height, at=SE3.at(x, 0, wall_z)),
-            box(depth, WALL, height, at=SE3.at(0, y, wall_z)),
+            box(WALL, OUTER_Y, RIM_HEIGHT, at=SE3.at(x, 0, RIM_HEIGHT / 2)),
+            box(OUTER_X, WALL, RIM_HEIGHT, at=SE3.at(0, y, RIM_HEIGHT / 2)),
             box(LUG[0], WALL, lug_height, at=SE3.at(HINGE[0], y, lug_height / 2)),
             *_post(sign * POST_Y),
         ]
-    return _drilled(tuple(shapes), rgba, SE3.at(*HINGE))
+    return _drilled(tuple(shapes), rgba, SE3.at(*HINGE), HOLE_RADIUS)
 
 
 def _post(y: float) -> tuple[Shape, Shape]:
-    """A post behind the back wall: its head leans over the barrel as the open lid leans to it."""
+    """A post behind the back wall: its head leans over the barrel as the open lid leans to it.
+
+    The head reaches into the foot, further back there than where it leaves it.
+    """
     stop = SE3.about((0, 1, 0), LID_LIMITS[1])
     low, high = (stop.apply([-s, 0.0, LID_UNDERSIDE + WALL + POST_PLAY]) for s in POST_REACH)
     rim = RIM_HEIGHT - HINGE[2]
@@ -102,7 +108,8 @@ def _post(y: float) -> tuple[Shape, Shape]:
         (low[0], low[2]),
         (high[0], high[2]),
         (POST_DEPTH, high[2]),
-        (POST_DEPTH, rim),
+        (POST_DEPTH, rim - OVERLAP),
+        (POST_FOOT + OVERLAP, rim - OVERLAP),
     )
     along_y = SE3.at(HINGE[0], y, HINGE[2]) @ SE3.about((1, 0, 0), math.pi / 2)
     depth = POST_DEPTH + WALL
@@ -118,15 +125,13 @@ def chest_lid(rgba: Colour) -> Solid:
         box(length, LID_WIDTH, WALL, at=SE3.at(-length / 2, 0, LID_UNDERSIDE + WALL / 2)),
         cylinder(BARREL_RADIUS, LID_WIDTH, at=along_y),
     )
-    return _drilled(shapes, rgba, SE3())
+    return _drilled(shapes, rgba, SE3(), THREAD_RADIUS)
 
 
-def _drilled(shapes: tuple[Shape, ...], rgba: Colour, axis: SE3) -> Solid:
-    """The union of shapes with a hole for the hinge's pin along y through `axis`."""
+def _drilled(shapes: tuple[Shape, ...], rgba: Colour, axis: SE3, radius: float) -> Solid:
+    """The union of shapes with a hole for the hinge's screws along y through `axis`."""
     # A value of its own: in one expression with the hole, the triangles would be others.
     whole = union_of(shapes)
-    pin = manifold3d.Manifold.cylinder(
-        2 * OUTER_Y, PIN_RADIUS, PIN_RADIUS, CIRCLE_SEGMENTS // 2, True
-    )
-    hole = placed(pin, axis @ SE3.about((1, 0, 0), math.pi / 2))
+    drill = manifold3d.Manifold.cylinder(2 * OUTER_Y, radius, radius, CIRCLE_SEGMENTS // 2, True)
+    hole = placed(drill, axis @ SE3.about((1, 0, 0), math.pi / 2))
     return Solid(shapes=shapes, rgba=rgba, mesh=mesh_of(whole - hole))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from duobench.objects.printing import OVERLAP
 from duobench.objects.shapes import Z_TO_X, Colour, Shape, box, hull
 from duobench.objects.solid import Solid, manifold_of, mesh_of
 from duobench.spatial import SE3
@@ -43,14 +44,17 @@ WALL_TIP = SE3.at(-WALL_PLATE[0] / 2 - PEG_LENGTH, 0.0, PEG_HEIGHT, yaw=math.pi)
 
 
 def _peg(root: SE3) -> tuple[Shape, ...]:
-    """A chamfered square peg that stands on `root` along its z."""
+    """A chamfered square peg that stands on `root` along its z and reaches a little below it."""
     half, straight = PEG_WIDTH / 2, PEG_LENGTH - CHAMFER_LENGTH
+    shaft = box(
+        PEG_WIDTH, PEG_WIDTH, straight + OVERLAP, at=root @ SE3.at(z=(straight - OVERLAP) / 2)
+    )
     corners = [(i * half, j * half) for i in (-1, 1) for j in (-1, 1)]
     tip = [(CHAMFER_TAPER * x, CHAMFER_TAPER * y, CHAMFER_LENGTH) for x, y in corners]
-    return (
-        box(PEG_WIDTH, PEG_WIDTH, straight, at=root @ SE3.at(z=straight / 2)),
-        hull([*((x, y, 0.0) for x, y in corners), *tip], at=root @ SE3.at(z=straight)),
-    )
+    # Narrower than the shaft, so that what touches the peg's side touches the shaft alone.
+    below = [(CHAMFER_TAPER * x, CHAMFER_TAPER * y, -OVERLAP) for x, y in corners]
+    base = [(x, y, 0.0) for x, y in corners]
+    return shaft, hull([*below, *base, *tip], at=root @ SE3.at(z=straight))
 
 
 def light_bar(rgba: Colour) -> Solid:

@@ -11,9 +11,10 @@ import math
 from collections.abc import Iterable
 
 from duobench.objects.mazes import CELLS, GOAL, MAZES, SEGMENTS, START, Cell, Maze, Segment
+from duobench.objects.printing import JOINT_PLAY
 from duobench.objects.prop import Variant
-from duobench.objects.shapes import Shape, box, sphere
-from duobench.objects.solid import Image, Solid, images_of, mass_properties
+from duobench.objects.shapes import Shape, box, prism, sphere
+from duobench.objects.solid import Image, Piece, Solid, images_of, mass_properties
 from duobench.spatial import SE3
 
 PITCH = 0.040
@@ -46,6 +47,11 @@ GRIP_LIFT = 0.001
 """Height in metres of the underside of the grips above the table."""
 GRIP_Z = GRIP_LIFT - BASE + BAR[2] / 2
 """Height of the middle of a bar above the floor's surface in metres."""
+DOVETAIL = (0.008, 0.006, 0.010)
+"""Depth in the rim, width at its root in the stay and width at its end of the dovetail that holds a
+printed stay, in metres. 4 mm of the rim stay behind it."""
+LEDGE = 0.003
+"""Height in metres of the rim above a dovetail: it is put in from below, and carries the board."""
 
 _FLOOR_COLOUR = (0.80, 0.79, 0.76, 1.0)
 _WALL_COLOUR = (0.16, 0.34, 0.56, 1.0)
@@ -110,9 +116,20 @@ def wall_variants() -> dict[str, Variant]:
 
 
 def printable_board(maze: Maze) -> Solid:
-    """The board of one maze."""
+    """The board of one maze, printed in five pieces: without its grips, and four equal grips.
+
+    A grip is put into the rim from below, and glued.
+    """
     floor = box(2 * HALF, 2 * HALF, FLOOR, at=SE3.at(z=-FLOOR / 2))
-    return Solid(shapes=(floor, *_rim(), *_grips(), *_walls(maze)), rgba=_FLOOR_COLOUR)
+    inside = (floor, *_rim(), *_walls(maze))
+    turns = _quarter_turns()
+    slots = tuple(slot for turn in turns for slot in _dovetails(turn, JOINT_PLAY))
+    grips = (Piece(shapes=(*_grip(turn, EDGE / 2), *_dovetails(turn))) for turn in turns)
+    return Solid(
+        shapes=(*inside, *_grips()),
+        rgba=_FLOOR_COLOUR,
+        pieces=(Piece(shapes=inside, holes=slots), *grips),
+    )
 
 
 def _frame() -> tuple[Shape, ...]:
@@ -144,15 +161,37 @@ def _rim() -> Iterable[Shape]:
 
 
 def _grips() -> Iterable[Shape]:
-    """A bar with two stays at the middle of each side."""
-    x, y, z = BAR
-    inner, outer = EDGE / 2 - ROOT, GRIP_OFFSET
+    """A grip at the middle of each side."""
     for turn in _quarter_turns():
-        bar = SE3.at(x=GRIP_OFFSET, z=GRIP_Z)
-        yield box(x, y + 2 * STAY, z, at=turn @ bar, rgba=_GRIP_COLOUR)
-        for sign in (-1, 1):
-            stay = SE3.at((inner + outer) / 2, sign * (y + STAY) / 2, GRIP_Z)
-            yield box(outer - inner, STAY, z, at=turn @ stay, rgba=_GRIP_COLOUR)
+        yield from _grip(turn, EDGE / 2 - ROOT)
+
+
+def _grip(turn: SE3, inner: float) -> Iterable[Shape]:
+    """A bar with two stays that begin at a distance from the board's middle."""
+    x, y, z = BAR
+    bar = SE3.at(x=GRIP_OFFSET, z=GRIP_Z)
+    yield box(x, y + 2 * STAY, z, at=turn @ bar, rgba=_GRIP_COLOUR)
+    for side in _stays():
+        stay = SE3.at((inner + GRIP_OFFSET) / 2, side, GRIP_Z)
+        yield box(GRIP_OFFSET - inner, STAY, z, at=turn @ stay, rgba=_GRIP_COLOUR)
+
+
+def _stays() -> tuple[float, float]:
+    """Where the middles of a grip's stays are along a side."""
+    return -(BAR[1] + STAY) / 2, (BAR[1] + STAY) / 2
+
+
+def _dovetails(turn: SE3, play: float = 0.0) -> Iterable[Shape]:
+    """What holds a printed grip in the rim; with play, the slots for it, open from below."""
+    depth, root, end = DOVETAIL
+    outer, inner = EDGE / 2 + ROOT, EDGE / 2 - depth - play
+    low, high = GRIP_LIFT - BASE, WALL_HEIGHT - LEDGE
+    if play:
+        low = -BASE - ROOT
+    half = root / 2 + play, end / 2 + play
+    outline = ((outer, -half[0]), (outer, half[0]), (inner, half[1]), (inner, -half[1]))
+    for side in _stays():
+        yield prism(outline, high - low, at=turn @ SE3.at(0.0, side, (low + high) / 2))
 
 
 def _wall(segment: Segment) -> Shape:

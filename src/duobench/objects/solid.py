@@ -48,6 +48,16 @@ class Image:
     """Whether it casts one."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Piece:
+    """One of the pieces that a solid is printed in: shapes without holes, in the solid's frame."""
+
+    shapes: tuple[Shape, ...]
+    """What it is made of; their union is one body."""
+    holes: tuple[Shape, ...] = ()
+    """What is cut out of it, wider by the play of a joint than what goes in."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Solid:
     """One rigid body's description, in its own frame."""
@@ -58,6 +68,9 @@ class Solid:
     """Red, green, blue and opacity, each 0 to 1, of shapes without a colour of their own."""
     mesh: Mesh | None = None
     """What is printed; the union of the shapes where it is not given."""
+    pieces: tuple[Piece, ...] = ()
+    """What is printed in its place where that does not fit a printer, to be put together. Mass and
+    image are those of the whole: the play of joints is less than 1 % of it."""
     images: tuple[Image, ...] = ()
     """What is rendered: the mesh, or the shapes, where none are given."""
     density: float = PLA_DENSITY
@@ -122,6 +135,17 @@ def mesh_of(manifold: manifold3d.Manifold) -> Mesh:
 def printable(solid: Solid) -> Mesh:
     """The watertight mesh of a solid in its own frame: its `mesh`, or the union of its shapes."""
     return mesh_of(union_of(solid.shapes)) if solid.mesh is None else solid.mesh
+
+
+@lru_cache(maxsize=256)
+def pieces_of(solid: Solid) -> tuple[Mesh, ...]:
+    """The watertight meshes to print, in the solid's frame: of its pieces, or `printable` alone.
+
+    Each of them is one body, and fits a printer of `printing.PRINTER`, turned if need be.
+    """
+    if not solid.pieces:
+        return (printable(solid),)
+    return tuple(mesh_of(union_of(piece.shapes) - union_of(piece.holes)) for piece in solid.pieces)
 
 
 def manifold_from(mesh: Mesh) -> manifold3d.Manifold:

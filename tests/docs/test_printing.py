@@ -1,0 +1,81 @@
+"""The page on printing has the objects of the benchmark, as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from duobench.objects import chest, hexagon_peg, joint_blocks, printing
+from duobench.objects.prop import Prop
+from duobench.objects.solid import Solid, mass_properties, pieces_of
+from duobench.tasks import catalog
+from tests.docs.markdown import DOCS, Row, blocks, table, text_of
+
+PAGE = DOCS / "printing.md"
+TASKS = [task for task in map(catalog.get, catalog.names()) if task.printable]
+
+
+def row(task: str, name: str, solid: Solid) -> Row:
+    """What the page says of an object, the size of its largest piece in falling order."""
+    pieces = pieces_of(solid)
+    largest = max((np.ptp(piece.vertices, axis=0) for piece in pieces), key=np.prod)
+    return {
+        "task": task,
+        "object": name,
+        "pieces": str(len(pieces)),
+        "largest piece (mm)": " × ".join(f"{1000 * s:.0f}" for s in sorted(largest)[::-1]),
+        "mass (g)": f"{1000 * mass_properties(solid).mass:.0f}",
+    }
+
+
+def rows(task: str, prop: Prop, value: str) -> list[Row]:
+    names = (prop.name, *(prop.part_name(part.name) for part in prop.parts))
+    solids = prop.prints({prop.choice or "": value})
+    return [row(task, name, solid) for name, solid in zip(names, solids, strict=True)]
+
+
+def test_the_table_has_every_printable_object() -> None:
+    objects = [
+        line
+        for task in TASKS
+        for p in task.props
+        for line in rows(task.id, p, min(p.variants, default=""))
+    ]
+    assert table(PAGE, "task") == objects
+
+
+def test_all_variants_of_an_object_print_as_the_table_says() -> None:
+    for task in TASKS:
+        for prop in task.props:
+            printed = [rows(task.id, prop, value) for value in prop.variants]
+            assert all(one == printed[0] for one in printed)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("edge of the printer", printing.PRINTER),
+        ("thinnest wall", printing.THINNEST_WALL),
+        ("play of a glued joint", printing.JOINT_PLAY),
+        ("overlap", printing.OVERLAP),
+        ("play of a square peg", joint_blocks.CLEARANCE),
+        ("play of the hexagonal peg", hexagon_peg.CLEARANCE),
+        ("hole in a lug", 2 * chest.HOLE_RADIUS),
+        ("hole in the barrel", 2 * chest.THREAD_RADIUS),
+        ("play between lid and box", chest.GAP),
+        ("play between a post and the open lid", chest.POST_PLAY),
+    ],
+)
+def test_the_page_names_the_sizes(name: str, value: float) -> None:
+    (line,) = (line for line in table(PAGE, "size") if line["size"] == name)
+    assert line["mm"] == f"{1000 * value:g}"
+
+
+def test_the_page_says_how_dense_a_print_is() -> None:
+    assert "1240 kg/m³" in text_of(PAGE)
+
+
+def test_the_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    (example,) = blocks(PAGE, "python")
+    exec(example, {})
+    assert len(capsys.readouterr().out.splitlines()) == 3
