@@ -13,7 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from duobench.spatial import (
     SE3,
+    dot,
+    length,
     matrix_from_wxyz,
+    product,
     rotation_about,
     rotation_vector,
     wxyz_from_matrix,
@@ -49,6 +52,19 @@ def test_quaternions_and_matrices_agree_with_scipy() -> None:
         assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), matrix, atol=EXACT)
         assert_allclose(matrix_from_wxyz([w, x, y, z]), matrix, atol=EXACT)
         assert_allclose(math.hypot(w, x, y, z), 1.0, atol=EXACT)
+
+
+def test_products_and_lengths_are_those_of_linear_algebra() -> None:
+    rng = np.random.default_rng(2)
+    for one in rotations():
+        other, vector = rng.normal(size=(3, 3)), rng.normal(size=3)
+        assert_allclose(product(one, other), one @ other, atol=EXACT)
+        assert_allclose(product(one.T, vector), one.T @ vector, atol=EXACT)
+        assert_allclose(dot(one[0], vector), one[0] @ vector, atol=EXACT)
+        assert_allclose(length(vector), np.linalg.norm(vector), atol=EXACT)
+    points = rng.normal(size=(2, 5, 3))
+    pose = poses()[3]
+    assert_allclose(pose.apply(points), points @ pose.rotation.T + pose.translation, atol=EXACT)
 
 
 def test_a_quaternion_and_its_negative_are_one_rotation() -> None:

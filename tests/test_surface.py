@@ -41,8 +41,8 @@ SURFACE = {
         Passage Placement Port Pouring Predicate Region Rolling SE3 SIDES Side Stage StateView
         Support TABLE Task Uniform View all_of any_of arm_touches around at_least carriage get
         grasped grasped_apart handover held_for hinge_open inserted inside joining lifted
-        lifted_by_any names off_table passage pouring raised released rests_on rolling since still
-        support touches touching upright variant
+        lifted_by_any low_over names off_table passage placed pouring put raised released rests_on
+        rolling since still support touches touching upright variant
     """,
 }
 """Public names by package; a change here is a change for users, and goes into CHANGELOG.md."""

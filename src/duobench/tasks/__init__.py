@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from duobench.stages.passage import Hole as Hole
     from duobench.stages.passage import Passage as Passage
     from duobench.stages.passage import passage as passage
+    from duobench.stages.placing import low_over as low_over
+    from duobench.stages.placing import placed as placed
+    from duobench.stages.placing import put as put
     from duobench.stages.pouring import Pouring as Pouring
     from duobench.stages.pouring import pouring as pouring
     from duobench.stages.predicates import BoxRegion as BoxRegion
