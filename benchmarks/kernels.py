@@ -15,14 +15,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy._core import _multiarray_umath as numpy_core
 
+numpy_core = import_module("numpy._core._multiarray_umath")  # which has no types
 BLAS, LOOPS = "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES"
 """Variables that choose OpenBLAS's kernel, and that switch NumPy's loops off."""
 WIDE_LOOPS = " ".join(
