@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from duobench.errors import UnknownNameError
-from duobench.scene.naming import TABLE, pad_names, tcp_name
+from duobench.scene.naming import TABLE, tcp_name
 from duobench.sim.contacts import Contacts, Limb, limb_owner
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
@@ -122,7 +122,7 @@ QUESTIONS = {
     "partners": [],
     "gripper": [Side.LEFT],
     "arm": [Side.LEFT],
-    "pads": [Side.LEFT],
+    "grasped": [Side.LEFT],
 }
 
 
@@ -147,9 +147,11 @@ PADS = """
 PAD_ARM = """
 <body name="{side}/link" pos="{x} 0 3"><geom size="0.001" contype="0" conaffinity="0"/>
   <body name="{side}/gripper/base"><geom size="0.001" contype="0" conaffinity="0"/>
-    <body name="{side}/gripper/left_pad" pos="0 0.032 0"><geom type="box" size="0.01 0.002 0.01"/>
+    <body name="{side}/gripper/left_pad" pos="0 0.032 0">
+      {left}<geom type="box" size="0.01 0.002 0.01"/>{end}
     </body>
-    <body name="{side}/gripper/right_pad" pos="0 -0.032 0"><geom type="box" size="0.01 0.002 0.01"/>
+    <body name="{side}/gripper/right_pad" pos="0 -0.032 0">
+      <geom type="box" size="0.01 0.002 0.01"/>
     </body>
   </body>
 </body>
@@ -167,17 +169,27 @@ PAD_ARM = """
         (0.20, 0.2069, False),  # nearly flat
     ],
 )
-def test_pads_grasp_only_what_they_press_on_from_both_sides(
-    radius: float, below: float, grasped: bool
+@pytest.mark.parametrize("part", ["pad", "follower"])
+def test_fingers_grasp_only_what_they_press_on_from_both_sides(
+    radius: float, below: float, grasped: bool, part: str
 ) -> None:
-    arms = "".join(PAD_ARM.format(side=side, x=side.index - 1) for side in SIDES)
+    """A finger is its pad or its linkage."""
+    arms = "".join(
+        PAD_ARM.format(
+            side=side,
+            x=side.index - 1,
+            left=f'<body name="{side}/gripper/left_{part}">' if part != "pad" else "",
+            end="</body>" if part != "pad" else "",
+        )
+        for side in SIDES
+    )
     model = mujoco.MjModel.from_xml_string(PADS.format(radius=radius, arms=arms))
     data = mujoco.MjData(model)
     contacts = Contacts(model, data)
     data.qpos[:3] = [-1.0, 0.0, 3.0 - below]
     look(model, data, contacts)
-    touched = [contacts.between("ball", f"left/{side}_pad") for side in SIDES]
-    assert touched == [True, True], "the ball is not where both pads touch it"
+    touched = [contacts.between("ball", f"left/{side}_finger") for side in SIDES]
+    assert touched == [True, True], "the ball is not where both fingers touch it"
     assert contacts.grasped(Side.LEFT, "ball") is grasped
     assert not contacts.grasped(Side.RIGHT, "ball")
 
@@ -185,13 +197,13 @@ def test_pads_grasp_only_what_they_press_on_from_both_sides(
 # --- the real robot ------------------------------------------------------------------------------
 
 
-def held_cube(sim: Simulation) -> None:
-    """The left gripper closes on a cube that was put between its fingers."""
+def held_cube(sim: Simulation, depth: float = 0.0) -> None:
+    """The left gripper closes on a cube that was put between its fingers, so deep in metres."""
     sim.reset_data()
     for name, x in (("slab", 0.4), ("bowl", 0.6), ("chest", 0.8)):
         sim.place(name, SE3.at(x, -0.5, 0.011))
     sim.forward()
-    tool = sim.site_pose(tcp_name(Side.LEFT))
+    tool = sim.site_pose(tcp_name(Side.LEFT)) @ SE3.at(z=-depth)
     grasp = DuoCommand(joints=HOME.joints, openings=np.array([0.0, 1.0]))
     for _ in range(15):
         sim.place("cube", tool)
@@ -216,6 +228,15 @@ def test_a_real_gripper_pinches_and_lets_go() -> None:
     assert sim.position("cube")[2] == pytest.approx(EDGE / 2, abs=0.03)
 
 
+@pytest.mark.parametrize("depth", [-0.010, 0.0, 0.012, 0.024, 0.036])
+def test_a_real_gripper_grasps_at_its_tips_and_deep_in_its_fingers(depth: float) -> None:
+    sim = scene()
+    held_cube(sim, depth)
+    for _ in range(10):
+        assert sim.contacts.grasped(Side.LEFT, "cube")
+        sim.step(sim.duo.command())
+
+
 def test_the_set_is_the_engines_list() -> None:
     sim = scene()
     held_cube(sim)
@@ -237,8 +258,9 @@ def test_the_set_is_the_engines_list() -> None:
 
 def owner_of(body: str) -> str:
     for side in SIDES:
-        if body in pad_names(side):
-            return f"{side}/{body.rsplit('/', 1)[1]}"
+        for finger in SIDES:
+            if body.startswith(f"{side}/gripper/{finger}_"):
+                return f"{side}/{finger}_finger"
         if body.startswith(f"{side}/gripper/"):
             return f"{side}/hand"
         if body.startswith(f"{side}/"):
