@@ -6,7 +6,7 @@ from duobench.evaluation.rollout import rollout
 from duobench.evaluation.suite import Episode, Setup, find_tasks
 from duobench.files import decode, encode
 from duobench.policy import PolicyMetadata, make
-from duobench.randomness import episode_seed
+from duobench.randomness import episode_seed, policy_seed
 from duobench.versions import record_versions
 from tests.evaluation import toy_tasks
 
@@ -42,6 +42,7 @@ def test_record_says_what_the_environment_said() -> None:
         assert record.success_at_end == infos[-1]["success_at_end"]
         assert record.state_hash == env.get_wrapper_attr("state_hash")()
         assert record.seed == episode_seed("wave", index)
+        assert record.policy_seed == policy_seed("wave", record.seed)
         assert record.instruction == "Do the wave."
         assert set(record.layout["poses"]) == {"cube"}
         reached.add(record.final_stage)
