@@ -31,7 +31,8 @@ def test_record_says_what_the_environment_said() -> None:
             def on_step(self, step, infos=infos) -> None:
                 infos.append(dict(step.info))
 
-        rollout(env, make("random"), seed=episode.seed, watchers=[recorder, Keeps(episode)])
+        policy = make("hold" if index % 2 else "random")  # which reach other stages
+        rollout(env, policy, seed=episode.seed, watchers=[recorder, Keeps(episode)])
         record = recorder.record(SETUP)
         assert decode(encode(record, RECORD_SCHEMA), EpisodeRecord, RECORD_SCHEMA) == record
         stages = [info["stage"] for info in infos]
