@@ -15,6 +15,7 @@ from duobench.errors import UnknownNameError
 from duobench.randomness import (
     ANY_YAW,
     EVAL,
+    SPLITS,
     SUITE_VERSION,
     TRAIN,
     Choice,
@@ -23,12 +24,14 @@ from duobench.randomness import (
     episode_seed,
     generator,
     layout_key,
+    policy_seed,
 )
 from duobench.tasks import catalog
 
 DRAW = (
-    "from duobench.randomness import episode_seed, generator\n"
-    "print(generator('bin_sort', 3).integers(2**62), episode_seed('bin_sort', 3))"
+    "from duobench.randomness import episode_seed, generator, policy_seed\n"
+    "print(generator('bin_sort', 3).integers(2**62), episode_seed('bin_sort', 3), "
+    "policy_seed('bin_sort', 3))"
 )
 
 
@@ -44,7 +47,8 @@ def test_a_generator_is_a_function_of_task_and_seed() -> None:
 
 
 def test_other_processes_draw_the_same() -> None:
-    expected = f"{first_draw('bin_sort', 3)} {episode_seed('bin_sort', 3)}\n"
+    numbers = first_draw("bin_sort", 3), episode_seed("bin_sort", 3), policy_seed("bin_sort", 3)
+    expected = "{} {} {}\n".format(*numbers)
     for salt in ("0", "1"):
         result = subprocess.run(
             [sys.executable, "-c", DRAW],
@@ -58,9 +62,11 @@ def test_other_processes_draw_the_same() -> None:
 
 def test_the_suite_version_decides_too(monkeypatch: pytest.MonkeyPatch) -> None:
     draw, seed = first_draw("bin_sort", 3), episode_seed("bin_sort", 3)
+    hashed = policy_seed("bin_sort", 3)
     monkeypatch.setattr("duobench.randomness.SUITE_VERSION", SUITE_VERSION + "x")
     assert first_draw("bin_sort", 3) != draw
     assert episode_seed("bin_sort", 3) != seed
+    assert policy_seed("bin_sort", 3) != hashed
 
 
 def test_episode_seeds_are_distinct_32_bit_numbers() -> None:
@@ -69,6 +75,35 @@ def test_episode_seeds_are_distinct_32_bit_numbers() -> None:
     assert all(0 <= seed < 2**32 for seed in seeds)
     assert stats.kstest(np.array(seeds) / 2**32, "uniform").pvalue > 0.01
     assert set(seeds).isdisjoint(episode_seed("carry_pot", episode) for episode in range(1000))
+
+
+def test_a_policy_seed_is_the_same_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("duobench.randomness.SUITE_VERSION", "4")
+    assert policy_seed("bin_sort", 0) == policy_seed("bin_sort", np.int64(0), EVAL) == 2647481196  # type: ignore[arg-type]
+    assert policy_seed("bin_sort", 0, TRAIN) == 1644153258
+
+
+def test_policy_seeds_are_32_bit_numbers_unrelated_to_other_seeds() -> None:
+    names, count = ("bin_sort", "carry_pot"), 1000
+    seeds = {policy_seed(name, n, s) for name in names for n in range(count) for s in SPLITS}
+    assert len(seeds) == len(names) * count * len(SPLITS)
+    assert all(0 <= seed < 2**32 for seed in seeds)
+    assert stats.kstest(np.array(sorted(seeds)) / 2**32, "uniform").pvalue > 0.01
+    assert seeds.isdisjoint(
+        episode_seed(name, n, s) for name in names for n in range(count) for s in SPLITS
+    )
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_the_layout_of_a_policy_seed_is_another_one(name: str) -> None:
+    """In whichever split it is made: with plain seeds and with those of the suite."""
+    task = catalog.get(name)
+    for split in SPLITS:
+        for seed in [*range(20), *(episode_seed(name, n, split) for n in range(20))]:
+            shown = next(task.layouts(seed, split)).to_json()["poses"]
+            hashed = policy_seed(name, seed, split)
+            made = [next(task.layouts(hashed, each)).to_json()["poses"] for each in SPLITS]
+            assert shown not in made
 
 
 # --- splits --------------------------------------------------------------------------------------
@@ -109,7 +144,7 @@ def test_episode_seeds_of_both_splits_differ() -> None:
 
 @pytest.mark.parametrize("split", ["test", "", None, 0])
 def test_an_unknown_split_is_refused(split: str) -> None:
-    for call in (generator, layout_key, episode_seed):
+    for call in (generator, layout_key, episode_seed, policy_seed):
         with pytest.raises(UnknownNameError, match=r"split.*Known: eval, train"):
             call("bin_sort", 0, split)
 

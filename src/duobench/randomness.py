@@ -1,8 +1,9 @@
 """Everything that is sampled: named distributions, and generators that depend on nothing else.
 
 A layout's generator is a pure function of (task, suite version, split, seed); an episode's seed is
-a pure function of (task, suite version, split, episode index). Hashing makes neighbouring numbers
-unrelated and keeps the result independent of the process, the platform and of what ran before.
+a pure function of (task, suite version, split, episode index), and what a policy is seeded with in
+it of (task, suite version, split, seed). Hashing makes neighbouring numbers unrelated and keeps the
+result independent of the process, the platform and of what ran before.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def variety_generator(task_id: str, seed: int, variety: str, purpose: str) -> np
 
     Args:
         task_id: Id of the task.
-        seed: Seed of the episode.
+        seed: Seed that the expert is reset with.
         variety: Name of the variety.
         purpose: What is sampled; other purposes, unrelated numbers.
     """
@@ -85,6 +86,24 @@ def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
     if episode < 0:
         raise ValueError(f"An episode index counts from 0, got {episode}.")
     return _digest(_word("episode", split), task_id, SUITE_VERSION, int(episode)) % 2**32
+
+
+def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
+    """Seed (32 bits) that a policy gets in the episode of a seed.
+
+    An environment that is reset with it shows another layout, so that no policy makes the layout of
+    its episode again by accident, or with a simulator of its own. It is no secret: whoever hashes
+    all seeds of a suite, which are published, finds the one that it comes from.
+
+    Args:
+        task_id: Id of the task.
+        seed: Seed that sampled the layout.
+        split: What it was sampled for.
+
+    Raises:
+        UnknownNameError: There is no such split.
+    """
+    return _digest(_word("policy", split), task_id, SUITE_VERSION, int(seed)) % 2**32
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,14 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+import duobench
+from duobench.evaluation import Step, rollout
 from duobench.evaluation.folder import RunFolder
+from duobench.policy import make
 from tests.docs.markdown import DOCS, blocks, modules
 
 PAGE = DOCS / "policies.md"
@@ -27,3 +33,26 @@ def test_the_example_plays_an_episode_as_printed(tmp_path: Path) -> None:
     assert "source" not in run.metadata.version  # its own, not that of the module
     summary = json.loads(folder.summary.read_text(encoding="utf-8"))
     assert (summary["overall"]["episodes"], summary["overall"]["errors"]) == (1, 0)
+
+
+class Steps(list[Step]):
+    """Keeps all steps."""
+
+    def on_episode_start(self, env: Any, observation: Any, info: Any) -> None:
+        del env, observation, info
+
+    def on_step(self, step: Step) -> None:
+        self.append(step)
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        assert error is None
+
+
+def test_the_loop_plays_what_a_rollout_plays() -> None:
+    (loop,) = (block for block in blocks(PAGE, "python") if "policy_seed" in block)
+    played: dict[str, Any] = {}
+    exec(loop, played)
+    env, steps = duobench.make("bin_sort", cameras=False), Steps()
+    rollout(env, make("random"), seed=0, watchers=[steps])
+    env.close()
+    np.testing.assert_array_equal(np.float32(played["action"]), steps[-1].action)

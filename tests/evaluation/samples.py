@@ -10,7 +10,7 @@ from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Run, Suite, TaskInfo
 from duobench.policy import PolicyMetadata
-from duobench.randomness import SUITE_VERSION, episode_seed
+from duobench.randomness import SUITE_VERSION, episode_seed, policy_seed
 
 VERSIONS: dict[str, Any] = {"duobench": "0", "mujoco": "4.0.0", "numpy": "2.4.6"}
 
@@ -75,11 +75,13 @@ def sample_record(
     """Record of an episode that reached stage k after reached[k - 1] steps."""
     stage = len(reached)
     is_success = stage == task.max_stage and error is None
+    seed = episode_seed(task.id, episode, CONFIG.split)
     fields: dict[str, Any] = {
         "suite_version": SUITE_VERSION,
         "task": task.id,
         "episode": episode,
-        "seed": episode_seed(task.id, episode, CONFIG.split),
+        "seed": seed,
+        "policy_seed": policy_seed(task.id, seed, CONFIG.split),
         "policy": "mine",
         "policy_version": "1",
         "config": CONFIG,

@@ -108,7 +108,6 @@ def test_stopped_policy_keeps_what_its_episode_had_reached(
 ) -> None:
     asked = {
         "tasks": find_tasks([toy_tasks.WAVE_NAME]),
-        "first_episode": 2,
         "episodes": 1,
         "limits": TimeLimits(**limits),
     }
@@ -116,7 +115,7 @@ def test_stopped_policy_keeps_what_its_episode_had_reached(
     folder, results = play("Tires", workers=1, **asked)
     ((record,),) = [one.records for one in results.tasks]
     assert record.reason.startswith("PolicyTimeoutError")
-    assert record.stage_changes == ((16, 1), (21, 2))
+    assert [stage for _, stage in record.stage_changes] == [1, 2]
     assert (record.steps, record.final_stage, record.success) == (22, 2, False)
     assert compared(folder) == compared(alone)
 

@@ -122,6 +122,8 @@ def test_missing_records_are_left_out(tmp_path: Path) -> None:
     [
         {"episode": 1},
         {"seed": 7},
+        {"policy_seed": 7},
+        {"policy_seed": None},
         {"policy": "other"},
         {"policy_version": "2"},
         {"config": EnvConfig()},
@@ -138,6 +140,18 @@ def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any
     path.write_text(encode(replace(sample_record(LIFT, 0, (5, 9)), **changes), RECORD_SCHEMA))
     with pytest.raises(EvaluationError, match=r"00000\.json does not belong"):
         folder.read_records(run)
+
+
+def test_records_of_earlier_suites_can_be_read(tmp_path: Path) -> None:
+    """Their policies got the seed of the layout, and they say nothing of it."""
+    run = sample_run(version="2")
+    record = replace(sample_record(LIFT, 0, (5, 9)), suite_version="2", policy_seed=None)
+    folder = sample_folder(tmp_path / "run", run, [record])
+    path = folder.record(LIFT.id, 0)
+    text = path.read_text()
+    path.write_text(text.replace('  "policy_seed": null,\n', ""))
+    assert path.read_text() != text
+    assert folder.read_records(run) == [record]
 
 
 def test_folder_without_a_run_says_how_to_make_one(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from duobench.evaluation.rollout import rollout
 from duobench.evaluation.suite import Episode, Setup, find_tasks
 from duobench.files import decode, encode
 from duobench.policy import PolicyMetadata, make
-from duobench.randomness import episode_seed
+from duobench.randomness import episode_seed, policy_seed
 from duobench.versions import record_versions
 from tests.evaluation import toy_tasks
 
@@ -31,7 +31,8 @@ def test_record_says_what_the_environment_said() -> None:
             def on_step(self, step, infos=infos) -> None:
                 infos.append(dict(step.info))
 
-        rollout(env, make("random"), seed=episode.seed, watchers=[recorder, Keeps(episode)])
+        policy = make("hold" if index % 2 else "random")  # which reach other stages
+        rollout(env, policy, seed=episode.seed, watchers=[recorder, Keeps(episode)])
         record = recorder.record(SETUP)
         assert decode(encode(record, RECORD_SCHEMA), EpisodeRecord, RECORD_SCHEMA) == record
         stages = [info["stage"] for info in infos]
@@ -42,6 +43,7 @@ def test_record_says_what_the_environment_said() -> None:
         assert record.success_at_end == infos[-1]["success_at_end"]
         assert record.state_hash == env.get_wrapper_attr("state_hash")()
         assert record.seed == episode_seed("wave", index)
+        assert record.policy_seed == policy_seed("wave", record.seed)
         assert record.instruction == "Do the wave."
         assert set(record.layout["poses"]) == {"cube"}
         reached.add(record.final_stage)

@@ -9,7 +9,7 @@ import duobench
 from duobench.errors import PolicyError
 from duobench.evaluation.rollout import Step, Watcher, rollout
 from duobench.policy import HoldPolicy, make
-from duobench.randomness import episode_seed
+from duobench.randomness import SPLITS, episode_seed, policy_seed
 from tests.evaluation import toy_tasks
 
 
@@ -79,6 +79,25 @@ def test_same_seed_gives_the_same_episode_whatever_ran_before(env: gym.Env) -> N
     )
     np.testing.assert_array_equal(first, again)
     assert len(other) != len(first) or not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_policy_gets_a_hash_of_the_seed_with_which_no_layout_can_be_made_again(split: str) -> None:
+    class Keeps(HoldPolicy):
+        def reset(self, instruction: str, seed: int) -> None:
+            super().reset(instruction, seed)
+            self.seed = seed
+
+    env, policy = duobench.make(toy_tasks.WAVE, cameras=False, split=split), Keeps()
+    for seed in (0, 1, 2**32 - 1):
+        rollout(Passes(env), policy, seed=seed)
+        assert policy.seed == policy_seed("wave", seed, split) != seed
+        layouts = [
+            env.reset(seed=number, options={"split": made})[1]["layout"]
+            for number, made in [(seed, split), *((policy.seed, each) for each in SPLITS)]
+        ]
+        assert layouts[0] not in layouts[1:]
+    env.close()
 
 
 class Passes(gym.Wrapper):

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from duobench.policy import HoldPolicy, PolicyMetadata, Session, noise
-from duobench.randomness import episode_seed
 from duobench.scene.fr3_links import JOINT_RANGES
-from tests.evaluation.toy_tasks import mark
+from tests.evaluation.toy_tasks import mark, seed_of
 
 WIDTH = 64
 LOW, HIGH = np.vstack([np.vstack([JOINT_RANGES, (0.0, 1.0)])] * 2).T.astype(np.float32)
@@ -62,7 +61,7 @@ class Hangs(Wanders):
     """Does not come back from the first episode."""
 
     def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
-        if any((one.seed, one.call) == (episode_seed("wave", 0), 2) for one in sessions):
+        if any((one.seed, one.call) == (seed_of("wave", 0), 2) for one in sessions):
             time.sleep(1000)
         return super().act_batch(sessions, observations)
 
@@ -73,9 +72,9 @@ class Breaks(Wanders):
     def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
         chunks = super().act_batch(sessions, observations)
         for row, session in enumerate(sessions):
-            if session.seed == episode_seed("wave", 0) and session.call == 1:
+            if session.seed == seed_of("wave", 0) and session.call == 1:
                 raise ZeroDivisionError("my policy is broken")
-            if session.seed == episode_seed("wave", 1):
+            if session.seed == seed_of("wave", 1):
                 chunks[row] = np.nan
         return chunks
 

@@ -195,6 +195,10 @@ def test_their_evaluation_plays_our_episodes(
     records = played(policies.source(policy), "bin_sort", 2)
     assert told["ends"] == [record.state_hash for record in records]
     assert len(set(told["ends"])) == 2
+    assert told["infos"] == [
+        {"episode_step": 0, "action_mode": "joint", "policy_seed": record.policy_seed}
+        for record in records
+    ]
     assert [[success, steps] for success, _, steps in told["results"]] == [
         [record.success, record.steps] for record in records
     ]
@@ -222,7 +226,7 @@ def test_policy_plays_one_episode_at_a_time_and_repeats_its_answers(serve: Serve
         arm["gripper"] = 0.0
 
     def asked(seed: int, step: int) -> Any:
-        message["obs"]["left"]["info"] = {"episode_seed": seed, "episode_step": step}
+        message["obs"]["left"]["info"] = {"policy_seed": seed, "episode_step": step}
         text = observation_text(message)
         return connection.call("act", text)
 

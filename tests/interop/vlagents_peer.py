@@ -61,9 +61,16 @@ def evaluate(port: int, task: str, options: dict[str, Any]) -> None:
     from duobench.interop.vlagents.environment import TaskEnv
 
     ends: list[str] = []
+    infos: list[dict[str, Any]] = []
 
     class Watched(TaskEnv):
-        """Notes what every episode ends in."""
+        """Notes what an agent is told at the start of every episode, and what that ends in."""
+
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            obs, info = super().reset(seed, options)
+            if seed is not None:  # they also reset after an episode
+                infos.append(dict(obs.obs["left"].info))
+            return obs, info
 
         def step(self, action: Any) -> Any:
             result = super().step(action)
@@ -76,7 +83,7 @@ def evaluate(port: int, task: str, options: dict[str, Any]) -> None:
     config = EvalConfig(f"duobench/{task}", options, max_steps_per_episode=10_000, seed=0)
     agent = AgentConfig("localhost", "duobench", {}, port=port)
     results, _ = multi_eval(agent, [config], EPISODES)
-    json.dump({"results": results[0].tolist(), "ends": ends}, sys.stdout)
+    json.dump({"results": results[0].tolist(), "ends": ends, "infos": infos}, sys.stdout)
 
 
 if __name__ == "__main__":

@@ -158,7 +158,7 @@ class EpisodeRunner:
 
         Whatever the policy raises, `sys.exit` included, and whatever its actions make the
         environment raise, makes the episode a failed one. Python's and NumPy's global generators
-        are seeded with the episode, for policies that use them.
+        get the policy's seed, for policies that use them.
 
         Raises:
             MachineryError: If the episode could not be played through no fault of the policy.
@@ -173,8 +173,8 @@ class EpisodeRunner:
         video = self._video_recorder(env) if episode.has_video else None
         if video is not None:
             watchers.append(video)
-        random.seed(episode.seed)
-        np.random.seed(episode.seed)  # noqa: NPY002 - the generator that policies share
+        random.seed(episode.policy_seed)
+        np.random.seed(episode.policy_seed)  # noqa: NPY002 - the generator that policies share
 
         def busy() -> AbstractContextManager[None]:
             return self._clock.timed(self._limits, recorder.steps)

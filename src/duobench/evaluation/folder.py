@@ -7,9 +7,9 @@ from pathlib import Path
 
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
-from duobench.evaluation.suite import RUN_SCHEMA, Run, TaskInfo
+from duobench.evaluation.suite import RUN_SCHEMA, Episode, Run, TaskInfo
 from duobench.files import TEMPORARY_SUFFIX, encode, read, remove_temporary, write, writing
-from duobench.randomness import SUITE_VERSION, episode_seed
+from duobench.randomness import SUITE_VERSION
 
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
@@ -114,7 +114,8 @@ class RunFolder:
             "max_stage": task.max_stage,
         }
         if run.suite.version == SUITE_VERSION:  # seeds of another one are not known here
-            expected["seed"] = episode_seed(task.id, index, run.config.split)
+            episode = Episode(task=task, index=index, split=run.config.split)
+            expected |= {"seed": episode.seed, "policy_seed": episode.policy_seed}
         for name, value in expected.items():
             if getattr(record, name) != value:
                 raise EvaluationError(

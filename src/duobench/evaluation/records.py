@@ -20,7 +20,8 @@ from duobench.evaluation.suite import Episode, Setup
 from duobench.randomness import SUITE_VERSION
 
 RECORD_SCHEMA = 3
-"""Version of the record's fields; raised when one is added, removed or changes its meaning."""
+"""Version of the record's fields; raised when earlier records cannot be read any more: a field is
+removed, changes its meaning, or is added without a default."""
 
 
 class SampledLayout(TypedDict, total=False):
@@ -44,6 +45,9 @@ class EpisodeRecord:
     """Index of the episode in the suite."""
     seed: int
     """Seed of the reset; a pure function of (task, suite version, episode)."""
+    policy_seed: int | None = None
+    """Seed of the policy, a hash of that of the reset; None before suite 4, whose policies got that
+    of the reset itself."""
     policy: str
     """Name of the policy, as the user gave it."""
     policy_version: str | None
@@ -184,6 +188,7 @@ class EpisodeRecorder:
             task=task.id,
             episode=self._episode.index,
             seed=self._episode.seed,
+            policy_seed=self._episode.policy_seed,
             policy=setup.policy,
             policy_version=setup.metadata.version,
             config=setup.config,

@@ -12,8 +12,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.envs.duo_env import base_of
+from duobench.envs.sim_env import SPLIT
 from duobench.policy.compatibility import check_fits
 from duobench.policy.protocol import Policy, as_chunk
+from duobench.randomness import EVAL, policy_seed
 
 Observation = Mapping[str, Any]
 Info = Mapping[str, Any]
@@ -85,7 +88,8 @@ def rollout(
     Args:
         env: An environment of the benchmark that takes single actions, in any wrappers.
         policy: The policy.
-        seed: Seed of the reset and of the policy.
+        seed: Seed of the reset. The policy gets a hash of it, `duobench.randomness.policy_seed`:
+            an environment that is reset with that shows another layout.
         watchers: Called in this order.
         busy: Surrounds everything that the policy does, and the check of what it returned, which
             may wait for a lazy array.
@@ -107,8 +111,9 @@ def rollout(
         for watcher in reversed(watching):
             ending.push(partial(_end, watcher))
         observation, info = env.reset(seed=seed)
+        hashed = policy_seed(base_of(env).task, seed, info.get(SPLIT) or EVAL)
         with busy():
-            policy.reset(info["instruction"], seed)
+            policy.reset(info["instruction"], hashed)
         for watcher in watching:
             watcher.on_episode_start(env, observation, info)
         number, over = 0, False

@@ -17,7 +17,7 @@ from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.serving.address import SERVED
-from duobench.randomness import EVAL, SUITE_VERSION, episode_seed
+from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.scene import looks
 from duobench.tasks import catalog
 
@@ -80,6 +80,11 @@ class Episode:
     def seed(self) -> int:
         """Seed of the reset: a pure function of (task, suite version, split, episode)."""
         return episode_seed(self.task.id, self.index, self.split)
+
+    @property
+    def policy_seed(self) -> int:
+        """Seed of the policy: a hash of that of the reset."""
+        return policy_seed(self.task.id, self.seed, self.split)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

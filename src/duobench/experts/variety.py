@@ -5,9 +5,9 @@ show a policy one narrow path and never how to come back to it. So an expert can
 variety: other speeds, curved ways, pauses, shifted grasps, and noise in the executed action, while
 the intended action stays the label (DART, Laskey et al. 2017).
 
-All of it goes through the action space, and follows from (task, seed of the episode, name of the
-variety) alone. How much a motion differs is scaled by its freedom, 0 to 1, which falls with the
-speed that the script chose: what a script does slowly, it does precisely.
+All of it goes through the action space, and follows from (task, seed that the expert is reset with,
+name of the variety) alone. How much a motion differs is scaled by its freedom, 0 to 1, which falls
+with the speed that the script chose: what a script does slowly, it does precisely.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class Session:
     instruction: str
     """What to do, in words."""
     seed: int
-    """Seed of the episode."""
+    """Seed of whatever is sampled in it."""
     call: int = 0
     """Answers that were given in it; whoever calls `act_batch` counts them, not the policy."""
 
@@ -45,7 +45,7 @@ def noise(seed: int, call: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
     repeated request changes it.
 
     Args:
-        seed: Seed of the episode.
+        seed: Seed that the episode was begun with: `Session.seed`.
         call: Number of the answer within the episode, from 0: `Session.call`.
         shape: Shape of the noise.
     """
@@ -71,7 +71,8 @@ class BatchPolicy(Protocol):
 
         Args:
             instruction: What to do, in words.
-            seed: Seed of the episode; whatever is sampled in it follows from seed and `call`.
+            seed: Seed of whatever is sampled in it, which follows from seed and `call`; a hash of
+                the seed of the layout, as in `Policy.reset`.
 
         Returns:
             All that is remembered of the episode; small.

@@ -40,7 +40,7 @@ class PolicyMetadata:
     horizon: int | None = None
     """Actions of one chunk; None if that varies or is unknown."""
     seeded: bool = True
-    """Whether everything that the policy samples follows from the seed of the episode."""
+    """Whether everything that the policy samples follows from the seed that it is reset with."""
     batch_invariant: bool = False
     """Whether an answer has the same bits however many observations are answered with it."""
     dtype: str | None = None
@@ -121,7 +121,8 @@ class Policy(Protocol):
 
         Args:
             instruction: What to do, in words.
-            seed: Seed of the episode; whatever the policy samples follows from it alone.
+            seed: Seed of whatever the policy samples, which follows from it alone. It is a hash of
+                the seed of the layout: an environment that is reset with it shows another one.
         """
         ...
 

@@ -19,7 +19,7 @@ from duobench.policy.registry import make
 
 _CHECKPOINT = "{checkpoint_step}"
 _NO_SEED = 0
-"""Seed of the episodes of environments that tell none."""
+"""Seed of the policy in environments that tell none."""
 
 
 class PolicyAgent(Agent):

@@ -18,13 +18,14 @@ from duobench.envs.registration import make
 from duobench.envs.wrappers.cameras import PIXELS
 from duobench.errors import OptionError
 from duobench.interop.vlagents.messages import as_action, as_obs
-from duobench.randomness import EVAL, episode_seed
+from duobench.randomness import EVAL, episode_seed, policy_seed
 from duobench.tasks import catalog
 
-SEED, STEP, MODE = "episode_seed", "episode_step", "action_mode"
-"""Keys in the info of the left arm: the seed of the episode, how many control steps it had, and the
-environment's action mode. With them a policy of ours is seeded, knows where an episode begins, and
-refuses an environment that would take its actions for something else."""
+SEED, STEP, MODE = "policy_seed", "episode_step", "action_mode"
+"""Keys in the info of the left arm: the policy's seed, how many control steps the episode had, and
+the environment's action mode. With them a policy of ours is seeded, knows where an episode begins,
+and refuses an environment that would take its actions for something else. No agent is told the seed
+of the layout."""
 _PREFIX = "duobench/"
 
 
@@ -49,7 +50,7 @@ class TaskEnv(EvalEnv):
             raise OptionError("VLAgents executes the actions of a chunk one by one: no `chunk`.")
         self._import_path = env_id.removeprefix(_PREFIX)
         self._task = catalog.get(self._import_path)
-        self._seed: int | None = None
+        self._policy_seed: int | None = None
         self._steps = 0
         self._left_of_chunk = 0
         super().__init__(env_id, execution_horizon=execution_horizon, **env_kwargs)
@@ -83,10 +84,11 @@ class TaskEnv(EvalEnv):
         """
         if seed is not None and seed < 0:
             raise OptionError(f"Episodes are counted from 0, got {seed}.")
-        split = self.env_kwargs.get("split", EVAL)
-        self._seed = None if seed is None else episode_seed(self._task.id, seed, split)
+        task, split = self._task.id, self.env_kwargs.get("split", EVAL)
+        used = None if seed is None else episode_seed(task, seed, split)
+        self._policy_seed = None if used is None else policy_seed(task, used, split)
         self._steps = 0
-        observation, info = self.env.reset(seed=self._seed, options=options)
+        observation, info = self.env.reset(seed=used, options=options)
         self.language_instruction = info["instruction"]
         return self._obs(observation), info
 
@@ -131,6 +133,6 @@ class TaskEnv(EvalEnv):
             images = base_of(self.env).backend.images(cameras, self._config.image_size)
             observation = {**observation, PIXELS: images}
         info: dict[str, Any] = {STEP: self._steps, MODE: self._config.action_mode}
-        if self._seed is not None:
-            info[SEED] = self._seed
+        if self._policy_seed is not None:
+            info[SEED] = self._policy_seed
         return as_obs(observation, self.language_instruction, info)

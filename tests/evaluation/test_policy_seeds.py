@@ -1,0 +1,195 @@
+"""No way to a policy carries the seed of the layout: real servers, and what they received."""
+
+import json
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.data import DataSet, Recording
+from duobench.evaluation.choice import PolicyChoice
+from duobench.evaluation.demonstrations import record as record_demonstrations
+from duobench.evaluation.evaluate import evaluate
+from duobench.evaluation.folder import RunFolder
+from duobench.evaluation.records import EpisodeRecord
+from duobench.evaluation.suite import find_tasks
+from duobench.policy import HoldPolicy, Session
+from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.codec import pack, unpack
+from duobench.policy.serving.dialect import VLLM_PATH
+from duobench.policy.serving.layout import Layout
+from duobench.randomness import TRAIN, policy_seed
+from tests.evaluation import toy_batches
+from tests.evaluation.conftest import small_suite
+from tests.evaluation.toy_tasks import WAVE_NAME, seed_of
+from tests.policy.serving.model_server import ModelServer, acting
+from tests.policy.serving.rpyc_server import agent, calls_served
+from tests.policy.serving.serving import Serve, foreign_server
+
+TASKS = ("wave", "nod")
+EPISODES = 2
+STILL = np.zeros((24, 16), np.float32)
+BLIND = Layout(state={"state": ("left_arm", "left_gripper", "right_arm", "right_gripper")})
+
+
+def played(folder: Path, policy: str, server: RemoteServer | None = None) -> list[EpisodeRecord]:
+    """Records of episodes of both tasks, whose seeds are those that the suite says."""
+    choice = PolicyChoice(name=policy, server=server)
+    results = evaluate(choice, small_suite(episodes=EPISODES), RunFolder(folder), workers=0)
+    records = [record for task in results.tasks for record in task.records]
+    assert [record.error for record in records] == [None] * len(TASKS) * EPISODES
+    for record in records:
+        assert record.policy_seed == policy_seed(record.task, record.seed) != record.seed
+    return records
+
+
+def at(port: int, path: str = "", **options: Any) -> RemoteServer:
+    return RemoteServer(url=f"ws://127.0.0.1:{port}{path}", wait_s=0.0, **options)
+
+
+def leaves(message: Any) -> Iterator[Any]:
+    """Everything in a message, keys included, but the numbers of arrays."""
+    match message:
+        case dict():
+            for key, value in message.items():
+                yield key
+                yield from leaves(value)
+        case list() | tuple():
+            for value in message:
+                yield from leaves(value)
+        case np.ndarray():
+            pass
+        case _:
+            yield message
+
+
+def assert_secret(records: list[EpisodeRecord], messages: list[Any]) -> None:
+    """The seeds of the layouts are in no message."""
+    text = "\n".join(map(str, leaves(messages)))
+    assert text
+    for record in records:
+        assert str(record.seed) not in text
+
+
+def seeds(records: list[EpisodeRecord]) -> list[int | None]:
+    return [record.policy_seed for record in records]
+
+
+class Notes(toy_batches.Wanders):
+    """Notes the seeds of the episodes that it begins."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seeds: list[int] = []
+
+    def begin(self, instruction: str, seed: int) -> Session:
+        if seed:  # that of sessions that fill a batch up is 0
+            self.seeds.append(seed)
+        return super().begin(instruction, seed)
+
+
+def test_served_policy_gets_the_policy_seed(tmp_path: Path) -> None:
+    serve, policy = Serve(), Notes()
+    records = played(tmp_path, "openpi", at(serve(policy)))
+    serve.close()
+    assert policy.seeds == seeds(records)
+
+
+def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path: Path) -> None:
+    messages: list[Any] = []
+
+    def answer(message: bytes) -> bytes:
+        messages.append(unpack(message))
+        is_reset = messages[-1].get("endpoint") == "reset"
+        return pack({"status": "reset successful"} if is_reset else {"actions": STILL})
+
+    with foreign_server({}, answer) as port:
+        records = played(tmp_path, "openpi", at(port, VLLM_PATH, layout=BLIND))
+    begun = [message["seed"] for message in messages if message.get("endpoint") == "reset"]
+    assert begun == seeds(records)
+    assert {message["seed"] for message in messages} == set(begun)
+    assert_secret(records, messages)
+
+
+def test_plain_openpi_gets_no_seed(tmp_path: Path) -> None:
+    messages: list[Any] = []
+
+    def answer(message: bytes) -> bytes:
+        messages.append(unpack(message))
+        return pack({"actions": STILL})
+
+    with foreign_server({}, answer) as port:
+        records = played(tmp_path, "openpi", at(port, layout=BLIND))
+    assert not [leaf for leaf in leaves(messages) if leaf in seeds(records)]
+    assert_secret(records, messages)
+
+
+def test_model_server_of_vla_eval_gets_the_policy_seed(tmp_path: Path) -> None:
+    server = ModelServer(acting(STILL))
+    with server.running() as port:
+        records = played(tmp_path, "vla-eval", at(port))
+    begun = [message["payload"]["task"]["seed"] for message in server.of("episode_start")]
+    assert begun == seeds(records)
+    assert_secret(records, server.received)
+
+
+def test_server_of_vlagents_gets_no_seed(tmp_path: Path) -> None:
+    arm = {"action": [0.0] * 7, "gripper": 0.0}
+    messages: list[Any] = []
+
+    def act(message: dict[str, Any]) -> str:
+        messages.append(message)
+        return json.dumps({"acts": [{"left": arm, "right": arm}] * len(STILL)})
+
+    with calls_served(agent(act)) as port:
+        server = RemoteServer(url=f"127.0.0.1:{port}", schemes=(), wait_s=0.0)
+        records = played(tmp_path, "vlagents", server)
+    assert not [leaf for leaf in leaves(messages) if leaf in seeds(records)]
+    assert_secret(records, messages)
+
+
+class Looks(HoldPolicy):
+    """Fails unless its seed, and those of the global generators, are those of the policy."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        task = "wave" if "wave" in instruction else "nod"
+        assert seed in [seed_of(task, index) for index in range(EPISODES)]
+        assert random.getstate() == random.Random(seed).getstate()
+        first = np.random.RandomState(seed).random_sample()
+        assert np.random.random_sample() == first  # noqa: NPY002 - the generator that policies share
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_global_generators_have_the_policy_seed(tmp_path: Path, workers: int) -> None:
+    suite, policy = small_suite(episodes=EPISODES), f"{__name__}:Looks"
+    results = evaluate(policy, suite, RunFolder(tmp_path), workers=workers)
+    assert [record.error for task in results.tasks for record in task.records] == [None] * 4
+
+
+class Demonstrates(HoldPolicy):
+    """Fails unless it gets the policy's seed of an episode of the split of demonstrations."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        assert seed in [seed_of("wave", index, TRAIN) for index in range(EPISODES)]
+
+
+def test_demonstrations_are_seeded_in_their_own_split(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path)
+    attempts = record_demonstrations(
+        f"{__name__}:Demonstrates",
+        find_tasks([WAVE_NAME]),
+        data,
+        episodes=EPISODES,
+        keep_failures=True,
+        workers=0,
+    )
+    assert [attempt.error for attempt in attempts] == [None] * EPISODES
+    for index, path in enumerate(data.episodes()):
+        info = Recording.read_info(path)
+        assert info.seed is not None
+        assert policy_seed("wave", info.seed, TRAIN) == seed_of("wave", index, TRAIN)
