@@ -127,6 +127,7 @@ def main() -> None:
     parser.add_argument("--split", choices=SPLITS, default=EVAL)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--horizon", type=int, help="control steps an episode lasts at most")
     parser.add_argument("--replays", type=int, default=0, help="replays as tool poses a task")
     parser.add_argument("--kernels", action="store_true", help="compare processors instead")
     parser.add_argument("--workers", type=int, default=2)
@@ -141,6 +142,7 @@ def main() -> None:
             task=task,
             policy=arguments.policy,
             split=arguments.split,
+            horizon=arguments.horizon,
             seeds=tuple(range(start, min(start + SEEDS_A_JOB, end))),
             replays=max(0, arguments.first + arguments.replays - start),
         )
