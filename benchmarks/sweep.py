@@ -10,12 +10,14 @@ tool poses alone win once more. `--kernels` compares processors instead: see `be
 from __future__ import annotations
 
 import argparse
+import json
 import multiprocessing
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -85,6 +87,8 @@ class Outcome:
     stage: int
     success: bool
     steps: int
+    state_hash: str
+    """Of the whole state after the last step."""
     smoothness: Smoothness
     """Of the joint targets that the policy intended."""
     replayed: bool | None = None
@@ -109,6 +113,7 @@ def play(job: Job) -> list[Outcome]:
                 stage=last.info["stage"],
                 success=last.info["success"],
                 steps=last.number,
+                state_hash=env.get_wrapper_attr("state_hash")(),
                 smoothness=Smoothness.of(np.array(policy.commands)),
                 replayed=replay_as_poses(job.task, seed, policy.commands, split=job.split)
                 if is_replayed
@@ -129,6 +134,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--horizon", type=int, help="control steps an episode lasts at most")
     parser.add_argument("--replays", type=int, default=0, help="replays as tool poses a task")
+    parser.add_argument("--hashes", type=Path, help="file to write hashes of last states to")
     parser.add_argument("--kernels", action="store_true", help="compare processors instead")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
@@ -151,6 +157,9 @@ def main() -> None:
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
         done = track(pool.imap(play, jobs), description=arguments.policy, total=len(jobs))
         outcomes = [outcome for batch in done for outcome in batch]
+    if arguments.hashes:
+        hashes = {f"{o.task} {o.seed}": [o.stage, o.state_hash] for o in outcomes}
+        arguments.hashes.write_text(json.dumps(hashes, indent=0), encoding="utf-8")
     title = f"{arguments.policy}, split {arguments.split}, from seed {arguments.first}"
     Console(width=WIDTH).print(_table(outcomes, arguments.tasks, title))
 
