@@ -1,3 +1,6 @@
+import itertools
+
+import manifold3d
 import numpy as np
 import pytest
 
@@ -17,9 +20,10 @@ from duobench.objects.maze_board import (
     cell_centre,
     printable_board,
     wall_numbers,
+    wall_variants,
 )
-from duobench.objects.mazes import CELLS, MAZES, SEGMENTS, Direction, Maze, Segment
-from duobench.objects.solid import PLA_DENSITY, manifold_from, mass_properties, printable
+from duobench.objects.mazes import CELLS, CORNERS, MAZES, SEGMENTS, Direction, Maze, Segment
+from duobench.objects.solid import PLA_DENSITY, manifold_from, mass_properties, printable, union_of
 from duobench.tasks import catalog
 
 mazes = pytest.mark.parametrize("maze", MAZES, ids=range(len(MAZES)))
@@ -51,6 +55,47 @@ def test_every_printed_board_weighs_what_the_simulated_one_does(maze: Maze) -> N
     assert print_mass == pytest.approx(mass_properties(board()).mass, rel=1e-6)
     volume = manifold_from(printable(printable_board(maze))).volume()
     assert print_mass == pytest.approx(volume * PLA_DENSITY)
+
+
+@mazes
+def test_only_start_and_goal_of_a_board_are_coloured(maze: Maze) -> None:
+    number = MAZES.index(maze)
+    hidden = wall_variants()[str(number)].without_images
+    shown = [image for index, image in enumerate(board().images) if index not in hidden]
+    colours = {}
+    for corner in CORNERS:
+        # The corner's floor is all that is within its cell and not higher than the floor.
+        (image,) = (
+            image
+            for image in shown
+            if np.abs(image.mesh.vertices[:, :2] - cell_centre(corner)).max() < 0.51 * PITCH
+        )
+        colours[corner] = image.rgba
+    plain = {colour for corner, colour in colours.items() if corner not in (maze.start, maze.goal)}
+    assert len(plain) == 1
+    assert colours[maze.start][1] == max(colours[maze.start][:3])
+    assert colours[maze.goal][0] > 2 * max(colours[maze.goal][1:3])
+    assert len({*plain, colours[maze.start], colours[maze.goal]}) == 3
+
+
+@mazes
+def test_the_shown_images_are_the_board_without_two_faces_in_one_place(maze: Maze) -> None:
+    number = MAZES.index(maze)
+    hidden = wall_variants()[str(number)].without_images
+    shown = [
+        manifold_from(image.mesh)
+        for index, image in enumerate(board().images)
+        if index not in hidden
+    ]
+    whole = manifold3d.Manifold.batch_boolean(shown, manifold3d.OpType.Add)
+    exact = union_of(printable_board(maze).shapes)
+    assert (whole - exact).volume() == pytest.approx(0.0, abs=1e-12)
+    assert (exact - whole).volume() == pytest.approx(0.0, abs=1e-12)
+    # Walls reach into the floor; nothing else overlaps.
+    *rest, walls = shown
+    for one, other in itertools.combinations(rest, 2):
+        assert (one ^ other).volume() == pytest.approx(0.0, abs=1e-12)
+    assert walls.bounding_box()[5] == pytest.approx(WALL_HEIGHT)
 
 
 def test_the_ball_weighs_its_volume() -> None:

@@ -18,16 +18,24 @@ from duobench.objects.maze_board import (
     wall_numbers,
     wall_variants,
 )
-from duobench.objects.mazes import GOAL, MAZES, START, Direction
+from duobench.objects.mazes import CORNERS, MAZES, Cell, Direction, Maze
 from duobench.sim.contacts import Limb, limb_owner
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
-from duobench.tasks.ball_maze import RAISE, TASK
-from duobench.types import SIDES, Side
+from duobench.stages.placing import REST_SECONDS
+from duobench.stages.rolling import MAX_SLIP
+from duobench.tasks.ball_maze import AT_GOAL, RAISE, TASK
+from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.task_harness import TaskHarness
 
 HALF_ROOM = (CELLS * PITCH - WALL) / 2 - BALL_RADIUS
 """How far the ball's centre can be from the board's along either axis, in metres."""
+REST = round(REST_SECONDS * CONTROL_HZ)
+"""Control steps for which the ball must stay in the goal."""
+SLIP = round(MAX_SLIP * CONTROL_HZ)
+"""Control steps for which the board may slip."""
+MIDDLE: Cell = (CELLS // 2, CELLS // 2)
+"""A cell on the way."""
 
 
 @pytest.fixture(scope="module")
@@ -37,12 +45,29 @@ def bench() -> TaskHarness:
 
 def layout_of(bench: TaskHarness, seed: int, board: int) -> Layout:
     """A seed's layout with another board."""
-    return replace(bench.start(seed), variants={"board": str(board)})
+    return TASK.arrange(replace(bench.start(seed), variants={"board": str(board)}))
 
 
 def on_board(bench: TaskHarness, x: float, y: float, z: float = BALL_RADIUS) -> SE3:
     """A pose of the ball in the table frame, from a point of the board's."""
     return bench.sim.pose("board") @ SE3.at(x, y, z)
+
+
+def maze_of(bench: TaskHarness) -> Maze:
+    """The maze of the episode's board."""
+    return MAZES[int(bench.sim.variants["board"])]
+
+
+def put_in(bench: TaskHarness, *cells: Cell) -> None:
+    """Put the ball into the middles of cells, one after the other."""
+    for cell in cells:
+        bench.put(ball=on_board(bench, *cell_centre(cell)))
+
+
+def rest_at_goal(bench: TaskHarness, steps: int = REST) -> int:
+    """Put the ball into the goal for some control steps; the stage after them."""
+    put_in(bench, *[maze_of(bench).goal] * steps)
+    return bench.stage
 
 
 def ball(bench: TaskHarness) -> np.ndarray:
@@ -86,39 +111,65 @@ def test_the_expert_solves_every_board_and_passes_the_stages_in_order(
 def test_a_ball_that_was_moved_on_the_table_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     grasped(bench)
-    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
+    rest_at_goal(bench, 1)
     assert bench.stage == 2
 
     assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
-    assert bench.hold(10) == 2
+    assert bench.hold(2 * REST) == 2
     assert not bench.sim.contacts.between("board", "table")
 
 
-def test_a_ball_that_rolled_in_the_air_counts(bench: TaskHarness) -> None:
+def test_a_ball_that_rolled_in_the_air_and_rests_at_the_goal_counts(bench: TaskHarness) -> None:
+    for board in range(len(MAZES)):
+        bench.start(layout=layout_of(bench, 0, board))
+        lifted(bench)
+        put_in(bench, MIDDLE)
+        assert bench.stage == 3
+        assert rest_at_goal(bench, REST - 1) == 3
+        assert rest_at_goal(bench, 1) == 4
+
+
+def test_only_the_goal_of_its_own_board_counts(bench: TaskHarness) -> None:
+    bench.start(layout=layout_of(bench, 0, 0))
+    lifted(bench)
+    put_in(bench, MIDDLE)
+    for maze in MAZES:
+        if maze.goal != maze_of(bench).goal:
+            put_in(bench, *[maze.goal] * 2 * REST)
+            assert bench.stage == 3
+    assert rest_at_goal(bench) == 4
+
+
+def test_a_ball_that_passes_the_goal_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
-    bench.put(ball=on_board(bench, 0.0, 0.0))
-    assert bench.stage == 3
-    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
-    assert bench.stage == 4
+    put_in(bench, MIDDLE)
+    for _ in range(3):
+        assert rest_at_goal(bench, REST - 1) == 3
+        put_in(bench, MIDDLE)
+    assert rest_at_goal(bench) == 4
 
 
-def test_a_ball_at_the_goal_that_skipped_the_way_takes_two_steps(bench: TaskHarness) -> None:
+def test_a_ball_at_the_goal_that_skipped_the_way_takes_a_step_more(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
-    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
-    assert bench.stage == 3
+    assert rest_at_goal(bench) == 3
+    assert rest_at_goal(bench, 1) == 4
 
 
-def test_a_ball_in_the_goals_cell_but_far_from_its_centre_does_not_count(
-    bench: TaskHarness,
+@pytest.mark.parametrize(("beyond", "stage"), [(-0.001, 4), (0.001, 3)])
+def test_a_ball_in_the_goals_cell_counts_up_to_15_mm_from_its_centre(
+    bench: TaskHarness, beyond: float, stage: int
 ) -> None:
     bench.start(0)
     lifted(bench)
-    x, y = cell_centre(GOAL)
-    for _ in range(2):
-        bench.put(ball=on_board(bench, x - 0.016, y))
-    assert bench.stage == 3
+    put_in(bench, MIDDLE)
+    x, y = cell_centre(maze_of(bench).goal)
+    # Towards the middle of the board, where nothing stands.
+    toward = -math.copysign((AT_GOAL + beyond) / math.sqrt(2), x)
+    for _ in range(REST):
+        bench.put(ball=on_board(bench, x + toward, y - math.copysign(toward, y)))
+    assert bench.stage == stage
 
 
 def test_a_ball_off_the_board_does_not_count(bench: TaskHarness) -> None:
@@ -126,10 +177,11 @@ def test_a_ball_off_the_board_does_not_count(bench: TaskHarness) -> None:
     lifted(bench)
     x, y, _ = bench.sim.position("board")
     elsewhere = SE3.at(x + 0.25, y, BALL_RADIUS)
-    below_the_goal = on_board(bench, *cell_centre(GOAL), z=-0.02)
-    above_the_goal = on_board(bench, *cell_centre(GOAL), z=WALL_HEIGHT + 0.001)
+    goal = cell_centre(maze_of(bench).goal)
+    below_the_goal = on_board(bench, *goal, z=-0.02)
+    above_the_goal = on_board(bench, *goal, z=WALL_HEIGHT + 0.001)
     for pose in (elsewhere, below_the_goal, above_the_goal):
-        for _ in range(2):
+        for _ in range(2 * REST):
             bench.put(ball=pose)
         assert bench.stage == 2
 
@@ -137,10 +189,41 @@ def test_a_ball_off_the_board_does_not_count(bench: TaskHarness) -> None:
 def test_a_board_that_is_put_down_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
-    bench.put(ball=on_board(bench, 0.0, 0.0))
+    put_in(bench, MIDDLE)
     bench.act(lambda arms: release(arms, Side.LEFT))
-    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
-    assert bench.stage == 3
+    assert rest_at_goal(bench, 2 * REST) == 3
+
+
+@pytest.mark.parametrize(("steps", "stage"), [(SLIP, 4), (SLIP + 1, 3)])
+def test_the_half_second_is_not_broken_by_a_grasp_that_slips(
+    bench: TaskHarness, steps: int, stage: int
+) -> None:
+    bench.start(0)
+    lifted(bench)
+    aloft = bench.sim.get_state()
+    bench.act(lambda arms: release(arms, Side.LEFT))
+    bench.hold(30)
+    slipped = bench.sim.get_state()
+    bench.start(0)
+    lifted(bench)
+    put_in(bench, MIDDLE)
+    for state, count in ((aloft, 5), (slipped, steps), (aloft, REST - 5 - steps)):
+        bench.sim.set_state(state)
+        rest_at_goal(bench, count)
+    assert bench.stage == stage
+    assert rest_at_goal(bench, REST) == 4
+
+
+def test_at_the_end_of_the_half_second_both_arms_hold_the_board(bench: TaskHarness) -> None:
+    bench.start(0)
+    lifted(bench)
+    put_in(bench, MIDDLE)
+    aloft = bench.sim.get_state()
+    assert rest_at_goal(bench, REST - 1) == 3
+    bench.act(lambda arms: release(arms, Side.LEFT))
+    assert rest_at_goal(bench, 2 * REST) == 3
+    bench.sim.set_state(aloft)
+    assert solved_from_the_start(bench)
 
 
 @pytest.mark.parametrize("rolled", [True, False])
@@ -155,18 +238,18 @@ def test_a_ball_that_rolls_on_a_board_put_down_again_does_not_count(
     lifted(bench)
     aloft = bench.sim.get_state()
     if rolled:
-        bench.put(ball=on_board(bench, 0.0, 0.0))
+        put_in(bench, MIDDLE)
 
     bench.sim.set_state(on_table)
     assert bench.sim.contacts.between("board", "table")
-    bench.put(ball=on_board(bench, 0.0, 0.0))
+    put_in(bench, MIDDLE)
     push_ball(bench, 0.1, 0.0)
     for _ in range(steps):
         bench.judge()
 
     bench.sim.set_state(aloft)
-    for cell in ((2, 2), GOAL):
-        bench.put(ball=on_board(bench, *cell_centre(cell)))
+    put_in(bench, MIDDLE)
+    rest_at_goal(bench)
     assert bench.stage == (4 if not spoilt else 3 if rolled else 2)
     assert solved_from_the_start(bench)
 
@@ -195,11 +278,10 @@ def test_a_ball_at_the_goal_of_a_board_on_the_table_does_not_count(bench: TaskHa
     on_table = bench.sim.get_state()
     assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
     aloft = bench.sim.get_state()
-    bench.put(ball=on_board(bench, 0.0, 0.0))
+    put_in(bench, MIDDLE)
     for state, stage in ((on_table, 3), (aloft, 4)):
         bench.sim.set_state(state)
-        bench.put(ball=on_board(bench, *cell_centre(GOAL)))
-        assert bench.stage == stage
+        assert rest_at_goal(bench) == stage
 
 
 @pytest.mark.parametrize(("above", "stage"), [(-0.001, 2), (0.001, 3)])
@@ -210,8 +292,7 @@ def test_a_board_is_lifted_from_10_mm_on(bench: TaskHarness, above: float, stage
     # The grips slide up between the pads.
     bench.sim.place("board", SE3.at(x, y, BASE + RAISE + above, yaw=bench.sim.pose("board").yaw))
     bench.sim.forward()
-    for cell in (START, (2, 2)):
-        bench.put(ball=on_board(bench, *cell_centre(cell)))
+    put_in(bench, maze_of(bench).start, MIDDLE)
     assert all(bench.sim.contacts.grasped(side, "board") for side in SIDES)
     assert bench.stage == stage
 
@@ -241,9 +322,8 @@ def test_a_board_that_leans_on_the_table_is_not_lifted(bench: TaskHarness) -> No
 
 def solved_from_the_start(bench: TaskHarness) -> bool:
     """Whether the whole way, in the air and in this very moment, is success."""
-    for cell in (START, (2, 2), GOAL):
-        bench.put(ball=on_board(bench, *cell_centre(cell)))
-    return bench.stage == 4
+    put_in(bench, maze_of(bench).start, MIDDLE)
+    return rest_at_goal(bench) == 4
 
 
 def touched(bench: TaskHarness, limb: Limb) -> None:
@@ -266,17 +346,12 @@ def test_a_ball_that_the_robot_moved_does_not_count(bench: TaskHarness, limb: Li
     bench.start(0)
     lifted(bench)
     touched(bench, limb)
-    for _ in range(2):
-        bench.put(ball=on_board(bench, *cell_centre(GOAL)))
-    assert bench.stage == 2
+    assert rest_at_goal(bench, REST + 1) == 2
 
-    for cell in (START, (2, 2)):
-        bench.put(ball=on_board(bench, *cell_centre(cell)))
+    put_in(bench, maze_of(bench).start, MIDDLE)
     assert bench.stage == 3
     touched(bench, limb)
-    for _ in range(2):
-        bench.put(ball=on_board(bench, *cell_centre(GOAL)))
-    assert bench.stage == 3
+    assert rest_at_goal(bench, REST + 1) == 3
     assert solved_from_the_start(bench)
 
 
@@ -290,10 +365,9 @@ def test_a_ball_that_hops_higher_than_the_walls_does_not_count(
     bench.put(ball=hop)
     bench.put(ball=on_board(bench, 0.0, 0.0))
     assert bench.stage == stages[0]
-    for pose in (on_board(bench, *cell_centre(START)), on_board(bench, 0.0, 0.0), hop):
-        bench.put(ball=pose)
-    bench.put(ball=on_board(bench, *cell_centre(GOAL)))
-    assert bench.stage == stages[1]
+    put_in(bench, maze_of(bench).start, MIDDLE)
+    bench.put(ball=hop)
+    assert rest_at_goal(bench) == stages[1]
     assert solved_from_the_start(bench)
 
 
@@ -333,7 +407,7 @@ def test_the_ball_cannot_leave_a_level_board(bench: TaskHarness, speed: float) -
 def test_the_ball_stays_at_the_start_while_the_board_is_level(bench: TaskHarness) -> None:
     bench.start(0)
     lifted(bench)
-    assert np.linalg.norm(ball(bench)[:2] - cell_centre(START)) < 0.012
+    assert np.linalg.norm(ball(bench)[:2] - cell_centre(maze_of(bench).start)) < 0.012
 
 
 def test_the_walls_of_the_layouts_maze_stand_and_no_others(bench: TaskHarness) -> None:
@@ -351,25 +425,28 @@ def test_the_walls_of_the_layouts_maze_stand_and_no_others(bench: TaskHarness) -
             if model.geom(f"board:image{number}").rgba[3]
         }
         assert seen == frozenset().union(*images.values()) - images[str(board)]
-        assert len(seen) == 1
+        assert len(seen) == 1 + len(CORNERS)
 
 
 def test_a_wall_stops_the_ball_and_a_passage_lets_it_through(bench: TaskHarness) -> None:
     for board in range(len(MAZES)):
-        end = MAZES[board].run(START, Direction.EAST)
+        maze = MAZES[board]
+        direction = next(way for way in Direction if maze.is_open(maze.start, way))
         bench.start(layout=layout_of(bench, seed=0, board=board))
-        push_ball(bench, 0.4, 0.0)
+        push_ball(bench, 0.4, math.atan2(*reversed(direction.value)))
         bench.hold(45)
-        assert cell_at(*ball(bench)[:2]) == end
+        assert cell_at(*ball(bench)[:2]) == maze.run(maze.start, direction)
 
 
 # --- objects -------------------------------------------------------------------------------------
 
 
 def test_the_ball_begins_in_the_middle_of_its_cell(bench: TaskHarness) -> None:
-    bench.start(0)
-    assert bench.hold(10) == 0
-    assert ball(bench) == pytest.approx([*cell_centre(START), BALL_RADIUS], abs=0.002)
+    for board in range(len(MAZES)):
+        bench.start(layout=layout_of(bench, 0, board))
+        assert bench.hold(10) == 0
+        start = cell_centre(MAZES[board].start)
+        assert ball(bench) == pytest.approx([*start, BALL_RADIUS], abs=0.002)
 
 
 def test_every_board_is_drawn_for_some_seed() -> None:

@@ -128,6 +128,7 @@ PAGES = {
             "tasks.ball_maze.RAISE": 0.010,
             "stages.rolling.MIN_SPEED": 0.02,
             "stages.rolling.MAX_SLIP": 0.1,
+            "stages.placing.REST_SECONDS": 0.5,
         },
         layout={"board": Place(at=(0.5, 0.0), within=(0.1, 0.1), yaw_deg=ANY)},
     ),

@@ -1,19 +1,20 @@
 """The board of the ball maze: floor, rim, walls and four grips, and the ball that rolls on it.
 
 The board's frame is at its middle, on the surface that the ball rolls on. In a simulation one body
-has a shape for every place of a wall, so that a board is chosen without building the model again;
-`printable_board` has the walls of one maze only.
+has a shape for every place of a wall, and an image for every colour of a corner, so that a board is
+chosen without building the model again; `printable_board` has the walls of one maze only.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import product
 
-from duobench.objects.mazes import CELLS, GOAL, MAZES, SEGMENTS, START, Cell, Maze, Segment
+from duobench.objects.mazes import CELLS, CORNERS, MAZES, SEGMENTS, Cell, Maze, Segment
 from duobench.objects.printing import JOINT_PLAY
 from duobench.objects.prop import Variant
-from duobench.objects.shapes import Shape, box, prism, sphere
+from duobench.objects.shapes import Colour, Shape, box, prism, sphere
 from duobench.objects.solid import Image, Piece, Solid, images_of, mass_properties
 from duobench.spatial import SE3
 
@@ -60,6 +61,8 @@ _GRIP_COLOUR = (0.08, 0.08, 0.09, 1.0)
 _START_COLOUR = (0.55, 0.72, 0.55, 1.0)
 _GOAL_COLOUR = (0.80, 0.10, 0.09, 1.0)
 _BALL_COLOUR = (0.95, 0.62, 0.08, 1.0)
+_CORNER_COLOURS = tuple(product(CORNERS, (_FLOOR_COLOUR, _START_COLOUR, _GOAL_COLOUR)))
+"""What each corner of the floor may look like."""
 
 
 def cell_centre(cell: Cell) -> tuple[float, float]:
@@ -82,13 +85,15 @@ def ball() -> Solid:
 def board() -> Solid:
     """The board for a simulation: it has all walls, of which `wall_variants()` leaves some out.
 
-    The walls of each maze have an image of their own.
+    The walls of each maze have an image of their own, and so has each corner's floor in each of its
+    colours.
 
     Its mass is that of any of the printed boards, which all weigh the same.
     """
+    corners = (_corner_image(*corner) for corner in _CORNER_COLOURS)
     return Solid(
         shapes=(*_frame(), *map(_wall, SEGMENTS)),
-        images=(*images_of(_frame(), _FLOOR_COLOUR), *map(_walls_image, MAZES)),
+        images=(*_frame_images(), *corners, *map(_walls_image, MAZES)),
         rgba=_FLOOR_COLOUR,
         mass=mass_properties(printable_board(MAZES[0])).mass,
     )
@@ -100,14 +105,16 @@ def wall_numbers() -> dict[Segment, int]:
 
 
 def wall_variants() -> dict[str, Variant]:
-    """What of `board()` each maze leaves out, other walls and images, by the maze's number."""
+    """What of `board()` each maze leaves out, walls and images, by the maze's number."""
     numbers = wall_numbers()
-    first = len(board().images) - len(MAZES)
+    first = len(_frame_images())
     return {
         str(index): Variant(
             without_shapes=frozenset(numbers[s] for s in SEGMENTS if s not in maze.walls),
             without_images=frozenset(
-                first + other for other in range(len(MAZES)) if other != index
+                first + number
+                for number, shown in enumerate((*_shown_corners(maze), *_only(index)))
+                if not shown
             ),
             printed=printable_board(maze),
         )
@@ -115,13 +122,24 @@ def wall_variants() -> dict[str, Variant]:
     }
 
 
+def _shown_corners(maze: Maze) -> Iterable[bool]:
+    """Which of the images of corners a maze shows: each corner in one colour."""
+    colours = {maze.start: _START_COLOUR, maze.goal: _GOAL_COLOUR}
+    for corner, colour in _CORNER_COLOURS:
+        yield colour == colours.get(corner, _FLOOR_COLOUR)
+
+
+def _only(index: int) -> Iterable[bool]:
+    """Which of the images of walls the maze of a number shows."""
+    return (other == index for other in range(len(MAZES)))
+
+
 def printable_board(maze: Maze) -> Solid:
     """The board of one maze, printed in five pieces: without its grips, and four equal grips.
 
     A grip is put into the rim from below, and glued.
     """
-    floor = box(2 * HALF, 2 * HALF, FLOOR, at=SE3.at(z=-FLOOR / 2))
-    inside = (floor, *_rim(), *_walls(maze))
+    inside = (_floor(), *_rim(), *_walls(maze))
     turns = _quarter_turns()
     slots = tuple(slot for turn in turns for slot in _dovetails(turn, JOINT_PLAY))
     grips = (Piece(shapes=(*_grip(turn, EDGE / 2), *_dovetails(turn))) for turn in turns)
@@ -134,21 +152,29 @@ def printable_board(maze: Maze) -> Solid:
 
 def _frame() -> tuple[Shape, ...]:
     """Everything but the walls, which is the same on all boards."""
-    return (*_floor(), *_rim(), *_grips())
+    return (_floor(), *_rim(), *_grips())
 
 
-def _floor() -> Iterable[Shape]:
-    """The floor, with the cells of start and goal in other colours and flush with the rest."""
+def _floor() -> Shape:
+    """What the ball rolls on."""
+    return box(2 * HALF, 2 * HALF, FLOOR, at=SE3.at(z=-FLOOR / 2))
+
+
+def _frame_images() -> tuple[Image, ...]:
+    """Everything but walls and the floor's corners."""
     inner = HALF - PITCH
-    for (x0, x1), (y0, y1), rgba in (
-        ((-HALF, HALF), (-inner, inner), _FLOOR_COLOUR),
-        ((-inner, HALF), (-HALF, -inner), _FLOOR_COLOUR),
-        ((-HALF, inner), (inner, HALF), _FLOOR_COLOUR),
-    ):
-        middle = SE3.at((x0 + x1) / 2, (y0 + y1) / 2, -FLOOR / 2)
-        yield box(x1 - x0, y1 - y0, FLOOR, at=middle, rgba=rgba)
-    for cell, rgba in ((START, _START_COLOUR), (GOAL, _GOAL_COLOUR)):
-        yield box(PITCH, PITCH, FLOOR, at=SE3.at(*cell_centre(cell), -FLOOR / 2), rgba=rgba)
+    cross = (
+        box(x, y, FLOOR, at=SE3.at(z=-FLOOR / 2))
+        for x, y in ((2 * HALF, 2 * inner), (2 * inner, 2 * HALF))
+    )
+    _, *others = images_of(_frame(), _FLOOR_COLOUR)
+    return (*images_of(cross, _FLOOR_COLOUR), *others)
+
+
+def _corner_image(corner: Cell, rgba: Colour) -> Image:
+    """The floor of a corner, flush with the rest."""
+    floor = box(PITCH, PITCH, FLOOR, at=SE3.at(*cell_centre(corner), -FLOOR / 2))
+    return images_of((floor,), rgba)[0]
 
 
 def _rim() -> Iterable[Shape]:

@@ -2,16 +2,19 @@
 
 A tilt sends the ball along a row or a column until a wall stops it. Every maze is a tree: between
 any two cells there is exactly one way, so all ten have the same number of walls and weigh the same.
-They were found by a search over random trees for these properties, which the tests check again:
+Start and goal are in corners, another pair on every board. `tools/mazes.py` found the boards by a
+search over random trees for these properties, which the tests check again:
 
 - from every cell, tilts along the board's axes bring the ball to the goal;
-- the shortest way from the start takes five or six runs, and one of them leads away from the goal,
-  so that a single diagonal tilt does not solve the maze.
+- the shortest way from the start takes seven or eight runs, and one of them leads away from the
+  goal, so that a single diagonal tilt does not solve the maze;
+- no sequence of 19 tilts, for which there is time in an episode, brings the ball to a stop in the
+  goal of more than four boards, nor to rest there for one more tilt's time on more than three.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -20,8 +23,8 @@ CELLS = 5
 
 Cell = tuple[int, int]
 """Column and row, counted along the board's x and y."""
-START: Cell = (0, 0)
-GOAL: Cell = (CELLS - 1, CELLS - 1)
+CORNERS: tuple[Cell, ...] = ((0, 0), (CELLS - 1, 0), (0, CELLS - 1), (CELLS - 1, CELLS - 1))
+"""Where starts and goals are."""
 
 
 class Direction(Enum):
@@ -62,29 +65,38 @@ SEGMENTS: tuple[Segment, ...] = tuple(
 """Every place for a wall inside the board."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Maze:
-    """Which of the places hold a wall."""
+    """Which of the places hold a wall, and from where to where the ball shall roll."""
 
     walls: frozenset[Segment]
     """Edges between cells that are closed; the rim of the board is always closed."""
+    start: Cell
+    """Where the ball begins."""
+    goal: Cell
+    """Where it shall come to rest."""
 
     @staticmethod
     def parsed(rows: Iterable[str]) -> Maze:
         """Parse rows of text.
 
         Args:
-            rows: The rows of cells, the northern one first. A cell is two characters: `_` where a
-                wall closes its southern side, `|` where one closes its eastern side.
+            rows: The rows of cells, the northern one first. A cell is two characters. The first is
+                `_` where a wall closes its southern side; in the start's cell it is `S` with such a
+                wall and `s` without, in the goal's `G` and `g`. The second is `|` where a wall
+                closes the eastern side.
         """
-        walls = set()
+        walls, ends = set[Segment](), dict[str, Cell]()
         for j, row in zip(reversed(range(CELLS)), rows, strict=True):
             for i in range(CELLS):
-                if row[2 * i] == "_" and j > 0:
+                mark, side = row[2 * i : 2 * i + 2]
+                if mark.isalpha():
+                    ends[mark.lower()] = (i, j)
+                if (mark == "_" or mark.isupper()) and j > 0:
                     walls.add(Segment.beyond((i, j), Direction.SOUTH))
-                if row[2 * i + 1] == "|" and i < CELLS - 1:
+                if side == "|" and i < CELLS - 1:
                     walls.add(Segment.beyond((i, j), Direction.EAST))
-        return Maze(frozenset(walls))
+        return Maze(walls=frozenset(walls), start=ends["s"], goal=ends["g"])
 
     def is_open(self, cell: Cell, direction: Direction) -> bool:
         """Whether the ball can pass from a cell to the next one."""
@@ -97,11 +109,18 @@ class Maze:
             cell = direction.next(cell)
         return cell
 
-    def plan(self, cell: Cell, goal: Cell = GOAL) -> tuple[Direction, ...] | None:
+    def stops(self, tilts: Iterable[Direction]) -> Iterator[Cell]:
+        """Where the ball comes to rest after each of some tilts, played from the start."""
+        cell = self.start
+        for tilt in tilts:
+            cell = self.run(cell, tilt)
+            yield cell
+
+    def plan(self, cell: Cell) -> tuple[Direction, ...] | None:
         """A shortest sequence of tilts from a cell to the goal, or None if there is none."""
         plans: dict[Cell, tuple[Direction, ...]] = {cell: ()}
         for here in (queue := [cell]):
-            if here == goal:
+            if here == self.goal:
                 return plans[here]
             for direction in Direction:
                 end = self.run(here, direction)
@@ -115,18 +134,18 @@ _WIDTH = 2 * CELLS + 2
 """Characters from one board to the next."""
 _MAP = (
     (
-        "   |_    |  _  |_ _  |  _   _ _ _|    _ _ _  |      _ _  |",
-        " |_ _  | |     |_  | |   |_  |_  |  _  |_ _  |   | |  _| |",
-        "  _| |_| |  _|  _ _| |  _ _  |_  |     |_ _ _|   |_ _|_ _|",
-        "  _ _| | |     |_  | |       |  _|  _|   | | |  _ _      |",
-        "_ _ _|_ _|  _|_ _ _ _|  _|_|_ _ _|  _ _|_ _ _|  _ _ _|_|_|",
+        "s _|    g|    _ _ _ s|   |  _ _ g|  s _  |_  |    _  |_  |",
+        " |  _| |_|   | |  _| |  _ _|  _| |   |  _  | |   | |_ _  |",
+        " |_ _|_  |  _  |_ _ _|    _ _ _ _|  _|_  |_| |   | |  _| |",
+        " |    _ _|   | |_    |   |   |_  |    _|_ _  |    _ _|  _|",
+        "_ _|_ _ _|  _ _ _ _|G|  _ _|_ _ S|  _ _ _ _ G|  S _|_ _ G|",
     ),
     (
-        " |   | | |   |  _| | |   | | | | |  _  |     |    _ _ _  |",
-        " |_|_ _  |  _ _ _ _  |  _  |_ _  |     | |_| |  _|   | | |",
-        "  _|   | |    _  |  _|     |_ _  |   |_  |  _|     |_ _ _|",
-        " |   |_| |  _ _| |_  |   |_ _ _  |    _|_|_  |  _|  _    |",
-        "_ _|_ _ _|  _ _ _ _ _|  _ _ _ _|_|  _|_ _ _ _|  _ _|_ _|_|",
+        "g   _ _  |  g  |  _ s|     |   | |   |  _ _ s|  g   _|   |",
+        " |_|     |   | |_  | |  _| | | | |   | |   | |   | |  _| |",
+        "_|   | | |  _|_  | | |    _| |  _|   |_| |_ _|   |_ _| | |",
+        "  _|_|_| |    _ _|_| |   |  _|_  |    _|_  | |   | |  _| |",
+        "S|_ _ _ _|  _ _ _ _ _|  G _ _ _|S|  G _ _ _ _|  _|_ _ _ S|",
     ),
 )
 """The ten boards, five beside each other; see `Maze.parsed`."""

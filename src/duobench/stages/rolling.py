@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import (
     BoxRegion,
-    CylinderRegion,
     Predicate,
+    Region,
     all_of,
     any_of,
     arm_touches,
     held_for,
     inside,
     since,
+    variant,
 )
-from duobench.types import SIDES
+from duobench.types import CONTROL_HZ, SIDES
 
 MIN_SPEED = 0.02
 """Speed on the board in m/s from which a ball rolls; slower, it does not get through a maze."""
 MAX_SLIP = 0.1
-"""How long a grasp may slip, or the board touch the table, while the ball rolls, in seconds. A ball
-that is bumped on the table still rolls when that time is over."""
+"""How long a grasp may slip, or the board touch the table, while the ball rolls or rests in the
+goal, in seconds. A ball that is bumped on the table still rolls when that time is over."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -33,16 +36,25 @@ class Rolling:
     left: Predicate
     """It has rolled away from the start, and the board is lifted."""
     arrived: Predicate
-    """It has rolled from the start to the goal, and the board is lifted."""
+    """It has rolled from the start to the goal and rested there, and the board is lifted."""
+
+
+def inside_chosen(prop: str, choice: str, regions: Mapping[str, Region]) -> Predicate:
+    """Its centre lies in the region that belongs to what the layout chose.
+
+    Args:
+        prop: The prop.
+        choice: Name of the layout's variant.
+        regions: A region for each of its values; several may have the same one.
+    """
+    values: dict[Region, list[Predicate]] = {}
+    for value, region in regions.items():
+        values.setdefault(region, []).append(variant(choice, value))
+    return any_of(*(any_of(*chosen) & inside(prop, region) for region, chosen in values.items()))
 
 
 def rolling(
-    ball: str,
-    room: BoxRegion,
-    *,
-    start: CylinderRegion,
-    goal: CylinderRegion,
-    lifted: Predicate,
+    ball: str, room: BoxRegion, *, at_start: Predicate, at_goal: Predicate, lifted: Predicate
 ) -> Rolling:
     """The predicates for a ball and a board.
 
@@ -52,8 +64,8 @@ def rolling(
     Args:
         ball: The ball.
         room: Where the ball's centre is on the board while it is no higher than the walls.
-        start: Where the way begins.
-        goal: Where it ends.
+        at_start: The ball is where the way begins.
+        at_goal: It is where the way ends.
         lifted: How the board must be held.
     """
     board = room.body
@@ -61,12 +73,11 @@ def rolling(
         f"{ball} rolls on {board}",
         lambda m: m.simulation.relative_speed(ball, board) >= MIN_SPEED,
     )
+    dropped = held_for(~lifted, MAX_SLIP + 1 / CONTROL_HZ)
     spoilt = any_of(
-        ~inside(ball, room),
-        *(arm_touches(side, ball) for side in SIDES),
-        held_for(~lifted, MAX_SLIP) & rolls,
+        ~inside(ball, room), *(arm_touches(side, ball) for side in SIDES), dropped & rolls
     )
-    begun = since(lifted & inside(ball, start), reset=spoilt)
-    left = all_of(lifted, ~spoilt, ~inside(ball, start), begun)
-    arrived = all_of(lifted, ~spoilt, inside(ball, goal), since(left, reset=spoilt))
-    return Rolling(spoilt=spoilt, left=left, arrived=arrived)
+    begun = since(lifted & at_start, reset=spoilt)
+    left = all_of(lifted, ~spoilt, ~at_start, begun)
+    come = all_of(~spoilt, ~dropped, at_goal, since(left, reset=spoilt))
+    return Rolling(spoilt=spoilt, left=left, arrived=lifted & held_for(come, REST_SECONDS))

@@ -5,14 +5,17 @@ Task:
     the ball rolls through the maze into the red corner.
 
 Randomization:
-    Board within 10 cm of its place at any yaw, with one of ten mazes.
+    Board within 10 cm of its place at any yaw, with one of ten mazes. The ball's corner and the red
+    one are others on every board.
 
 Success:
-    The ball is in the red corner of the lifted board, and rolled there by tilts alone.
+    The ball rests in the red corner of the lifted board, and rolled there by tilts alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import partial
 from math import inf
 
 from duobench.objects.maze_board import (
@@ -25,7 +28,7 @@ from duobench.objects.maze_board import (
     cell_centre,
     wall_variants,
 )
-from duobench.objects.mazes import GOAL, MAZES, START, Cell
+from duobench.objects.mazes import MAZES, Cell
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, Choice, around
 from duobench.scene.naming import TABLE
@@ -34,6 +37,7 @@ from duobench.spatial import SE3
 from duobench.stages.predicates import (
     BoxRegion,
     CylinderRegion,
+    Predicate,
     all_of,
     grasped,
     inside,
@@ -41,7 +45,7 @@ from duobench.stages.predicates import (
     released,
 )
 from duobench.stages.progress import Stage
-from duobench.stages.rolling import rolling
+from duobench.stages.rolling import inside_chosen, rolling
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES
 
@@ -51,15 +55,17 @@ RAISE = 0.010
 """How far the middle of a lifted board is raised at least, in metres."""
 
 
-def _cell(cell: Cell, radius: float) -> CylinderRegion:
-    """Where the ball is near (metres, in the board's plane) to the centre of a cell."""
-    centre = cell_centre(cell)
-    return CylinderRegion(body="board", radius=radius, low=0, high=WALL_HEIGHT, centre=centre)
+def _near(cells: Iterable[Cell], radius: float) -> Predicate:
+    """The ball is near (metres, in the board's plane) to the centre of its board's cell."""
+    region = partial(CylinderRegion, body="board", radius=radius, low=0, high=WALL_HEIGHT)
+    regions = {str(n): region(centre=cell_centre(cell)) for n, cell in enumerate(cells)}
+    return inside_chosen("ball", "board", regions)
 
 
 def _start_ball(layout: Layout) -> Layout:
     """The ball starts in the middle of its cell."""
-    pose = layout.poses["board"] @ SE3.at(*cell_centre(START), BALL_RADIUS)
+    start = MAZES[int(layout.variants["board"])].start
+    pose = layout.poses["board"] @ SE3.at(*cell_centre(start), BALL_RADIUS)
     return Layout(poses={**layout.poses, "ball": pose}, variants=layout.variants)
 
 
@@ -68,8 +74,8 @@ _GRASPED = all_of(*(grasped(side, "board") for side in SIDES))
 _ROLLING = rolling(
     "ball",
     BoxRegion(body="board", low=(-HALF, -HALF, 0), high=(HALF, HALF, WALL_HEIGHT)),
-    start=_cell(START, LEFT_START),
-    goal=_cell(GOAL, AT_GOAL),
+    at_start=_near((maze.start for maze in MAZES), LEFT_START),
+    at_goal=_near((maze.goal for maze in MAZES), AT_GOAL),
     lifted=all_of(inside("board", _HIGH), off_table("board"), _GRASPED),
 )
 
@@ -103,8 +109,8 @@ TASK = Task(
             holds=_ROLLING.left,
         ),
         Stage(
-            name="the ball is at the goal",
-            instruction="Tilt the board until the ball is in the red corner.",
+            name="the ball rests at the goal",
+            instruction="Tilt the board until the ball stays in the red corner.",
             holds=_ROLLING.arrived,
         ),
     ),
