@@ -39,7 +39,7 @@ from duobench.types import OPENING_SLOTS
 
 OPEN_CLOSE = "open_close"
 EXPERTS = (policies.EXPERT, *(f"{policies.EXPERT}:{name}" for name in VARIETIES))
-POLICIES = (*EXPERTS, *BASELINES, OPEN_CLOSE)
+POLICIES = (*EXPERTS, policies.BLIND, *BASELINES, OPEN_CLOSE)
 HALF_PERIOD = 30
 """Control steps for which grippers stay closed, or open."""
 SEEDS_A_JOB = 10

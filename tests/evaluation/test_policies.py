@@ -1,9 +1,12 @@
-"""The names of the scripted experts."""
+"""The names of the policies that read the simulator."""
 
+import numpy as np
 import pytest
 
+from benchmarks.steps import Steps
 from duobench.errors import UnknownNameError
-from duobench.evaluation.policies import source
+from duobench.evaluation.policies import BlindPolicy, source
+from duobench.evaluation.rollout import rollout
 from duobench.evaluation.suite import find_tasks
 from tests.experts.baseline_episodes import make
 
@@ -32,3 +35,28 @@ def test_an_expert_has_the_variety_of_its_name() -> None:
 def test_a_misspelt_expert_is_refused(name: str, message: str) -> None:
     with pytest.raises(UnknownNameError, match=message):
         source(name)
+
+
+def test_the_blind_baseline_tilts_a_board_and_holds_still_in_other_tasks() -> None:
+    policy = source("blind", find_tasks(("ball_maze", "carry_pot")))
+    assert policy.metadata.name == "blind"
+    assert policy.metadata.cameras == ()
+    assert policy.metadata.version.startswith("source ")
+    stages, ways = {}, {}
+    for task in ("ball_maze", "carry_pot"):
+        env, steps = make(task), Steps()
+        blind = policy.bind(env)
+        assert isinstance(blind, BlindPolicy)
+        rollout(env, blind, seed=0, watchers=[steps])
+        stages[task] = steps[-1].info["stage"]
+        ways[task] = np.ptp([step.action for step in steps], axis=0).max()
+        env.close()
+    assert stages["ball_maze"] >= 3
+    assert ways["ball_maze"] > 0.1
+    assert stages["carry_pot"] == 0
+    assert ways["carry_pot"] < 1e-3
+
+
+def test_a_misspelt_baseline_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match=r"policy 'blnd'\. Did you mean 'blind'"):
+        source("blnd")

@@ -47,9 +47,10 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     exit code is 1 if an episode crashed with an error.
 
     Args:
-        policy: expert (also expert:human or expert:wide, which vary what it does), hold, random,
-            zero, lerobot:PATH_OR_ID for a checkpoint of LeRobot, module:attribute for a policy of
-            your own, or openpi, vla-eval or vlagents for one that is served, whichever it speaks.
+        policy: expert (also expert:human or expert:wide, which vary what it does), blind, hold,
+            random, zero, lerobot:PATH_OR_ID for a checkpoint of LeRobot, module:attribute for a
+            policy of your own, or openpi, vla-eval or vlagents for one that is served, whichever it
+            speaks.
         out: Folder of the run.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.

@@ -14,7 +14,9 @@ import gymnasium as gym
 from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError, check_known
 from duobench.evaluation.suite import TaskInfo
+from duobench.experts import blind
 from duobench.experts.expert import Expert, find_script
+from duobench.experts.motion import wait
 from duobench.experts.variety import NONE, VARIETIES, Variety
 from duobench.policy import BASELINES, Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.registry import make_any, source_version, versioned_metadata
@@ -22,6 +24,8 @@ from duobench.policy.serving.address import SERVED
 
 EXPERT = "expert"
 """The name under which each task's scripted expert is a policy; `expert:NAME` has a variety."""
+BLIND = "blind"
+"""The name of the baseline that plays without a look at what changes from episode to episode."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,6 +65,24 @@ class ExpertPolicy(Expert):
         self.metadata = _expert_metadata(variety)
 
 
+class BlindPolicy(Expert):
+    """A fixed sequence of motions where a task has one, see `blind.SCRIPTS`; else it holds still.
+
+    It reads where to grasp from the simulator, and nothing else of the layout.
+    """
+
+    metadata = PolicyMetadata(name=BLIND, cameras=())
+
+    def __init__(self, env: gym.Env) -> None:
+        """Find the sequence.
+
+        Args:
+            env: The environment that it will act in.
+        """
+        duo = sim_of(env)
+        super().__init__(duo.simulation, blind.SCRIPTS.get(duo.definition.id, lambda _: wait(0)))
+
+
 def expert_variety(name: str) -> Variety | None:
     """The variety of the expert that a name asks for; None if it is that of another policy.
 
@@ -90,9 +112,9 @@ def check_name(name: str) -> None:
     """
     if not name.isprintable():
         raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
-    if expert_variety(name) is None and ":" not in name and name not in BASELINES:
+    if expert_variety(name) is None and ":" not in name and name not in (BLIND, *BASELINES):
         experts = [EXPERT, *(f"{EXPERT}:{variety}" for variety in VARIETIES)]
-        known = [*experts, *BASELINES, *SERVED, "lerobot:PATH_OR_ID", "module:attribute"]
+        known = [*experts, BLIND, *BASELINES, *SERVED, "lerobot:PATH_OR_ID", "module:attribute"]
         raise UnknownNameError("policy", name, known)
 
 
@@ -102,7 +124,7 @@ def source(
     """Look a policy up.
 
     Args:
-        name: `expert`, `expert:VARIETY`, a baseline's name, `lerobot:PATH_OR_ID`, or
+        name: `expert`, `expert:VARIETY`, `blind`, a baseline's name, `lerobot:PATH_OR_ID`, or
             `module:attribute`.
         tasks: What it will play; an expert's version is that of the scripts of these tasks.
         batching: How many observations a `BatchPolicy` answers together; None takes the default.
@@ -121,6 +143,11 @@ def source(
         metadata = replace(_expert_metadata(variety), version=source_version(*modules))
         bind = partial(ExpertPolicy, variety=variety)
         policy = PolicySource(name=name, metadata=metadata, bind=bind)
+    elif name == BLIND:
+        modules = {script.__module__ for script in blind.SCRIPTS.values()}
+        modules |= {find_script(task).__module__ for task in blind.SCRIPTS}
+        metadata = replace(BlindPolicy.metadata, version=source_version(*modules))
+        policy = PolicySource(name=name, metadata=metadata, bind=BlindPolicy)
     else:
         policy = _made(name, batching or Batching())
     if batching is not None and policy.batching is None:
