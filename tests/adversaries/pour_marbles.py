@@ -17,11 +17,21 @@ from duobench.experts.motion import (
     tool_for,
     wait,
 )
-from duobench.experts.pour_marbles import HOLD_TILT, POUR_TILT, pour, put_back, script, take
+from duobench.experts.pour_marbles import (
+    HOLD_TILT,
+    POUR_TILT,
+    bring_back,
+    pour,
+    put_back,
+    script,
+    square,
+    take,
+    turn_upright,
+)
 from duobench.objects.cup import HEIGHT, INNER_RADIUS, WALL
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES
+from duobench.tasks.pour_marbles import CUPS, MARBLES
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
 
@@ -29,8 +39,10 @@ MIDDLE = SE3.at(0.5, 0.0)
 """Where a cup stands between the squares."""
 TURN_STEPS, BACK = 60, 4
 """Control steps in which the pouring cup turns, and how many of them it goes back in one."""
-EMPTY = {0: Side.RIGHT, 3: Side.RIGHT}
-"""The side of the cup that is empty at first, by seed."""
+NEARBY = 0.06
+"""How far from there, in metres, a cup is still in the middle; the pouring one is farther away."""
+MOST = 15
+"""How many marbles are enough for a deed: one that falls beside the cup is no matter."""
 
 
 def in_cup(sim: Simulation, side: Side) -> int:
@@ -52,10 +64,6 @@ def full(sim: Simulation) -> Side:
 def stands(sim: Simulation, side: Side) -> bool:
     """Whether a cup is on the table."""
     return sim.contacts.between(CUPS[side], "table")
-
-
-def square(arms: Arms, side: Side) -> SE3:
-    return SE3.at(*arms.sim.position(SQUARES[side]))
 
 
 def home(arms: Arms, side: Side) -> Script:
@@ -80,7 +88,7 @@ def pour_alone(arms: Arms) -> Script:
     yield from home(arms, side)
     yield from take(arms, side)
     yield from pour(arms, side, arms.sim.pose(CUPS[side.other]))
-    yield from put_back(arms, side, square(arms, side))
+    yield from bring_back(arms, side)
 
 
 def pour_in_turns(arms: Arms) -> Script:
@@ -91,7 +99,7 @@ def pour_in_turns(arms: Arms) -> Script:
     yield from home(arms, side.other)
     yield from take(arms, side)
     yield from pour(arms, side, arms.sim.pose(CUPS[side.other]))
-    yield from put_back(arms, side, square(arms, side))
+    yield from bring_back(arms, side)
     yield from home(arms, side)
     yield from take(arms, side.other)
     yield from put_back(arms, side.other, square(arms, side.other))
@@ -104,7 +112,7 @@ def lift_once_then_pour_alone(arms: Arms) -> Script:
     yield from put_back(arms, side.other, MIDDLE)
     yield from home(arms, side.other)
     yield from pour(arms, side, arms.sim.pose(CUPS[side.other]))
-    yield from put_back(arms, side, square(arms, side))
+    yield from bring_back(arms, side)
 
 
 def pour_into_a_cup_on_the_table(arms: Arms) -> Script:
@@ -116,6 +124,7 @@ def pour_into_a_cup_on_the_table(arms: Arms) -> Script:
     yield from move(arms, {other: low.moved(z=0.08)}, speed=0.3)
     yield from move(arms, {other: low.moved(z=-0.002)}, speed=0.2)
     yield from pour(arms, side, arms.sim.pose(CUPS[other]))
+    yield from turn_upright(arms, side)
     yield from move(arms, {other: low.moved(z=0.08)}, speed=0.2)
     yield from together(*(put_back(arms, s, square(arms, s)) for s in SIDES))
 
@@ -142,6 +151,7 @@ def pour_the_rest_alone(arms: Arms) -> Script:
     yield from put_back(arms, other, MIDDLE)
     yield from home(arms, other)
     yield from pour(arms, side, arms.sim.pose(CUPS[other]))
+    yield from turn_upright(arms, side)
     yield from take(arms, other, tilt=HOLD_TILT)
     yield from together(*(put_back(arms, s, square(arms, s)) for s in SIDES))
 
@@ -155,9 +165,16 @@ def press_half_open_fingers(arms: Arms) -> Script:
     yield from wait(20)
 
 
-def all_in_cup(side: Side, *, on_table: bool) -> Callable[[Simulation], bool]:
-    """All marbles are in the cup of a side, which stands on the table or does not."""
-    return lambda sim: in_cup(sim, side) == len(MARBLES) and stands(sim, side) == on_table
+def in_the_middle(*, on_table: bool) -> Callable[[Simulation], bool]:
+    """Most marbles are in a cup between the squares, which stands on the table or does not."""
+
+    def holds(sim: Simulation) -> bool:
+        side = full(sim)
+        away = sim.position(CUPS[side])[:2] - MIDDLE.translation[:2]
+        there = np.hypot(*away) < NEARBY and stands(sim, side) == on_table
+        return bool(there) and in_cup(sim, side) >= MOST
+
+    return holds
 
 
 def pressed(sim: Simulation) -> bool:
@@ -170,37 +187,36 @@ ADVERSARIES = (
         name="one arm alone brings the cups together and pours",
         script=pour_alone,
         hands=Hands.ONE,
-        deed=all_in_cup(EMPTY[0], on_table=True),
+        deed=in_the_middle(on_table=True),
         gets=1,
     ),
     Adversary(
         name="one arm sets its cup down, then the other one comes and pours",
         script=pour_in_turns,
         hands=Hands.TURNS,
-        deed=all_in_cup(EMPTY[0], on_table=True),
+        deed=in_the_middle(on_table=True),
         gets=1,
     ),
     Adversary(
         name="both cups are lifted once, then one arm pours into a cup that was let go",
         script=lift_once_then_pour_alone,
         hands=Hands.BOTH,
-        deed=all_in_cup(EMPTY[0], on_table=True),
+        deed=in_the_middle(on_table=True),
         gets=3,
     ),
     Adversary(
         name="a cup is filled on the table, grasped, and lifted afterwards",
         script=pour_into_a_cup_on_the_table,
         hands=Hands.BOTH,
-        deed=all_in_cup(EMPTY[0], on_table=False),
+        deed=in_the_middle(on_table=False),
         gets=3,
     ),
     Adversary(
         name="some marbles are poured in the air, and the rest by one arm",
         script=pour_the_rest_alone,
         hands=Hands.BOTH,
-        deed=all_in_cup(EMPTY[3], on_table=False),
+        deed=in_the_middle(on_table=False),
         gets=4,
-        seed=3,
     ),
     Adversary(
         name="half-open fingers are pressed on both cups",

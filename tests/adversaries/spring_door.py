@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from duobench.experts.motion import (
     CLOSED,
     Arms,
@@ -23,7 +21,6 @@ from duobench.experts.spring_door import (
     HOLDER,
     INSERTER,
     LET_GO,
-    REACH_POSTURE,
     at_bar,
     fetch,
     in_oven,
@@ -57,7 +54,6 @@ def _hook(oven: SE3, angle: float) -> SE3:
 def _drag(arms: Arms) -> Script:
     """The hand that holds the cube drags the door open with its knuckles."""
     oven = arms.sim.pose("microwave")
-    arms.posture = np.array([arms.posture[HOLDER.index], REACH_POSTURE])
     shut = _hook(oven, 0.0)
     yield from move(arms, {INSERTER: shut @ SE3.at(z=-0.12)}, tolerance=0.02)
     yield from move(arms, {INSERTER: shut}, speed=0.15)
@@ -131,7 +127,7 @@ def door_let_fall_on_the_arm(arms: Arms) -> Script:
 def cube_wedged_in_the_door(arms: Arms) -> Script:
     """The cube is put down across the front, and the door falls against it."""
     yield from _hold_and_fetch(arms)
-    yield from reach_in(arms, depth=-0.054)
+    yield from reach_in(arms, depth=-0.07)
     yield from release(arms, INSERTER, opening=LET_GO)
     back = arms.targets[INSERTER] @ SE3.at(z=-0.12)
     yield from move(arms, {INSERTER: back}, arrive=False)

@@ -1,9 +1,9 @@
 """Pour-Marbles: one arm holds the empty cup, the other pours into it.
 
-Both grippers come from behind and outside, at right angles to each other. The pouring one turns its
-cup about the axis in which its fingers open, so that it rises over the cup and ends ahead of it;
-the holding one keeps low, out of its way. The lip of the pouring cup stays over the other's mouth,
-on the near side, from which the marbles fly to the middle.
+Both grippers come from outside, towards each other. The pouring one turns its cup about the axis in
+which its fingers open, so that it rises over the cup and ends above the other gripper, which keeps
+low, out of its way. The lip of the pouring cup stays over the other's mouth, on the near side, from
+which the marbles fly to the middle.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from duobench.experts.motion import (
     CAREFUL,
     Arms,
     Script,
+    bump,
     follow,
     grip,
     move,
@@ -33,10 +34,11 @@ _GRASP_HEIGHT = 0.032
 _SHORT = 0.003
 """How far the tool centre point stays short of the cup's axis, in metres: at 1 mm the cup rubs
 against the finger linkage, at 5 mm it turns in the pads by 10 degrees."""
-HOLD_TILT = math.radians(59.0)
-POUR_TILT = math.radians(50.0)
-"""How far the grippers are from the vertical when they grasp, in radians. The holding one leans out
-of the way of the pouring cup; leaning further, its elbow would touch the table."""
+HOLD_TILT = math.radians(62.0)
+POUR_TILT = math.radians(60.0)
+"""How far the grippers are from the vertical when they grasp, in radians: the holding one leans out
+of the way of the pouring one, which ends the steeper above it the more it leans now. They stay a
+centimetre apart; leaning further, wrists come to their limits."""
 _POUR_ANGLE = math.radians(106.0)
 _POUR_SECONDS = 3.2
 _RIGHT_SECONDS = 1.9
@@ -44,53 +46,64 @@ _RIGHT_SECONDS = 1.9
 it slips further in the pads, and by 30 degrees where they hold it half a millimetre less deep."""
 _LIP_CLEARANCE = 0.040
 """Height of the pouring lip above the other cup's rim, in metres."""
-_LIP_REACH = 0.028
+_LIP_REACH = 0.034
 """How far the pouring lip stays short of the middle of the mouth, in metres: the marbles fly about
 as far until they fall through the mouth, so they fall through its middle."""
-_LIP_ASIDE = 0.006
-"""How far the pouring lip is from the middle of the mouth, away from the holding gripper, in
-metres; with the tilt and the clearance, it keeps the tilted cup 5 mm from that arm's camera."""
 _MEETING = (0.50, 0.0, 0.09)
 """Where the holding cup's underside waits for the marbles."""
+_ABOVE = 0.08
+"""Height in metres from which a cup is set down."""
+_RISE = 0.07
+"""How far the poured cup is raised on its way back, in metres: its lip stays above the other cup."""
 
 
 def script(arms: Arms) -> Script:
     """Take both cups, pour, put both back."""
     source = next(s for s in Side if _marbles_in(arms, s) > 0)
     hold = source.other
-    starts = {side: arms.sim.pose(_cup(side)) for side in Side}
     yield from together(take(arms, hold, tilt=HOLD_TILT), take(arms, source, tilt=POUR_TILT))
-    meeting = SE3(starts[hold].rotation, np.array(_MEETING))
+    meeting = SE3.at(*_MEETING)
     meet = {hold: meeting, source: _pouring(source, meeting, 0.0)}
     tools = {side: tool_for(arms, side, _cup(side), pose) for side, pose in meet.items()}
     yield from move(arms, tools, speed=CAREFUL)
     yield from pour(arms, source, meeting)
-    # Each cup goes to the middle of its square; some start near its edge.
-    squares = {side: arms.sim.position(f"{side}_square") for side in Side}
-    back = {side: SE3(starts[side].rotation, squares[side]) for side in Side}
-    yield from together(*(put_back(arms, side, back[side]) for side in Side))
+    yield from together(bring_back(arms, source), put_back(arms, hold, square(arms, hold)))
 
 
 def pour(arms: Arms, source: Side, target: SE3) -> Script:
-    """Pour all marbles from the cup in an arm into the one at a pose, and turn it upright again."""
+    """Pour all marbles from the cup in an arm into the one at a pose."""
     cup_from_tool = arms.sim.pose(_cup(source)).inverse() @ arms.tcp_pose(source)
 
-    def turn(fraction: float, aside: float = 0.0) -> dict[Side, SE3]:
-        away = aside * 0.07 * (np.array([0.0, 0.0, 1.0]) - _inward(source))
-        pose = _pouring(source, target, fraction * _POUR_ANGLE).moved(*away)
-        return {source: pose @ cup_from_tool}
+    def turn(fraction: float) -> dict[Side, SE3]:
+        return {source: _pouring(source, target, fraction * _POUR_ANGLE) @ cup_from_tool}
 
     yield from move(arms, turn(0.0), speed=CAREFUL)
     yield from follow(arms, turn, _POUR_SECONDS)
     yield from wait_until(lambda: _marbles_in(arms, source) == 0, 60)
-    yield from follow(arms, lambda f: turn(1.0 - f, aside=min(1.0, 2.0 * f)), _RIGHT_SECONDS)
+
+
+def turn_upright(arms: Arms, side: Side) -> Script:
+    """Turn the poured cup in an arm upright, on its way home."""
+    poured, home = arms.targets[side], square(arms, side).moved(z=_ABOVE)
+    upright = tool_for(arms, side, _cup(side), home)
+
+    def turn(fraction: float) -> dict[Side, SE3]:
+        return {side: poured.interpolate(upright, fraction).moved(z=_RISE * bump(fraction))}
+
+    yield from follow(arms, turn, _RIGHT_SECONDS)
+
+
+def bring_back(arms: Arms, side: Side) -> Script:
+    """Turn the poured cup in an arm upright, and put it back."""
+    yield from turn_upright(arms, side)
+    yield from put_back(arms, side, square(arms, side))
 
 
 def put_back(arms: Arms, side: Side, cup: SE3) -> Script:
     """Set the cup in an arm down at a pose, let go, and move away."""
     # It has turned a little in its gripper, and would come down on an edge.
     tool = tool_for(arms, side, _cup(side), cup)
-    yield from move(arms, {side: tool.moved(z=0.08)}, speed=0.3, tolerance=0.01)
+    yield from move(arms, {side: tool.moved(z=_ABOVE)}, speed=0.3, tolerance=0.01)
     yield from move(arms, {side: tool.moved(z=0.002)}, speed=0.2)
     yield from release(arms, side)
     away = tool @ SE3.at(z=-0.10)
@@ -99,6 +112,11 @@ def put_back(arms: Arms, side: Side, cup: SE3) -> Script:
 
 def _cup(side: Side) -> str:
     return f"{side}_cup"
+
+
+def square(arms: Arms, side: Side) -> SE3:
+    """The middle of a square, where its cup goes back to; some start near its edge."""
+    return SE3.at(*arms.sim.position(f"{side}_square"))
 
 
 def _marbles_in(arms: Arms, side: Side) -> int:
@@ -111,12 +129,12 @@ def _marbles_in(arms: Arms, side: Side) -> int:
 
 
 def _inward(side: Side) -> np.ndarray:
-    """Horizontal direction (3,) from an arm's shoulder to the other half of the table, ahead."""
-    return np.array([1.0, -side.sign, 0.0]) / math.sqrt(2.0)
+    """Horizontal direction (3,) from an arm's side to the other half of the table."""
+    return np.array([0.0, -side.sign, 0.0])
 
 
 def _grasp(arms: Arms, side: Side, tilt: float) -> SE3:
-    """From behind and outside, the fingers on two opposite walls, the camera on the upper side."""
+    """From outside, the fingers on two opposite walls, the camera on the upper side."""
     ahead, up = _inward(side), np.array([0.0, 0.0, 1.0])
     approach = math.sin(tilt) * ahead - math.cos(tilt) * up
     camera = math.cos(tilt) * ahead + math.sin(tilt) * up
@@ -141,6 +159,5 @@ def _pouring(side: Side, other: SE3, angle: float) -> SE3:
     rotation = SE3.about(np.cross(up, ahead), angle).rotation
     # Upright, the lip waits short of the mouth; tilted, it reaches over its near half.
     reach = -_LIP_REACH - 2.2 * INNER_RADIUS * max(0.0, 1.0 - angle / math.radians(70.0))
-    aside = _LIP_ASIDE * _inward(side.other)
-    lip = other.translation + reach * ahead + aside + (HEIGHT + _LIP_CLEARANCE) * up
+    lip = other.translation + reach * ahead + (HEIGHT + _LIP_CLEARANCE) * up
     return SE3(rotation, lip - rotation @ (INNER_RADIUS * ahead + HEIGHT * up))

@@ -1,8 +1,8 @@
 """Spring-Door: the left arm pulls the door open by its bar while the right brings the cube.
 
-The left gripper grasps the bar from the left, aslant to the door and from a little below, and
-keeps its pose against the door while it swings: its forearm stays low on its own side, and the
-whole right half is free for the other arm.
+The left gripper grasps the bar from the left, level and far aslant to the door, and keeps its pose
+against the door while it swings: its arm stays on its own side, far from its joints' limits, and
+the whole right half is free for the other arm.
 """
 
 from __future__ import annotations
@@ -30,12 +30,9 @@ from duobench.spatial import SE3
 from duobench.types import Side
 
 HOLDER, INSERTER = Side.LEFT, Side.RIGHT
-_POSTURE = (1.5, 0.7, -0.3, -2.3, -1.2, 1.9, 0.4)
-"""Joints of the left arm with a low forearm, far from its limits along the door's whole way."""
-REACH_POSTURE = (-0.1, 0.8, -0.4, -2.2, -2.3, 2.3, 1.9)
-"""Joints of the right arm with which it reaches into the oven."""
-_ASLANT, _FROM_BELOW = -0.5, 1.85
-"""Direction of the pulling tool: against the shut door's normal, and against straight down."""
+_ASLANT, _FROM_BELOW = -1.1, 1.75
+"""Direction of the pulling tool: against the shut door's normal, and against straight down. Less
+aslant, the wrist reaches its limits and the forearm the table; more, the hand touches the door."""
 _BAR_HEIGHT = 0.19
 """Where the bar is grasped, in metres above the table."""
 _AROUND_BAR = 0.55
@@ -47,8 +44,9 @@ _ENOUGH = 1.05
 _PULL_SECONDS = 3.0
 
 _GRASP_HEIGHT = 0.031
-_GRASP_TILT = 0.35
-_AZIMUTH, _SLOPE = 0.05, 0.78
+_GRASP_TILT = 0.1
+"""Tilt of the picking tool; leaning further back, the wrist reaches its limits."""
+_AZIMUTH, _SLOPE = -0.2, 0.78
 """Direction of the inserting tool: to the left of the oven's depth, and against straight down:
 steep enough for the wrist to go on as it was when it picked, flat enough to fit under the roof."""
 _INSIDE = (FRONT + 0.054, 0.068, FLOOR + 0.042)
@@ -83,7 +81,6 @@ def at_bar(oven: SE3, angle: float) -> SE3:
 def open_door(arms: Arms) -> Script:
     """The left arm pulls the door open by its bar and holds it."""
     oven = arms.sim.pose("microwave")
-    arms.posture = np.array([_POSTURE, REACH_POSTURE])
     arms.openings[HOLDER.index] = _AROUND_BAR
     shut = at_bar(oven, 0.0)
     yield from move(arms, {HOLDER: shut @ SE3.at(z=-0.12)}, tolerance=NEAR)
