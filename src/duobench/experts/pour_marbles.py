@@ -1,9 +1,9 @@
 """Pour-Marbles: one arm holds the empty cup, the other pours into it.
 
-Both grippers come from outside, towards each other. The pouring one turns its cup about the axis in
-which its fingers open, so that it rises over the cup and ends above the other gripper, which keeps
-low, out of its way. The lip of the pouring cup stays over the other's mouth, on the near side, from
-which the marbles fly to the middle.
+Both grippers come from ahead and outside, at right angles to each other, where the wrists are far
+from their limits. The pouring one turns its cup about the axis in which its fingers open, so that it
+rises over the cup and ends behind it; the holding one keeps low, out of its way. The lip of the
+pouring cup stays over the other's mouth, on the near side, from which the marbles fly to the middle.
 """
 
 from __future__ import annotations
@@ -34,21 +34,22 @@ _GRASP_HEIGHT = 0.032
 _SHORT = 0.003
 """How far the tool centre point stays short of the cup's axis, in metres: at 1 mm the cup rubs
 against the finger linkage, at 5 mm it turns in the pads by 10 degrees."""
-HOLD_TILT = math.radians(62.0)
-POUR_TILT = math.radians(60.0)
-"""How far the grippers are from the vertical when they grasp, in radians: the holding one leans out
-of the way of the pouring one, which ends the steeper above it the more it leans now. They stay a
-centimetre apart; leaning further, wrists come to their limits."""
+HOLD_TILT = math.radians(59.0)
+POUR_TILT = math.radians(50.0)
+"""How far the grippers are from the vertical when they grasp, in radians. The holding one leans out
+of the way of the pouring cup; leaning further, wrists come near their limits."""
+_COMING_TILT = math.radians(30.0)
+"""How far they are from there when they come: the elbow swings less on a way so far aside."""
 _POUR_ANGLE = math.radians(106.0)
 _POUR_SECONDS = 3.2
 _RIGHT_SECONDS = 1.9
 """How long the cup takes to pour, and to turn upright again, in seconds; turned upright in 1.3 s,
 it slips further in the pads, and by 30 degrees where they hold it half a millimetre less deep."""
 _LIP_CLEARANCE = 0.040
-"""Height of the pouring lip above the other cup's rim, in metres."""
+"""Height of the pouring lip above the other cup's rim, in metres: the grippers stay 15 mm apart."""
 _LIP_REACH = 0.034
 """How far the pouring lip stays short of the middle of the mouth, in metres: the marbles fly about
-as far until they fall through the mouth, so they fall through its middle."""
+as far until they fall through the mouth, so they fall through its middle, within 20 mm of it."""
 _MEETING = (0.50, 0.0, 0.09)
 """Where the holding cup's underside waits for the marbles."""
 _ABOVE = 0.08
@@ -129,15 +130,15 @@ def _marbles_in(arms: Arms, side: Side) -> int:
 
 
 def _inward(side: Side) -> np.ndarray:
-    """Horizontal direction (3,) from an arm's side to the other half of the table."""
-    return np.array([0.0, -side.sign, 0.0])
+    """Horizontal direction (3,) from an arm's own side, ahead, to the middle of the robot."""
+    return np.array([-1.0, -side.sign, 0.0]) / math.sqrt(2.0)
 
 
 def _grasp(arms: Arms, side: Side, tilt: float) -> SE3:
-    """From outside, the fingers on two opposite walls, the camera on the upper side."""
-    ahead, up = _inward(side), np.array([0.0, 0.0, 1.0])
-    approach = math.sin(tilt) * ahead - math.cos(tilt) * up
-    camera = math.cos(tilt) * ahead + math.sin(tilt) * up
+    """From ahead and outside, the fingers on two opposite walls, the camera on the upper side."""
+    inward, up = _inward(side), np.array([0.0, 0.0, 1.0])
+    approach = math.sin(tilt) * inward - math.cos(tilt) * up
+    camera = math.cos(tilt) * inward + math.sin(tilt) * up
     rotation = np.column_stack([camera, np.cross(approach, camera), approach])
     middle = arms.sim.position(_cup(side)) + _GRASP_HEIGHT * up
     return SE3(rotation, middle - _SHORT * approach)
@@ -146,7 +147,7 @@ def _grasp(arms: Arms, side: Side, tilt: float) -> SE3:
 def take(arms: Arms, side: Side, *, tilt: float = POUR_TILT) -> Script:
     """Grasp the cup of an arm's own side, `tilt` radians from the vertical, and raise it."""
     grasp = _grasp(arms, side, tilt)
-    away = grasp @ SE3.at(z=-0.12)
+    away = _grasp(arms, side, _COMING_TILT) @ SE3.at(z=-0.12)
     yield from move(arms, {side: away}, tolerance=0.015)
     yield from move(arms, {side: grasp}, speed=0.22)
     yield from grip(arms, side)
@@ -155,9 +156,9 @@ def take(arms: Arms, side: Side, *, tilt: float = POUR_TILT) -> Script:
 
 def _pouring(side: Side, other: SE3, angle: float) -> SE3:
     """Pose of the pouring cup, tilted by `angle` about its lip over the other cup's mouth."""
-    ahead, up = _inward(side), np.array([0.0, 0.0, 1.0])
-    rotation = SE3.about(np.cross(up, ahead), angle).rotation
+    inward, up = _inward(side), np.array([0.0, 0.0, 1.0])
+    rotation = SE3.about(np.cross(up, inward), angle).rotation
     # Upright, the lip waits short of the mouth; tilted, it reaches over its near half.
     reach = -_LIP_REACH - 2.2 * INNER_RADIUS * max(0.0, 1.0 - angle / math.radians(70.0))
-    lip = other.translation + reach * ahead + (HEIGHT + _LIP_CLEARANCE) * up
-    return SE3(rotation, lip - rotation @ (INNER_RADIUS * ahead + HEIGHT * up))
+    lip = other.translation + reach * inward + (HEIGHT + _LIP_CLEARANCE) * up
+    return SE3(rotation, lip - rotation @ (INNER_RADIUS * inward + HEIGHT * up))
