@@ -1,9 +1,10 @@
 """Pour-Marbles: one arm holds the empty cup, the other pours into it.
 
-Both grippers come from ahead and outside, at right angles to each other, where the wrists are far
-from their limits. The pouring one turns its cup about the axis in which its fingers open, so that it
-rises over the cup and ends behind it; the holding one keeps low, out of its way. The lip of the
-pouring cup stays over the other's mouth, on the near side, from which the marbles fly to the middle.
+Both grippers come from ahead and outside, at right angles to each other: there the wrists are far
+from their limits. The pouring one turns its cup about the axis in which its fingers open, so that
+it rises over the cup and ends behind it; the holding one keeps low, out of its way. The lip of the
+pouring cup stays over the other's mouth, on the near side, from which the marbles fly to the
+middle.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ _MEETING = (0.50, 0.0, 0.09)
 _ABOVE = 0.08
 """Height in metres from which a cup is set down."""
 _RISE = 0.07
-"""How far the poured cup is raised on its way back, in metres: its lip stays above the other cup."""
+"""How far the poured cup rises on its way back, in metres: its lip stays above the other cup."""
 
 
 def script(arms: Arms) -> Script:
