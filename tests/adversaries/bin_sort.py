@@ -8,10 +8,13 @@ from duobench.experts.motion import (
     Script,
     down,
     follow,
+    grip,
     move,
     pick,
     pick_cube,
     place,
+    release,
+    together,
 )
 from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL
 from duobench.scene.naming import TABLE
@@ -23,6 +26,8 @@ GRASP_HEIGHT, DROP_HEIGHT = 0.028, 0.045
 """Heights of the tool in metres: grasping a cube on the table, letting go of it in a bowl."""
 RUN_UP, THROW_HEIGHT, THROW_SECONDS = 0.21, 0.175, 0.24
 """Way in metres, height in metres and duration in seconds of the swing that throws."""
+DROP = 0.020
+"""How far above the rim a cube's lowest point is when it is dropped, in metres."""
 BOWL_LIFT = 0.10
 MIDDLE = (0.45, 0.05)
 """A place on the table that both arms reach, in metres."""
@@ -47,6 +52,44 @@ def throw(arms: Arms) -> Script:
         if number >= THROW_SECONDS * CONTROL_HZ / 2:
             arms.openings[Side.LEFT.index] = OPEN
         yield
+
+
+def drop(arms: Arms) -> Script:
+    """Let both cubes fall into their bowls from above."""
+    yield from together(
+        *(
+            _drop(arms, side, f"{colour}_cube", f"{colour}_bowl")
+            for side, colour in ((Side.LEFT, "white"), (Side.RIGHT, "black"))
+        )
+    )
+
+
+def _drop(arms: Arms, side: Side, cube: str, bowl: str) -> Script:
+    yield from pick_cube(arms, side, cube, GRASP_HEIGHT)
+    x, y, _ = arms.sim.position(bowl)
+    below = arms.targets[side].translation[2] - arms.sim.min_height(cube)
+    above = down(x, y, RIM_HEIGHT + DROP + below)
+    yield from move(arms, {side: above.moved(z=0.05)})
+    yield from move(arms, {side: above}, speed=0.1)
+    yield from release(arms, side)
+    yield from move(arms, {side: above.moved(z=0.1)}, arrive=False)
+
+
+def push_in_from_the_rim(arms: Arms) -> Script:
+    """The white cube is laid across its bowl's rim and pushed in by closed fingers."""
+    yield from pick_cube(arms, Side.LEFT, "white_cube", GRASP_HEIGHT)
+    x, y, _ = arms.sim.position("white_bowl")
+    ledge = down(x, y - RADIUS + WALL / 2, RIM_HEIGHT + GRASP_HEIGHT)
+    yield from move(arms, {Side.LEFT: ledge.moved(z=0.05)})
+    yield from move(arms, {Side.LEFT: ledge}, speed=0.1)
+    yield from release(arms, Side.LEFT)
+    yield from move(arms, {Side.LEFT: ledge.moved(z=0.1)})
+    yield from grip(arms, Side.LEFT)
+    behind = ledge.moved(y=-0.05, z=0.005)
+    yield from move(arms, {Side.LEFT: behind.moved(z=0.1)})
+    yield from move(arms, {Side.LEFT: behind}, speed=0.1)
+    yield from move(arms, {Side.LEFT: behind.moved(y=0.06)}, speed=0.1)
+    yield from move(arms, {Side.LEFT: behind.moved(y=0.06, z=0.1)})
 
 
 def swap(arms: Arms) -> Script:
@@ -86,6 +129,20 @@ def in_the_air(sim: Simulation) -> bool:
     return in_bowl(sim, "white_cube", "white_bowl") and not standing
 
 
+def both_in(sim: Simulation) -> bool:
+    """Both lie in their bowls, at rest."""
+    return all(
+        in_bowl(sim, f"{colour}_cube", f"{colour}_bowl")
+        and sim.speed(f"{colour}_cube")[0] < STILL_SPEED / 10
+        for colour in ("white", "black")
+    )
+
+
+def lying(sim: Simulation) -> bool:
+    slow = sim.speed("white_cube")[0] < STILL_SPEED / 10
+    return slow and in_bowl(sim, "white_cube", "white_bowl")
+
+
 def flying(sim: Simulation) -> bool:
     fast = sim.speed("white_cube")[0] > STILL_SPEED
     return fast and in_bowl(sim, "white_cube", "white_bowl")
@@ -99,6 +156,20 @@ ADVERSARIES: tuple[Adversary, ...] = (
         deed=flying,
         gets=1,
         seed=1,
+    ),
+    Adversary(
+        name="both cubes are dropped from above the rims",
+        script=drop,
+        hands=Hands.BOTH,
+        deed=both_in,
+        gets=2,
+    ),
+    Adversary(
+        name="a cube is pushed from the rim into its bowl",
+        script=push_in_from_the_rim,
+        hands=Hands.ONE,
+        deed=lying,
+        gets=1,
     ),
     Adversary(
         name="each cube lies in the other's bowl",

@@ -18,8 +18,9 @@ from duobench.objects.solid import (
 )
 from duobench.spatial import SE3
 from duobench.stages.joining import LOST_SECONDS
+from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import grasped_apart
-from duobench.tasks.join_blocks import REST_SECONDS, TASK
+from duobench.tasks.join_blocks import TASK
 from duobench.types import CONTROL_HZ
 from tests.task_harness import TaskHarness
 
