@@ -75,8 +75,9 @@ def sort(arms: Arms, how: Sorting) -> Script:
 def _own(arms: Arms, colour: str, how: Sorting) -> Script:
     """The arm on a cube's side picks it up and puts it into its bowl."""
     side = OWN[colour]
-    if not _reaches(arms, side, down(*_over(arms, colour, how), tilt=how.tilt)):
-        how = replace(how, tilt=0.0, place=(0.0, 0.0))
+    hand = _grasp(arms, f"{colour}_cube", how).rotation
+    if not _reaches(arms, side, SE3(hand, np.array(_over(arms, colour, how)))):
+        how = replace(how, tilt=0.0, turn=0.0, place=(0.0, 0.0))
     yield from _pick(arms, side, f"{colour}_cube", how)
     yield from _put(arms, side, f"{colour}_cube", _over(arms, colour, how), how)
 
@@ -135,9 +136,18 @@ def _pick(arms: Arms, side: Side, cube: str, how: Sorting) -> Script:
 
 
 def _put(
-    arms: Arms, side: Side, cube: str, low: tuple[float, float, float], how: Sorting
+    arms: Arms,
+    side: Side,
+    cube: str,
+    low: tuple[float, float, float],
+    how: Sorting,
+    *,
+    again: bool = True,
 ) -> Script:
-    """Bring a held cube so that its lowest point is over a place, at a height; let go of it."""
+    """Bring a held cube so that its lowest point is over a place, at a height; let go of it.
+
+    A cube that has slipped out of the hand on the way is picked up again.
+    """
     x, y, z = low
     tool = arms.targets[side]
     offset = arms.sim.position(cube) - arms.tcp_pose(side).translation
@@ -146,6 +156,10 @@ def _put(
     below = arms.tcp_pose(side).translation[2] - arms.sim.min_height(cube)
     goal = SE3(goal.rotation, np.array([*goal.translation[:2], z + below]))
     yield from move(arms, {side: goal}, speed=CAREFUL)
+    if again and not arms.grasps(side, cube):
+        yield from _pick(arms, side, cube, Sorting())
+        yield from _put(arms, side, cube, low, Sorting(), again=False)
+        return
     yield from release(arms, side, opening=how.opening)
     yield from move(arms, {side: goal.moved(z=0.1)}, arrive=False)
 
@@ -213,10 +227,13 @@ WAYS: tuple[Way, ...] = (
 
 def sample(rng: np.random.Generator) -> Way:
     """A way at random."""
+    turn = rng.choice([0.0, rng.uniform(-0.8, 0.8)])
     how = Sorting(
-        height=rng.uniform(0.018, 0.036),
-        tilt=rng.uniform(-0.3, 0.4),
-        turn=rng.choice([0.0, rng.uniform(-0.8, 0.8)]),
+        # A cube that turns deep in the fingers, or at their tips, may slip out of them.
+        height=rng.uniform(0.018, 0.036) if turn == 0.0 else rng.uniform(0.022, 0.033),
+        # Leaning and turned, a hand does not reach the bowls that are far away.
+        tilt=rng.uniform(-0.3, 0.35) * (1.0 if turn == 0.0 else 0.4),
+        turn=turn,
         drop=rng.uniform(-0.004, RIM_HEIGHT - FLOOR),
         opening=rng.uniform(0.6, 1.0),
     )

@@ -218,12 +218,22 @@ def test_both_are_grasped_one_by_each_arm() -> None:
 # --- on the wall: what counts, and what must not -----------------------------------------------
 
 
-def on_the_wall(bench: TaskHarness) -> SE3:
-    """The blocks were joined; the wall stands where no arm is; the pose of the dark one on it."""
-    plugging_in(bench)
-    bench.put(light_block=joined(bench.sim.pose("dark_block")))
+def on_the_wall(bench: TaskHarness, in_hand: float = 0.005) -> SE3:
+    """The blocks were joined; the pose of the dark one on a wall that stands where no arm is.
+
+    The wall's peg was already so deep, in metres, in the dark block while an arm held it.
+    """
+    dark = plugging_in(bench)
+    bench.put(light_block=joined(dark))
     assert bench.stage == 2
-    bench.put(wall=ASIDE)
+    tip = bars.WALL_TIP.translation
+    bench.put(wall=dark @ SE3.at(LENGTH / 2 - in_hand - tip[0], 0.0, -tip[2]))
+    assert both_grasped(bench)
+    bench.sim.place("wall", ASIDE)
+    bench.sim.forward()
+    dark = mounted(bench, 0.005)
+    bench.put(dark_block=dark, light_block=joined(dark))
+    assert bench.stage == 2
     return mounted(bench)
 
 
@@ -286,9 +296,25 @@ def test_blocks_that_came_apart_are_joined_again(
     bench: TaskHarness, depth: float, stage: int
 ) -> None:
     dark = on_the_wall(bench)
-    bench.put(dark_block=AIR, light_block=joined(AIR, depth))
+    bench.put(dark_block=dark, light_block=joined(dark, depth))
+    bench.put(light_block=joined(dark))
+    assert let_rest(bench, 2 * REST_STEPS) == stage
+
+
+@pytest.mark.parametrize(("in_hand", "stage"), [(0.001, 3), (-0.002, 2)])
+def test_a_hand_brings_the_pair_onto_the_tip_of_the_peg(
+    bench: TaskHarness, in_hand: float, stage: int
+) -> None:
+    dark = on_the_wall(bench, in_hand)
     bench.put(dark_block=dark, light_block=joined(dark))
     assert let_rest(bench, 2 * REST_STEPS) == stage
+
+
+def test_a_pair_that_left_the_wall_is_brought_there_again(bench: TaskHarness) -> None:
+    dark = on_the_wall(bench)
+    bench.put(dark_block=AIR, light_block=joined(AIR))
+    bench.put(dark_block=dark, light_block=joined(dark))
+    assert let_rest(bench, 2 * REST_STEPS) == 2
 
 
 def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
