@@ -51,6 +51,8 @@ BEFORE = 0.02
 """Distance in metres between peg and socket from which a block is pushed in a straight line."""
 ROOM = 0.10
 """Distance in metres to the wall at which the arms do not touch it."""
+RAISE, NOSE_UP = 0.008, 0.05
+"""How far a joined pair is raised, in metres, and turned up, in radians, as it leaves the table."""
 SLOW = 0.05
 TOUCHING = 0.0005
 """Gap in metres that is left between faces that meet."""
@@ -218,7 +220,10 @@ def plug_in_and_bring(arms: Arms) -> Script:
     yield from lead(arms, Side.LEFT, LIGHT, before, speed=0.1)
     yield from lead(arms, Side.LEFT, LIGHT, goal, speed=SLOW)
     yield from let_go(arms, Side.RIGHT)
-    yield from lead(arms, Side.LEFT, LIGHT, arms.sim.pose(LIGHT).moved(x=-ROOM), speed=SLOW)
+    # Raised at its front, the dark block hangs on the peg and does not rub on the table.
+    raised = arms.sim.pose(LIGHT).moved(z=RAISE) @ SE3.about((0, 1, 0), -NOSE_UP)
+    yield from lead(arms, Side.LEFT, LIGHT, raised, speed=SLOW)
+    yield from lead(arms, Side.LEFT, LIGHT, raised.moved(x=-ROOM), speed=SLOW)
     light = mounted(arms).moved(x=-BAR[0] - TOUCHING)
     yield from lead(arms, Side.LEFT, LIGHT, light.moved(x=-PEG_LENGTH - BEFORE), speed=0.1)
     yield from lead(arms, Side.LEFT, LIGHT, light, speed=SLOW)

@@ -227,7 +227,8 @@ WAYS: tuple[Way, ...] = (
 
 def sample(rng: np.random.Generator) -> Way:
     """A way at random."""
-    turn = rng.choice([0.0, rng.uniform(-0.8, 0.8)])
+    tremble, slowness = (0.01 if rng.random() < 0.2 else 0.0), (2 if rng.random() < 0.2 else 1)
+    turn = rng.uniform(-0.8, 0.8) if rng.random() < 0.5 and tremble == 0.0 else 0.0
     how = Sorting(
         # A cube that turns deep in the fingers, or at their tips, may slip out of them.
         height=rng.uniform(0.018, 0.036) if turn == 0.0 else rng.uniform(0.022, 0.033),
@@ -252,5 +253,4 @@ def sample(rng: np.random.Generator) -> Way:
             else " then ".join(f"{c} by {how.arms[c]}" for c in how.order),
         )
     )
-    tremble, slowness = (0.01 if rng.random() < 0.2 else 0.0), (2 if rng.random() < 0.2 else 1)
     return way(words, how, tremble=tremble, slowness=slowness)
