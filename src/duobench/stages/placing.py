@@ -58,7 +58,9 @@ def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
         sides: The grippers that may have done so; either where none is given.
     """
     in_hand = any_of(*(grasped(side, prop) for side in sides or SIDES))
-    return since(in_hand & there, reset=~there)
+    # Fingers that came down open between two control steps: the hand was nearer than at the first.
+    let_go = in_hand | since(in_hand, reset=~in_hand)
+    return since(let_go & there, reset=~there)
 
 
 def placed(*conditions: Predicate) -> Predicate:

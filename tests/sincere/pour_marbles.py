@@ -1,0 +1,223 @@
+"""Sincere ways in pour_marbles: other heights, angles, goes, grasps and releases."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from duobench.experts.motion import (
+    CAREFUL,
+    NEAR,
+    Arms,
+    Script,
+    bump,
+    follow,
+    grip,
+    move,
+    release,
+    together,
+    tool_for,
+    wait,
+    wait_until,
+)
+from duobench.experts.pour_marbles import HOLD_TILT, POUR_TILT
+from duobench.objects.cup import HEIGHT, INNER_RADIUS
+from duobench.scene.naming import TABLE
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.tasks.pour_marbles import CUPS, HALF_SQUARE, MARBLES, SQUARES
+from duobench.types import SIDES, Side
+from tests.sincere.oracle import left_alone, tilt
+from tests.sincere.sincere import Way
+
+SHORT = 0.003
+"""How far the tool stays short of the cup's axis, in metres."""
+LIP_CLEARANCE = 0.040
+RISE, ABOVE = 0.07, 0.08
+"""How far the poured cup is raised on its way back, and from where it is set down, in metres."""
+UP = np.array([0.0, 0.0, 1.0])
+MAX_TILT = math.radians(15.0)
+"""How far a cup leans at most that a person would call upright, in radians."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pouring:
+    """How the marbles are poured; the defaults are about the expert's way."""
+
+    height: float = 0.09
+    """Height of the target cup's underside above the table, in metres."""
+    angle: float = math.radians(106.0)
+    """How far the source cup is tilted, in radians."""
+    goes: int = 1
+    """In how many goes the marbles are poured."""
+    seconds: float = 3.2
+    """How long a go takes."""
+    grasps: tuple[float, float] = (0.032, 0.032)
+    """Where source and target cup are grasped, in metres above their undersides."""
+    drop: float = 0.002
+    """Height of a cup's lowest point above the table when it is let go, in metres."""
+    place: tuple[float, float] = (0.0, 0.0)
+    """Where the cups are put back, from the middles of their squares, in metres."""
+    reach: float = 0.034
+    """How far the pouring lip stays short of the middle of the mouth, in metres."""
+
+
+def pour(arms: Arms, how: Pouring) -> Script:
+    """Take both cups, pour in the air, put both back."""
+    source = max(SIDES, key=lambda side: _marbles_in(arms.sim, side))
+    hold = source.other
+    from_source, from_target = how.grasps
+    yield from together(
+        _take(arms, source, POUR_TILT, from_source), _take(arms, hold, HOLD_TILT, from_target)
+    )
+    x, y, _ = 0.5 * (arms.sim.position(SQUARES[source]) + arms.sim.position(SQUARES[hold]))
+    meeting = SE3.at(x, y, how.height)
+    meet = {hold: meeting, source: _over(source, meeting, 0.0, how)}
+    tools = {side: tool_for(arms, side, CUPS[side], pose) for side, pose in meet.items()}
+    yield from move(arms, tools, speed=CAREFUL)
+    cup_from_tool = arms.sim.pose(CUPS[source]).inverse() @ arms.tcp_pose(source)
+
+    def turn(start: float, end: float) -> Script:
+        def at(fraction: float) -> dict[Side, SE3]:
+            angle = (start + (end - start) * fraction) * how.angle
+            return {source: _over(source, meeting, angle, how) @ cup_from_tool}
+
+        return follow(arms, at, how.seconds * max(0.3, abs(end - start)))
+
+    yield from move(arms, {source: _over(source, meeting, 0.0, how) @ cup_from_tool})
+    if how.goes > 1:
+        yield from turn(0.0, 0.85)
+        yield from turn(0.85, 0.5)
+        yield from wait(15)
+        yield from turn(0.5, 1.0)
+    else:
+        yield from turn(0.0, 1.0)
+    yield from wait_until(lambda: _marbles_in(arms.sim, source) == 0, 60)
+    yield from wait(10)
+    yield from together(_turn_upright(arms, source, how), _put_back(arms, hold, how))
+    yield from _put_back(arms, source, how)
+
+
+def _inward(side: Side) -> np.ndarray:
+    """Horizontal direction (3,) from an arm's side to the other half of the table."""
+    return np.array([0.0, -side.sign, 0.0])
+
+
+def _take(arms: Arms, side: Side, lean: float, height: float) -> Script:
+    """Grasp a cup from outside, `lean` radians from the vertical, and raise it."""
+    ahead = _inward(side)
+    approach = math.sin(lean) * ahead - math.cos(lean) * UP
+    camera = math.cos(lean) * ahead + math.sin(lean) * UP
+    rotation = np.column_stack([camera, np.cross(approach, camera), approach])
+    grasp = SE3(rotation, arms.sim.position(CUPS[side]) + height * UP - SHORT * approach)
+    yield from move(arms, {side: grasp @ SE3.at(z=-0.12)}, tolerance=0.015)
+    yield from move(arms, {side: grasp}, speed=0.22)
+    yield from grip(arms, side)
+    yield from move(arms, {side: grasp.moved(z=0.06)}, speed=0.2)
+
+
+def _over(side: Side, target: SE3, angle: float, how: Pouring) -> SE3:
+    """Pose of the pouring cup, tilted by `angle` about its lip over the other cup's mouth."""
+    ahead = _inward(side)
+    rotation = SE3.about(np.cross(UP, ahead), angle).rotation
+    reach = -how.reach - 2.2 * INNER_RADIUS * max(0.0, 1.0 - angle / math.radians(70.0))
+    lip = target.translation + reach * ahead + (HEIGHT + LIP_CLEARANCE) * UP
+    return SE3(rotation, lip - rotation @ (INNER_RADIUS * ahead + HEIGHT * UP))
+
+
+def _home(arms: Arms, side: Side, how: Pouring) -> SE3:
+    x, y, z = arms.sim.position(SQUARES[side])
+    return SE3.at(x + how.place[0], y + how.place[1], z)
+
+
+def _turn_upright(arms: Arms, side: Side, how: Pouring) -> Script:
+    poured = arms.targets[side]
+    upright = tool_for(arms, side, CUPS[side], _home(arms, side, how).moved(z=ABOVE))
+    yield from follow(
+        arms,
+        lambda f: {side: poured.interpolate(upright, f).moved(z=RISE * bump(f))},
+        1.9,
+    )
+
+
+def _put_back(arms: Arms, side: Side, how: Pouring) -> Script:
+    cup = CUPS[side]
+    tool = tool_for(arms, side, cup, _home(arms, side, how).moved(z=ABOVE))
+    yield from move(arms, {side: tool}, speed=0.3, tolerance=NEAR)
+    yield from move(arms, {side: tool.moved(z=0.02 - ABOVE)}, speed=0.2)
+    for _ in range(2):
+        lower = how.drop - arms.sim.min_height(cup)
+        goal = SE3(arms.targets[side].rotation, arms.tcp_pose(side).translation + lower * UP)
+        yield from move(arms, {side: goal}, speed=0.1)
+    yield from release(arms, side)
+    away = arms.targets[side] @ SE3.at(z=-0.10)
+    yield from move(arms, {side: away}, speed=0.3, arrive=False)
+
+
+def _marbles_in(sim: Simulation, side: Side) -> int:
+    """How many marbles are between a cup's walls, below its rim."""
+    places = (sim.relative_position(marble, CUPS[side]) for marble in MARBLES)
+    return sum(math.hypot(x, y) < INNER_RADIUS and 0.0 < z < HEIGHT for x, y, z in places)
+
+
+def done(sim: Simulation) -> bool:
+    """Both cups stand upright on their squares, let go, one with all marbles."""
+    if not left_alone(sim, *CUPS.values()):
+        return False
+    for side in SIDES:
+        x, y, _ = sim.relative_position(CUPS[side], SQUARES[side])
+        stands = sim.contacts.between(CUPS[side], TABLE) and tilt(sim, CUPS[side]) < MAX_TILT
+        if not (stands and max(abs(x), abs(y)) <= HALF_SQUARE):
+            return False
+    return max(_marbles_in(sim, side) for side in SIDES) == len(MARBLES)
+
+
+def way(name: str, how: Pouring | None = None, *, tremble: float = 0.0, slowness: int = 1) -> Way:
+    how = how or Pouring()
+    return Way(
+        name=name,
+        script=lambda arms: pour(arms, how),
+        done=done,
+        tremble=tremble,
+        slowness=slowness,
+    )
+
+
+WAYS: tuple[Way, ...] = (
+    way("poured at 5 cm", Pouring(height=0.05)),
+    way("poured at 14 cm", Pouring(height=0.14)),
+    way("poured at 100 degrees", Pouring(angle=math.radians(100.0))),
+    way("poured at 120 degrees", Pouring(angle=math.radians(120.0))),
+    way("poured in two goes", Pouring(goes=2)),
+    way("poured slowly", Pouring(seconds=6.0)),
+    way("cups let go 8 mm above the table", Pouring(drop=0.008)),
+    way("cups pressed on the table", Pouring(drop=-0.003)),
+    way("put back beside the middles", Pouring(place=(0.03, -0.03))),
+    way("grasped high", Pouring(grasps=(0.042, 0.042))),
+    way("grasped low", Pouring(grasps=(0.028, 0.028))),
+    way("trembling", tremble=0.005),
+    way("half the speed", slowness=2),
+)
+
+
+def sample(rng: np.random.Generator) -> Way:
+    """A way at random."""
+    how = Pouring(
+        height=rng.uniform(0.05, 0.14),
+        angle=math.radians(rng.uniform(100.0, 120.0)),
+        goes=1 + int(rng.random() < 0.3),
+        seconds=rng.uniform(2.8, 5.0),
+        grasps=(rng.uniform(0.029, 0.042), rng.uniform(0.029, 0.042)),
+        drop=rng.uniform(-0.003, 0.008),
+        place=(rng.uniform(-0.03, 0.03), rng.uniform(-0.03, 0.03)),
+        reach=rng.uniform(0.030, 0.038),
+    )
+    words = (
+        f"{how.height * 1000:.0f} mm high, {math.degrees(how.angle):.0f} degrees in {how.goes}, "
+        f"grasped {how.grasps[0] * 1000:.0f} and {how.grasps[1] * 1000:.0f} mm high, "
+        f"let go {how.drop * 1000:.0f} mm above the table"
+    )
+    tremble, slowness = (0.005 if rng.random() < 0.15 else 0.0), (2 if rng.random() < 0.15 else 1)
+    return way(words, how, tremble=tremble, slowness=slowness)
