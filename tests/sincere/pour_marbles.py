@@ -204,13 +204,14 @@ WAYS: tuple[Way, ...] = (
 
 def sample(rng: np.random.Generator) -> Way:
     """A way at random."""
+    tremble, slowness = (0.005 if rng.random() < 0.15 else 0.0), (2 if rng.random() < 0.15 else 1)
     how = Pouring(
         height=rng.uniform(0.05, 0.14),
         angle=math.radians(rng.uniform(100.0, 120.0)),
         goes=1 + int(rng.random() < 0.3),
         seconds=rng.uniform(2.8, 5.0),
         grasps=(rng.uniform(0.029, 0.042), rng.uniform(0.029, 0.042)),
-        drop=rng.uniform(-0.003, 0.008),
+        drop=rng.uniform(-0.003, 0.008 if tremble == 0.0 else 0.004),
         place=(rng.uniform(-0.03, 0.03), rng.uniform(-0.03, 0.03)),
         reach=rng.uniform(0.030, 0.038),
     )
@@ -219,5 +220,4 @@ def sample(rng: np.random.Generator) -> Way:
         f"grasped {how.grasps[0] * 1000:.0f} and {how.grasps[1] * 1000:.0f} mm high, "
         f"let go {how.drop * 1000:.0f} mm above the table"
     )
-    tremble, slowness = (0.005 if rng.random() < 0.15 else 0.0), (2 if rng.random() < 0.15 else 1)
     return way(words, how, tremble=tremble, slowness=slowness)

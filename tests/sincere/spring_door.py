@@ -145,7 +145,7 @@ WAYS: tuple[Way, ...] = (
     way("the door opened to 1.8 rad", Putting(angle=1.8)),
     way("closed fingers hook the bar", HOOK),
     way("the bar is held low", Putting(bar_height=0.13)),
-    way("on the left of the floor", Putting(place=(0.06, 0.06))),
+    way("on the left of the floor", Putting(place=(0.06, 0.06), azimuth=0.0, slope=0.95)),
     way("on the right of the floor", Putting(place=(0.06, -0.11))),
     way("at the back of the floor", Putting(place=(0.18, 0.0), slope=1.15)),
     way("let go 25 mm above the floor", Putting(drop=0.025)),

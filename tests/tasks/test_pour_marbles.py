@@ -19,8 +19,10 @@ from duobench.objects.cup import (
 from duobench.objects.solid import PLA_DENSITY, corner_points, mass_properties, printable
 from duobench.sim.contacts import Limb, limb_owner
 from duobench.spatial import SE3
+from duobench.stages.placing import REST_SECONDS
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
-from duobench.types import SIDES, Side
+from duobench.types import CONTROL_HZ, SIDES, Side
+from tests.sincere.pour_marbles import Pouring, done, pour
 from tests.task_harness import TaskHarness
 
 IN_CUP = SE3.at(z=0.001)
@@ -28,6 +30,7 @@ BESIDE_CUP = SE3.at(x=OUTER_RADIUS + MARBLE_RADIUS, z=MARBLE_RADIUS)
 OVER_RIM = SE3.at(z=HEIGHT + 0.001)
 BELOW_RIM = SE3.at(z=HEIGHT - MARBLE_RADIUS)
 NEAR_FLOOR = SE3.at(z=WALL + 2 * MARBLE_RADIUS)
+REST_STEPS = round(REST_SECONDS * CONTROL_HZ) + 1
 SUNK = SE3.at(z=-0.0001)
 """As deep as things stand in the table."""
 
@@ -49,13 +52,6 @@ def _lifted(bench: TaskHarness) -> tuple[Side, Side]:
     bench.reach(script, 3)
     bench.hold(10)
     return sides
-
-
-def _poured(bench: TaskHarness) -> Side:
-    """An episode in which all marbles are poured, with the cups still in the air: the target."""
-    _, target = _sides(bench, 0)
-    bench.reach(script, 5)
-    return target
 
 
 def _marbles(base: SE3) -> dict[str, SE3]:
@@ -231,29 +227,74 @@ def test_cups_put_back_without_pouring_do_not_count(bench: TaskHarness) -> None:
     assert bench.stage == 3
 
 
+def _let_go(bench: TaskHarness) -> Side:
+    """An episode after both cups were let go on the table, beside their squares: the target."""
+    _, target = _sides(bench, 1)
+    assert bench.act(lambda arms: together(*(take(arms, side) for side in SIDES))) == 3
+    bench.put(**_into(bench, target))
+    low = {side: bench.arms.targets[side].moved(z=-0.06) for side in SIDES}
+    bench.act(lambda arms: move(arms, low))
+
+    def released() -> bool:
+        return not any(bench.sim.contacts.gripper(side, CUPS[side]) for side in SIDES)
+
+    bench.run_until(lambda arms: release(arms, *SIDES), released)
+    aside = {name: pose.moved(x=0.12) for name, pose in _home(bench).items()}
+    bench.put(**_with_marbles(aside, target))
+    away = {side: pose @ SE3.at(z=-0.1) for side, pose in bench.arms.targets.items()}
+    bench.act(lambda arms: move(arms, away))
+    assert bench.stage == 5
+    return target
+
+
+def _rest(bench: TaskHarness, speed: float = 0.0, **poses: SE3) -> int:
+    """Keep props at poses until they would count, the first one moving upwards."""
+    moving, pose = next(iter(poses.items()))
+    for _ in range(REST_STEPS):
+        for name, other in poses.items():
+            bench.sim.place(name, other)
+        _put_moving(bench, speed, moving, pose)
+    return bench.stage
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_full_marks_need_both_cups_upright_at_home_and_still(
     bench: TaskHarness, side: Side
 ) -> None:
-    target = _poured(bench)
+    target = _let_go(bench)
     home, cup = _home(bench), CUPS[side]
     tilt = SE3.about((1, 0, 0), math.radians(25))
-    for change in (tilt, SE3.at(x=0.06), SE3.at(y=-0.06), SE3.at(z=0.03)):
-        bench.put(**_with_marbles({**home, cup: home[cup] @ change}, target))
-        assert bench.stage == 5
+    for change in (tilt, SE3.at(x=0.06), SE3.at(y=-0.06)):
+        cups = {cup: home[cup] @ change, CUPS[side.other]: home[CUPS[side.other]]}
+        assert _rest(bench, **_with_marbles(cups, target)) == 5
+    cups = {cup: home[cup], CUPS[side.other]: home[CUPS[side.other]]}
     for speed, stage in ((0.1, 5), (0.0, 6)):
-        for name, pose in _with_marbles(home, target).items():
-            bench.sim.place(name, pose)
-        assert _put_moving(bench, speed, cup, home[cup]) == stage
+        assert _rest(bench, speed, **_with_marbles(cups, target)) == stage
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_cup_that_was_in_the_air_is_put_down_again(bench: TaskHarness, side: Side) -> None:
+    target = _let_go(bench)
+    home, cup = _home(bench), CUPS[side]
+    bench.put(**_with_marbles({**home, cup: home[cup].moved(z=0.02)}, target))
+    assert _rest(bench, **_with_marbles(home, target)) == 5
+
+
+@pytest.mark.parametrize(("drop", "stage"), [(0.006, 6), (0.020, 5)])
+def test_cups_are_let_go_near_the_table(bench: TaskHarness, drop: float, stage: int) -> None:
+    bench.start(0)
+    bench.act(lambda arms: pour(arms, Pouring(drop=drop)))
+    bench.hold(REST_STEPS + 10)
+    assert done(bench.sim)
+    assert bench.stage == stage
 
 
 def test_full_marks_need_every_marble_to_stay_in_the_target(bench: TaskHarness) -> None:
-    target = _poured(bench)
+    target = _let_go(bench)
     home = _home(bench)
     poured, outside = _with_marbles(home, target), home[CUPS[target]] @ BESIDE_CUP
     for last in (outside, poured[MARBLES[-1]]):
-        bench.put(**{**poured, MARBLES[-1]: last})
-        assert bench.stage == 5
+        assert _rest(bench, **{**poured, MARBLES[-1]: last}) == 5
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -272,7 +313,9 @@ def test_full_marks_need_both_cups_released(bench: TaskHarness, side: Side) -> N
     bench.put(**_into(bench, target))
     assert bench.stage == 5
     assert bench.act(lower) == 5
-    assert bench.act(lambda arms: leave(arms, side)) == 6
+    assert bench.hold(REST_STEPS) == 5
+    bench.act(lambda arms: leave(arms, side))
+    assert bench.hold(REST_STEPS) == 6
 
 
 # --- physics -----------------------------------------------------------------------------------
