@@ -22,7 +22,6 @@ from duobench.experts.motion import (
     wait,
     wait_until,
 )
-from duobench.experts.pour_marbles import HOLD_TILT, POUR_TILT
 from duobench.objects.cup import HEIGHT, INNER_RADIUS
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation
@@ -32,6 +31,8 @@ from duobench.types import SIDES, Side
 from tests.sincere.oracle import left_alone, tilt
 from tests.sincere.sincere import Way
 
+HOLD_LEAN, POUR_LEAN = math.radians(62.0), math.radians(60.0)
+"""How far the hands are from the vertical when they grasp the target and the source, in radians."""
 SHORT = 0.003
 """How far the tool stays short of the cup's axis, in metres."""
 LIP_CLEARANCE = 0.040
@@ -60,6 +61,8 @@ class Pouring:
     """Height of a cup's lowest point above the table when it is let go, in metres."""
     place: tuple[float, float] = (0.0, 0.0)
     """Where the cups are put back, from the middles of their squares, in metres."""
+    ahead: float = 0.0
+    """How far the hands come from ahead, and not from aside, in radians."""
     reach: float = 0.034
     """How far the pouring lip stays short of the middle of the mouth, in metres."""
 
@@ -70,7 +73,8 @@ def pour(arms: Arms, how: Pouring) -> Script:
     hold = source.other
     from_source, from_target = how.grasps
     yield from together(
-        _take(arms, source, POUR_TILT, from_source), _take(arms, hold, HOLD_TILT, from_target)
+        _take(arms, source, POUR_LEAN, from_source, how),
+        _take(arms, hold, HOLD_LEAN, from_target, how),
     )
     x, y, _ = 0.5 * (arms.sim.position(SQUARES[source]) + arms.sim.position(SQUARES[hold]))
     meeting = SE3.at(x, y, how.height)
@@ -100,14 +104,14 @@ def pour(arms: Arms, how: Pouring) -> Script:
     yield from _put_back(arms, source, how)
 
 
-def _inward(side: Side) -> np.ndarray:
-    """Horizontal direction (3,) from an arm's side to the other half of the table."""
-    return np.array([0.0, -side.sign, 0.0])
+def _inward(side: Side, how: Pouring) -> np.ndarray:
+    """Horizontal direction (3,) in which a hand comes to its cup."""
+    return np.array([-math.sin(how.ahead), -side.sign * math.cos(how.ahead), 0.0])
 
 
-def _take(arms: Arms, side: Side, lean: float, height: float) -> Script:
+def _take(arms: Arms, side: Side, lean: float, height: float, how: Pouring) -> Script:
     """Grasp a cup from outside, `lean` radians from the vertical, and raise it."""
-    ahead = _inward(side)
+    ahead = _inward(side, how)
     approach = math.sin(lean) * ahead - math.cos(lean) * UP
     camera = math.cos(lean) * ahead + math.sin(lean) * UP
     rotation = np.column_stack([camera, np.cross(approach, camera), approach])
@@ -120,7 +124,7 @@ def _take(arms: Arms, side: Side, lean: float, height: float) -> Script:
 
 def _over(side: Side, target: SE3, angle: float, how: Pouring) -> SE3:
     """Pose of the pouring cup, tilted by `angle` about its lip over the other cup's mouth."""
-    ahead = _inward(side)
+    ahead = _inward(side, how)
     rotation = SE3.about(np.cross(UP, ahead), angle).rotation
     reach = -how.reach - 2.2 * INNER_RADIUS * max(0.0, 1.0 - angle / math.radians(70.0))
     lip = target.translation + reach * ahead + (HEIGHT + LIP_CLEARANCE) * UP
@@ -197,6 +201,8 @@ WAYS: tuple[Way, ...] = (
     way("put back beside the middles", Pouring(place=(0.03, -0.03))),
     way("grasped high", Pouring(grasps=(0.042, 0.042))),
     way("grasped low", Pouring(grasps=(0.028, 0.028))),
+    way("hands from behind", Pouring(ahead=-0.2)),
+    way("hands from ahead", Pouring(ahead=0.3)),
     way("trembling", tremble=0.005),
     way("half the speed", slowness=2),
 )
@@ -213,10 +219,12 @@ def sample(rng: np.random.Generator) -> Way:
         grasps=(rng.uniform(0.029, 0.042), rng.uniform(0.029, 0.042)),
         drop=rng.uniform(-0.003, 0.008 if tremble == 0.0 else 0.004),
         place=(rng.uniform(-0.03, 0.03), rng.uniform(-0.03, 0.03)),
+        ahead=rng.uniform(-0.2, 0.3),
         reach=rng.uniform(0.030, 0.038),
     )
     words = (
         f"{how.height * 1000:.0f} mm high, {math.degrees(how.angle):.0f} degrees in {how.goes}, "
+        f"from {how.ahead:.2f} rad ahead, "
         f"grasped {how.grasps[0] * 1000:.0f} and {how.grasps[1] * 1000:.0f} mm high, "
         f"let go {how.drop * 1000:.0f} mm above the table"
     )

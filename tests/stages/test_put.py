@@ -1,0 +1,76 @@
+"""Put down, not dropped: what hands do with a cube over the table."""
+
+import pytest
+
+from duobench.experts.motion import Arms, Script, down, move, pick_cube, release
+from duobench.objects.blocks import CUBE_EDGE
+from duobench.scene.naming import TABLE
+from duobench.spatial import SE3
+from duobench.stages.placing import low_over, put
+from duobench.stages.predicates import Predicate
+from duobench.tasks.bin_sort import TASK
+from duobench.types import Side
+from tests.predicate_probe import PredicateProbe
+from tests.task_harness import TaskHarness
+
+CUBE = "white_cube"
+LOW = low_over(CUBE, TABLE, 0.0)
+
+
+@pytest.fixture(scope="module")
+def bench() -> TaskHarness:
+    return TaskHarness(TASK)
+
+
+def lower(arms: Arms, height: float) -> Script:
+    """Bring the lowest point of the cube in the left hand to a height above the table."""
+    tool = arms.tcp_pose(Side.LEFT)
+    low = tool.moved(z=height - arms.sim.min_height(CUBE))
+    yield from move(arms, {Side.LEFT: low}, speed=0.1)
+
+
+def pick_up(arms: Arms) -> Script:
+    yield from pick_cube(arms, Side.LEFT, CUBE, 0.028)
+
+
+def let_go(bench: TaskHarness, question: Predicate, height: float) -> bool:
+    """Whether it holds after the left hand has let the cube go at a height above the table."""
+    bench.start(0)
+    bench.act(pick_up)
+    probe = PredicateProbe(question)
+
+    def script(arms: Arms) -> Script:
+        yield from lower(arms, height)
+        yield from release(arms, Side.LEFT)
+        yield from move(arms, {Side.LEFT: down(0.45, 0.3, 0.3)})
+
+    answers = [probe.ask(bench.sim) for _ in bench.steps(script)]
+    assert bench.sim.contacts.between(CUBE, TABLE)
+    return answers[-1]
+
+
+@pytest.mark.parametrize(("height", "counts"), [(-0.003, True), (0.006, True), (0.020, False)])
+def test_what_is_let_go_low_is_put_and_what_is_let_go_higher_is_dropped(
+    bench: TaskHarness, height: float, counts: bool
+) -> None:
+    assert let_go(bench, put(CUBE, LOW), height) == counts
+
+
+def test_only_the_sides_that_are_named_put_it_down(bench: TaskHarness) -> None:
+    assert let_go(bench, put(CUBE, LOW, Side.LEFT), 0.0)
+    assert not let_go(bench, put(CUBE, LOW, Side.RIGHT), 0.0)
+
+
+@pytest.mark.parametrize(("falls", "counts"), [(0, True), (1, False)])
+def test_fingers_open_between_two_steps(bench: TaskHarness, falls: int, counts: bool) -> None:
+    """A cube is higher at the last step in the hand, and low at the first one without it."""
+    bench.start(0)
+    bench.act(pick_up)
+    probe = PredicateProbe(put(CUBE, LOW))
+    assert bench.sim.contacts.grasped(Side.LEFT, CUBE)
+    for height in (None, *[0.05] * falls, 0.005, 0.005):
+        if height is not None:
+            bench.put(white_cube=SE3.at(0.5, 0.0, CUBE_EDGE / 2 + height))
+            assert not bench.sim.contacts.grasped(Side.LEFT, CUBE)
+        answer = probe.ask(bench.sim)
+    assert answer == counts
