@@ -146,6 +146,7 @@ def sample(rng: np.random.Generator) -> Way:
         f"beam by {building.beam_arm} at {building.along * 1000:.0f} mm, let go "
         f"{building.beam_gap * 1000:.0f} mm above; blocks at {left:.0f} and {right:.0f} mm, first "
         f"{building.first}, at {building.reach * 1000:.0f} mm, let go {building.gap * 1000:.1f} mm "
-        f"above in {len(release_order)} goes, pause {building.pause}, tremble {tremble}, slow {slowness}"
+        f"above in {len(release_order)} goes, pause {building.pause}, tremble {tremble}, "
+        f"slow {slowness}"
     )
     return _way(name, building, slowness=slowness, tremble=tremble)

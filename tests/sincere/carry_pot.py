@@ -178,7 +178,8 @@ def sample(rng: np.random.Generator) -> Way:
     x, y = carrying.place
     name = (
         f"let go {carrying.release * 1000:.1f} mm above, in {len(carrying.order)} goes, pause "
-        f"{carrying.pause}, speed {carrying.speed:.2f}, at {x * 1000:.0f} {y * 1000:.0f} mm, grasps "
+        f"{carrying.pause}, speed {carrying.speed:.2f}, at {x * 1000:.0f} {y * 1000:.0f} mm, "
+        "grasps "
         + ", ".join(
             f"{h.height * 1000:.0f}/{h.along * 1000:.0f} mm {h.yaw:.1f}/{h.tilt:.1f} rad"
             for h in hold.values()
