@@ -7,6 +7,7 @@ from duobench.experts.carry_pot import carry_over, land, let_go, lift
 from duobench.experts.motion import Arms, Script, carry, wait
 from duobench.objects.pot import HEIGHT, PLATE, RADIUS
 from duobench.sim.layout import Layout
+from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.coordination import FLICKER_SECONDS, TIP_SECONDS, carriage
 from duobench.stages.placing import PUT_HEIGHT
@@ -29,6 +30,27 @@ Moments = dict[str, np.ndarray]
 @pytest.fixture(scope="module")
 def bench() -> TaskHarness:
     return TaskHarness(TASK)
+
+
+def rise(arms: Arms, height: float) -> Script:
+    """Hold the pot so that it really is at a height above the stove, in metres."""
+    for _ in range(2):
+        short = PLATE[2] + height - arms.sim.min_height("pot")
+        yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=short), speed=0.1)
+        yield from wait(10)
+
+
+def take_away(sim: Simulation, side: Side, state: np.ndarray) -> None:
+    """Put one arm where it is in another state."""
+    now = sim.data.qpos.copy()
+    sim.set_state(state)
+    there = sim.data.qpos.copy()
+    sim.data.qpos[:] = now
+    for joint in map(sim.model.joint, range(sim.model.njnt)):
+        if joint.name.startswith(f"{side}/"):
+            sim.data.qpos[joint.qposadr[0]] = there[joint.qposadr[0]]
+    sim.data.qvel[:] = 0.0
+    sim.forward()
 
 
 @pytest.fixture(scope="module")
@@ -75,12 +97,10 @@ def moments(bench: TaskHarness) -> Moments:
         bench.sim.forward()
         keep("j")
         bench.sim.set_state(saved["b"])
-        for letter, height in (("m", 0.8 * PUT_HEIGHT), ("u", 1.8 * PUT_HEIGHT)):
-            for _ in range(2):
-                short = PLATE[2] + height - bench.sim.min_height("pot")
-                yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=short), speed=0.1)
-                yield from wait(10)
-            keep(letter)
+        yield from rise(arms, 0.8 * PUT_HEIGHT)
+        keep("m")
+        yield from rise(arms, 1.8 * PUT_HEIGHT)
+        keep("u")
         yield from carry(arms, "pot", landed, speed=0.1)
         yield from let_go(arms)
         keep("f")
@@ -94,13 +114,8 @@ def moments(bench: TaskHarness) -> Moments:
     keep("l")
     without(LEFT, RIGHT)
     keep("n")
-    bench.sim.set_state(saved["t"])
-    model, home = bench.sim.model, bench.sim.data.qpos.copy()
     bench.sim.set_state(saved["m"])
-    for joint in map(model.joint, range(model.njnt)):
-        if joint.name.startswith(f"{RIGHT}/"):
-            bench.sim.data.qpos[joint.qposadr[0]] = home[joint.qposadr[0]]
-    bench.sim.forward()
+    take_away(bench.sim, RIGHT, saved["t"])
     keep("o")
     return saved
 

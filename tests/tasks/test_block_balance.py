@@ -10,7 +10,7 @@ from duobench.objects.solid import PLA_DENSITY, mass_properties, printable
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import STILL_SPEED
 from duobench.spatial import SE3
-from duobench.stages.placing import PUT_HEIGHT, REST_SECONDS
+from duobench.stages.placing import REST_SECONDS
 from duobench.tasks.block_balance import (
     BEAM,
     BLOCK,

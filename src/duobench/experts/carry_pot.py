@@ -23,6 +23,8 @@ from duobench.types import SIDES, Side
 
 _APPROACH = 0.10
 """Height in metres above the handles from which the tools come straight down."""
+_APPROACH_SPEED = 0.38
+"""Mean speed in m/s of the tools on their way there: the shoulders turn in time at any tempo."""
 _OPENING = 0.45
 """Opening on the way down: wide enough for the bar, narrow enough for the gap to the wall."""
 _LIFT = 0.06
@@ -111,7 +113,7 @@ def grasp(arms: Arms, *sides: Side, hold: Mapping[Side, HandleGrasp] | None = No
     sides, hold = sides or SIDES, hold or {}
     pot = arms.sim.pose("pot")
     grasps = {side: _grasp_pose(pot, side, hold.get(side, EXPERT)) for side in sides}
-    yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH)
+    yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH, speed=_APPROACH_SPEED)
     yield from grip(arms, *sides)
 
 
