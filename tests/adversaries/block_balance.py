@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from duobench.experts.block_balance import lay_beam, lower, take_block
 from duobench.experts.motion import (
@@ -13,6 +14,7 @@ from duobench.experts.motion import (
     grip,
     move,
     pick,
+    place,
     release,
     together,
     tool_for,
@@ -21,7 +23,7 @@ from duobench.experts.motion import (
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, LEVEL, TIPPING
+from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, CUBE_EDGE, LEVEL, TIPPING
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
 
@@ -31,6 +33,12 @@ NEAR, FAR = 0.032, 0.078
 its end."""
 GRASP = 0.020
 """Height in metres of the tool above a block's middle."""
+BEAM_GRASP = 0.014
+"""Height in metres of the tool above the beam's middle."""
+BESIDE = 0.03
+"""Height in metres of the beam's middle while it is held beside the cube."""
+OFF_CENTRE = 0.004
+"""How far outside the cube the middle of a beam is that slides off it, in metres."""
 
 
 def balanced(sim: Simulation) -> bool:
@@ -65,6 +73,20 @@ def pressed(sim: Simulation) -> bool:
     )
 
 
+def against_the_cube(sim: Simulation) -> bool:
+    """The beam is in the hand, off the table, and touches the cube."""
+    touching = sim.contacts.partners("beam") >= {"cube"} and TABLE not in sim.contacts.partners(
+        "beam"
+    )
+    return touching and sim.contacts.grasped(RIGHT, "beam") and sim.speed("beam")[0] < 0.01
+
+
+def let_go_on_the_cube(sim: Simulation) -> bool:
+    """The beam, let go, still looks as if it lay on the cube."""
+    level = sim.rotation("beam")[2, 2] > math.cos(LEVEL) and sim.position("beam")[2] > CUBE_EDGE
+    return level and sim.contacts.partners("beam") == {"cube"}
+
+
 def outward(side: Side) -> float:
     """Yaw at which the fingers open along x and the wrist camera points away."""
     return side.sign * math.pi / 2
@@ -74,6 +96,11 @@ def away(arms: Arms, side: Side) -> Script:
     """Let go, go up, and out of the other arm's way."""
     yield from release(arms, side)
     yield from move(arms, {side: arms.targets[side].moved(z=0.15)}, speed=0.3)
+    yield from aside(arms, side)
+
+
+def aside(arms: Arms, side: Side) -> Script:
+    """Go out of the other arm's way."""
     yield from move(arms, {side: arms.targets[side].moved(y=0.2 * side.sign)}, arrive=False)
 
 
@@ -122,7 +149,8 @@ def alone(arms: Arms) -> Script:
 
 
 def in_turns(arms: Arms) -> Script:
-    yield from lay_beam(arms)
+    yield from lay_beam(arms, RIGHT)
+    yield from aside(arms, RIGHT)
     yield from build(arms, LEFT, RIGHT)
 
 
@@ -163,6 +191,41 @@ def press(arms: Arms) -> Script:
     yield from move(arms, {side: top.moved(z=0.08) for side, top in tops.items()})
     yield from move(arms, {side: top.moved(z=-0.012) for side, top in tops.items()}, speed=0.1)
     yield from wait(15)
+
+
+def beside(arms: Arms) -> Script:
+    """The right arm holds the beam in the air against the cube's side."""
+    x, y, z = arms.sim.position("beam")
+    yield from pick(arms, RIGHT, down(x, y - 0.06, z + BEAM_GRASP, yaw=outward(RIGHT)))
+    x, y, _ = arms.sim.position("cube")
+    near = x - (CUBE_EDGE + BEAM[0]) / 2
+    for gap in (0.04, 0.0):
+        goal = tool_for(arms, RIGHT, "beam", SE3.at(near - gap, y, BESIDE))
+        yield from move(arms, {RIGHT: goal.moved(x=0.002)}, speed=0.1)
+    yield from wait(30)
+
+
+def lay_aslant(arms: Arms) -> Script:
+    """The beam is laid so far off its middle that it slides off, once it is let go."""
+    x, y, z = arms.sim.position("beam")
+    yield from pick(arms, RIGHT, down(x, y, z + BEAM_GRASP, yaw=outward(RIGHT)))
+    x, y, _ = arms.sim.position("cube")
+    lying = SE3.at(x, y - CUBE_EDGE / 2 - OFF_CENTRE, CUBE_EDGE + BEAM[2] / 2)
+    goal = tool_for(arms, RIGHT, "beam", lying)
+    yield from place(arms, RIGHT, goal, above=0.06, retreat=0.15, speed=0.3)
+
+
+def drop_from(height: float) -> Callable[[Arms], Script]:
+    def drop(arms: Arms) -> Script:
+        """Both let their blocks go together above the beam."""
+        yield from lay_beam(arms)
+        yield from together(*(take_block(arms, side) for side in SIDES))
+        yield from lower(arms, gap=height)
+        yield from release(arms, *SIDES)
+        yield from wait(15)
+        yield from together(*(away(arms, side) for side in SIDES))
+
+    return drop
 
 
 def keep_one(arms: Arms) -> Script:
@@ -213,6 +276,27 @@ ADVERSARIES: tuple[Adversary, ...] = (
     Adversary(
         name="built in turns, then both grasp the blocks on the beam",
         script=grasp_on_the_beam,
+        hands=Hands.BOTH,
+        deed=balanced,
+        gets=3,
+    ),
+    Adversary(
+        name="the beam is held in the hand against the cube",
+        script=beside,
+        hands=Hands.ONE,
+        deed=against_the_cube,
+        gets=1,
+    ),
+    Adversary(
+        name="the beam is laid so that it slides off",
+        script=lay_aslant,
+        hands=Hands.ONE,
+        deed=let_go_on_the_cube,
+        gets=1,
+    ),
+    Adversary(
+        name="both let their blocks go 2 cm above the beam",
+        script=drop_from(0.02),
         hands=Hands.BOTH,
         deed=balanced,
         gets=3,

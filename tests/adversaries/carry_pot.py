@@ -130,21 +130,28 @@ def skim(arms: Arms) -> Script:
     yield from let_go(arms)
 
 
+def hover(arms: Arms, height: float) -> Script:
+    """Both carry it over the plate, so that it really is at a height above it in metres."""
+    yield from lift(arms)
+    yield from carry_over(arms, *middle(arms), height=max(height, 0.04))
+    for _ in range(2):
+        yield from wait(10)
+        here = arms.sim.min_height("pot") - PLATE[2]
+        yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=height - here), speed=0.1)
+    yield from wait(10)
+
+
 def drop_from(height: float) -> Callable[[Arms], Script]:
     def drop(arms: Arms) -> Script:
-        yield from lift(arms)
-        yield from carry_over(arms, *middle(arms), height=height)
-        yield from wait(10)
+        yield from hover(arms, height)
         yield from let_go(arms)
 
     return drop
 
 
 def drop_and_grasp(arms: Arms) -> Script:
-    """It falls by a centimetre; then both take its handles again, and let go."""
-    yield from lift(arms)
-    yield from carry_over(arms, *middle(arms), height=0.005)
-    yield from wait(10)
+    """It falls by two centimetres; then both take its handles again, and let go."""
+    yield from hover(arms, 0.02)
     yield from release(arms, LEFT, RIGHT, opening=0.3)
     yield from grasp(arms)
     yield from let_go(arms)
@@ -158,6 +165,14 @@ def one_lets_go(arms: Arms) -> Script:
     yield from let_go(arms, RIGHT)
     yield from move(arms, {LEFT: arms.targets[LEFT].moved(z=-0.045)}, speed=0.05)
     yield from let_go(arms, LEFT)
+
+
+def one_hovers(arms: Arms) -> Script:
+    """Two centimetres above the plate the left arm lets go, and the right one puts it down."""
+    yield from hover(arms, 0.02)
+    yield from let_go(arms, LEFT)
+    yield from wait(10)
+    yield from let_go(arms, RIGHT)
 
 
 def one_carries_on(arms: Arms) -> Script:
@@ -260,7 +275,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         gets=2,
     ),
     Adversary(
-        name="both let go just above the plate, and grasp the handles again",
+        name="both let go 2 cm above the plate, and grasp the handles again",
         script=drop_and_grasp,
         hands=Hands.BOTH,
         deed=on_stove,
@@ -269,6 +284,13 @@ ADVERSARIES: tuple[Adversary, ...] = (
     Adversary(
         name="one arm lets go above the plate",
         script=one_lets_go,
+        hands=Hands.BOTH,
+        deed=on_stove,
+        gets=2,
+    ),
+    Adversary(
+        name="one arm lets go 2 cm above the plate, the other one a moment later",
+        script=one_hovers,
         hands=Hands.BOTH,
         deed=on_stove,
         gets=2,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from duobench.experts.hinge_chest import HOLDER, INSERTER, LET_GO, fetch, lower, open_lid, over
 from duobench.experts.motion import (
@@ -20,7 +21,15 @@ from duobench.experts.motion import (
     wait_until,
 )
 from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X, RIM_HEIGHT, WALL
+from duobench.objects.chest import (
+    HINGE,
+    LID_LENGTH,
+    LID_UNDERSIDE,
+    OUTER_X,
+    OUTER_Y,
+    RIM_HEIGHT,
+    WALL,
+)
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.hinge_chest import CAVITY_REGION, OPEN_ANGLE
@@ -34,6 +43,8 @@ direction against the vertical."""
 _OVER_FRONT, _ROD_DEPTH, _ROD_START = 0.065, 0.045, 0.03
 _SLIDE, _TOP = 0.06, 1.25
 _TAP_ANGLE = 1.3
+_ABOVE = 0.15
+"""Height of the tool in metres over the open chest."""
 
 
 def _is_in(sim: Simulation) -> bool:
@@ -141,12 +152,40 @@ def lid_let_fall_on_the_hand(arms: Arms) -> Script:
     yield from _open_hand(arms)
 
 
-def cube_thrown_on_the_rim(arms: Arms) -> Script:
-    """The cube is dropped over the side of the open chest, and falls off it."""
-    yield from _hold_and_fetch(arms)
-    edge = arms.sim.pose("chest").apply([0.0, 0.133, 0.0])[1]
-    yield from move(arms, {INSERTER: over(arms, edge, RIM_HEIGHT + 0.06)}, speed=0.3)
-    yield from _open_hand(arms)
+def lid_left_and_touched_again(arms: Arms) -> Script:
+    """The same; then the right hand touches the lid from behind, and the left one leaves."""
+    yield from lid_let_fall_on_the_hand(arms)
+    yield from _touch_from_behind(arms)
+    yield from move(arms, {INSERTER: arms.targets[INSERTER].moved(z=0.12)}, speed=0.3)
+    yield from move(arms, {INSERTER: arms.targets[INSERTER].moved(y=0.2)}, speed=0.3)
+
+
+def _touch_from_behind(arms: Arms) -> Script:
+    """The right arm comes to the lid from behind, and touches it without bearing it."""
+    chest = arms.sim.pose("chest")
+    for x in (0.10, 0.0):
+        behind = chest @ down(x, -0.20, 0.24, yaw=math.pi / 2, tilt=0.9) @ SE3.at(yaw=math.pi)
+        for _ in move(arms, {HOLDER: behind}, speed=0.15):
+            if x == 0.0 and arms.sim.contacts.gripper(HOLDER, LID):
+                return
+            yield
+
+
+def drop_over(y: float, height: float) -> Callable[[Arms], Script]:
+    """The cube is let go above the open chest, at a place along its front; the height is that of
+    the cube's lowest point above the rim.
+    """
+
+    def drop(arms: Arms) -> Script:
+        yield from _hold_and_fetch(arms)
+        place = arms.sim.pose("chest").apply([0.0, y, 0.0])[1]
+        yield from move(arms, {INSERTER: over(arms, place, _ABOVE)}, speed=0.3)
+        lower = RIM_HEIGHT + height - arms.sim.min_height("cube")
+        yield from move(arms, {INSERTER: over(arms, place, _ABOVE + lower)}, speed=0.1)
+        yield from wait(10)
+        yield from _open_hand(arms)
+
+    return drop
 
 
 def in_and_out_again(arms: Arms) -> Script:
@@ -213,8 +252,22 @@ ADVERSARIES: tuple[Adversary, ...] = (
         gets=2,
     ),
     Adversary(
+        name="the lid is let fall on the hand with the cube, and only touched again",
+        script=lid_left_and_touched_again,
+        hands=Hands.BOTH,
+        deed=_is_in,
+        gets=2,
+    ),
+    Adversary(
+        name="the cube is dropped into the chest from 2 cm above the rim",
+        script=drop_over(0.045, 0.02),
+        hands=Hands.BOTH,
+        deed=_is_in,
+        gets=2,
+    ),
+    Adversary(
         name="the cube is thrown on the rim",
-        script=cube_thrown_on_the_rim,
+        script=drop_over(OUTER_Y / 2, 0.03),
         hands=Hands.BOTH,
         deed=_bounces_off,
         gets=2,

@@ -7,21 +7,22 @@ from duobench.experts.carry_pot import carry_over, land, let_go, lift
 from duobench.experts.motion import Arms, Script, carry, wait
 from duobench.objects.pot import HEIGHT, PLATE, RADIUS
 from duobench.sim.layout import Layout
+from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.coordination import BOUNCE, carriage
-from duobench.stages.predicates import Predicate, touching
+from duobench.stages.coordination import FLICKER_SECONDS, TIP_SECONDS, carriage
+from duobench.stages.placing import PUT_HEIGHT
+from duobench.stages.predicates import BoxRegion, Predicate, inside
 from duobench.stages.progress import Progress, Stage
 from duobench.tasks.carry_pot import HANDLES, LIFT, TASK
-from duobench.types import SIDES, DuoCommand, Side
+from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 STOVE = SE3.at(0.5, 0.3)
 LAYOUT = Layout(poses={"pot": SE3.at(0.5, -0.05, HEIGHT / 2), "stove": STOVE})
-ON_PLATE = PLATE[2] + HEIGHT / 2 + 0.0004
-CARRIAGE = carriage(
-    "pot", HANDLES, "stove", place=touching("pot", "stove"), top=PLATE[2], height=LIFT
-)
+PLACE = inside("pot", BoxRegion(body="stove", low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.2)))
+CARRIAGE = carriage("pot", HANDLES, "stove", place=PLACE, top=PLATE[2], height=LIFT)
+FLICKER, TIP = (round(seconds * CONTROL_HZ) for seconds in (FLICKER_SECONDS, TIP_SECONDS))
 
 Moments = dict[str, np.ndarray]
 
@@ -31,12 +32,34 @@ def bench() -> TaskHarness:
     return TaskHarness(TASK)
 
 
+def rise(arms: Arms, height: float) -> Script:
+    """Hold the pot so that it really is at a height above the stove, in metres."""
+    for _ in range(2):
+        short = PLATE[2] + height - arms.sim.min_height("pot")
+        yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=short), speed=0.1)
+        yield from wait(10)
+
+
+def take_away(sim: Simulation, side: Side, state: np.ndarray) -> None:
+    """Put one arm where it is in another state."""
+    now = sim.data.qpos.copy()
+    sim.set_state(state)
+    there = sim.data.qpos.copy()
+    sim.data.qpos[:] = now
+    for joint in map(sim.model.joint, range(sim.model.njnt)):
+        if joint.name.startswith(f"{side}/"):
+            sim.data.qpos[joint.qposadr[0]] = there[joint.qposadr[0]]
+    sim.data.qvel[:] = 0.0
+    sim.forward()
+
+
 @pytest.fixture(scope="module")
 def moments(bench: TaskHarness) -> Moments:
     """States by letter: on the (t)able, (c)arried by both, in the air in the (l)eft hand alone or
     in (n)o hand, in both hands against the stove's (s)ide, on the stove in (b)oth hands or (f)ree,
-    a (j)olt there that takes one pad of each hand off its handle, (h)opping above the stove, and
-    just (u)p from it again in both hands.
+    a (j)olt there that takes one pad of each hand off its handle, (h)opping above the stove, just
+    (u)p from it again in both hands; and so little above the stove that it is put down when it is
+    let go, in (m)any hands or in (o)ne.
     """
     saved: Moments = {}
 
@@ -74,12 +97,14 @@ def moments(bench: TaskHarness) -> Moments:
         bench.sim.forward()
         keep("j")
         bench.sim.set_state(saved["b"])
-        yield from carry(arms, "pot", landed.moved(z=BOUNCE + 0.008), speed=0.1)
+        yield from rise(arms, 0.8 * PUT_HEIGHT)
+        keep("m")
+        yield from rise(arms, 1.8 * PUT_HEIGHT)
         keep("u")
         yield from carry(arms, "pot", landed, speed=0.1)
         yield from let_go(arms)
         keep("f")
-        bench.sim.place("pot", landed.moved(z=BOUNCE - 0.002))
+        bench.sim.place("pot", landed.moved(z=PUT_HEIGHT - 0.002))
         bench.sim.forward()
         keep("h")
 
@@ -89,6 +114,9 @@ def moments(bench: TaskHarness) -> Moments:
     keep("l")
     without(LEFT, RIGHT)
     keep("n")
+    bench.sim.set_state(saved["m"])
+    take_away(bench.sim, RIGHT, saved["t"])
+    keep("o")
     return saved
 
 
@@ -104,7 +132,7 @@ def ask(bench: TaskHarness, moments: Moments, letters: str, question: Predicate)
 
 
 def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Moments) -> None:
-    hands = {"c": SIDES, "s": SIDES, "b": SIDES, "u": SIDES, "l": (LEFT,)}
+    hands = {**dict.fromkeys("csbum", SIDES), **dict.fromkeys("lo", (LEFT,))}
     supports = {"t": {"table"}, **{key: {"stove"} for key in "sbjf"}}
     for letter, state in moments.items():
         bench.sim.set_state(state)
@@ -112,10 +140,10 @@ def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Momen
         for side, handle in zip(SIDES, HANDLES, strict=True):
             assert contacts.grasped(side, handle) == (side in hands.get(letter, ())), letter
         assert contacts.partners("pot") == supports.get(letter, set()), letter
-    bench.sim.set_state(moments["u"])
-    assert PLATE[2] + BOUNCE < bench.sim.min_height("pot") < LIFT
-    bench.sim.set_state(moments["j"])
-    assert all(map(bench.sim.contacts.gripper, SIDES, HANDLES))
+    for letter, least, most in (("u", 1, 2), ("m", 0, 1), ("o", 0, 1), ("h", 0, 1)):
+        bench.sim.set_state(moments[letter])
+        above = bench.sim.min_height("pot") - PLATE[2]
+        assert least * PUT_HEIGHT < above < most * PUT_HEIGHT, letter
     bench.sim.set_state(moments["s"])
     assert 0.005 < bench.sim.min_height("pot") < PLATE[2] - 0.005
 
@@ -141,9 +169,17 @@ def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Momen
         ("tclf", False),
         ("tclbf", True),
         ("tcbhf", True),  # hops when it is let go
-        ("tcbhhhhhf", False),
-        ("tcbuf", False),  # lifted again, and dropped
+        ("tcbhhhhhf", True),
+        ("tcb" + "u" * FLICKER + "f", False),  # lifted again, and dropped
+        ("tcb" + "u" * FLICKER + "bf", True),
         ("tcbubf", True),
+        ("tcmf", True),  # let go a little above the stove
+        ("tcmhf", True),
+        ("tcuf", False),  # let go higher
+        ("tcm" + "o" * (TIP - 1) + "f", True),  # first by one hand
+        ("tcm" + "o" * TIP + "f", False),  # carried on by the other one
+        ("tcm" + "o" * TIP + "bf", False),
+        ("tctmf", False),
         ("tcbulllbf", False),
         ("tcjbf", True),  # shaken as it lands
         ("tcfbf", True),
@@ -163,6 +199,6 @@ def test_what_was_put_down(
     assert ask(bench, moments, letters, CARRIAGE.put_down) == counts
 
 
-@pytest.mark.parametrize("letter", "tclnsbjufh")
+@pytest.mark.parametrize("letter", "tclnsbjufhmo")
 def test_what_is_carried(bench: TaskHarness, moments: Moments, letter: str) -> None:
-    assert ask(bench, moments, letter, CARRIAGE.carried) == (letter == "c")
+    assert ask(bench, moments, letter, CARRIAGE.carried) == (letter in "cu")

@@ -13,7 +13,8 @@ from duobench.experts import hinge_chest, spring_door
 from duobench.experts.motion import Arms, Script, release, together, wait
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.support import GRAZE_TIME, SLIP_TIME, UNSUPPORTED_TIME
+from duobench.stages.placing import REST_SECONDS
+from duobench.stages.support import GRAZE_TIME, UNSUPPORTED_TIME
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, Side
 from tests.adversaries import hinge_chest as chest_cheats
@@ -22,7 +23,7 @@ from tests.task_harness import TaskHarness
 
 LONG = round(UNSUPPORTED_TIME * CONTROL_HZ)
 GRAZE = round(GRAZE_TIME * CONTROL_HZ)
-SLIP = round(SLIP_TIME * CONTROL_HZ)
+REST = round(REST_SECONDS * CONTROL_HZ)
 OPEN, HALF_OPEN = 0.8, 0.79
 
 
@@ -121,7 +122,7 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     (i)nside but pinched, (f)ree inside. What is made of that: as h, but (a)way from the lid is the
     arm that holds it, the lid (s)huts, the cube lies (o)n the other arm's hand or on the lid (c);
     as n, but the lid is down on the arm that brings the cube (g); S and F are i and f with a lid
-    that shuts.
+    that shuts, A is f with an open lid and nobody at it.
     """
     sim, saved = bench.sim, dict[str, np.ndarray]()
 
@@ -163,6 +164,7 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     edit("o", "h", at_the_other_arm)
     edit("c", "h", on_the_lid)
     edit("S", "i", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("A", "f", lambda: send_home(bench, saved["t"], case.holder))
     edit("F", "f", lambda: set_lid(sim, case.lid, HALF_OPEN))
     return saved
 
@@ -189,8 +191,9 @@ def test_the_moments_are_what_they_shall_be(scene: Scene) -> None:
     for letter in "hniagsS":
         at(letter)
         assert contacts.grasped(case.bringer, "cube"), letter
-    assert at("a").angle(case.lid) > 1.0
-    assert not contacts.arm(case.holder, case.lid)
+    for letter in "aA":
+        assert at(letter).angle(case.lid) > 1.0
+        assert not contacts.arm(case.holder, case.lid)
     assert at("g").angle(case.lid) >= OPEN
     assert contacts.arm(case.bringer, case.lid)
     at("c")
@@ -200,18 +203,25 @@ def test_the_moments_are_what_they_shall_be(scene: Scene) -> None:
     assert not contacts.between("cube", case.lid)
 
 
+LEFT_ALONE = "A" * REST
+"""The cube rests inside, and nobody is at the lid: what counts then, counted when it was put in."""
+HELD = "f" * (LONG + 1)
+"""The cube rests inside, and the lid goes on being held."""
+
+
 def test_the_honest_way_counts(scene: Scene) -> None:
     assert scene.stage_after("t") == 0
     assert scene.stage_after("t", "h") == 1
     assert scene.stage_after("t", "h" * LONG) == 2
     assert scene.stage_after("t", "h" * LONG, "ni") == 2
-    assert scene.stage_after("t", "h" * LONG, "nif") == 3
-    assert scene.stage_after("t", "h" * LONG, "nff") == 3
+    assert scene.stage_after("t", "h" * LONG, "ni", "f" * (REST - 1)) == 2
+    assert scene.stage_after("t", "h" * LONG, "ni", "f" * REST) == 3
+    assert scene.stage_after("t", "h" * LONG, "ni", LEFT_ALONE) == 3
 
 
 def test_support_needs_the_other_arm_at_the_lid(scene: Scene) -> None:
     assert scene.stage_after("a" * 2 * LONG) == 1
-    assert scene.stage_after("a" * 2 * LONG, "ff") == 1
+    assert scene.stage_after("a" * 2 * LONG, LEFT_ALONE, HELD) == 1
 
 
 def test_support_needs_the_arm_with_the_cube_to_leave_the_lid_alone(scene: Scene) -> None:
@@ -230,43 +240,60 @@ def test_support_needs_an_open_lid_and_a_lifted_cube(scene: Scene) -> None:
 
 def test_a_cube_that_came_without_support_does_not_count(scene: Scene) -> None:
     assert scene.stage_after("f" * 2 * LONG) == 1
-    assert scene.stage_after("h" * (LONG - 1), "ffff") == 1
+    assert scene.stage_after("h" * (LONG - 1), HELD) == 1
+
+
+def test_a_cube_that_was_not_let_go_inside_does_not_count(scene: Scene) -> None:
+    """It flew in from a hand outside."""
+    assert scene.stage_after("h" * LONG, HELD) == 2
 
 
 def test_a_lid_that_shut_on_the_way_spoils_it(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "s", "ff") == 2
-    assert scene.stage_after("h" * LONG, "s", "FF") == 2
-    assert scene.stage_after("h" * LONG, "s", "h" * LONG, "ff") == 3
+    assert scene.stage_after("h" * LONG, "s", "i", HELD) == 2
+    assert scene.stage_after("h" * LONG, "s", "i", "F" * REST) == 2
+    assert scene.stage_after("h" * LONG, "s", "h" * LONG, "i", HELD) == 3
 
 
 def test_the_arm_with_the_cube_may_graze_the_lid_but_not_hold_it(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "g" * (GRAZE - 1), "ff") == 3
-    assert scene.stage_after("h" * LONG, "g" * GRAZE, "ff") == 2
-    assert scene.stage_after("h" * LONG, "g" * (GRAZE - 1), "n", "g" * (GRAZE - 1), "ff") == 3
+    graze = "g" * (GRAZE - 1)
+    assert scene.stage_after("h" * LONG, graze, "i", LEFT_ALONE) == 3
+    assert scene.stage_after("h" * LONG, "g" * GRAZE, "i", LEFT_ALONE) == 2
+    assert scene.stage_after("h" * LONG, graze, "n", graze, "i", LEFT_ALONE) == 3
 
 
 def test_the_cube_may_not_hold_the_lid_either(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "c" * (GRAZE - 1), "ff") == 3
-    assert scene.stage_after("h" * LONG, "c" * GRAZE, "ff") == 2
+    assert scene.stage_after("h" * LONG, "c" * (GRAZE - 1), "i", LEFT_ALONE) == 3
+    assert scene.stage_after("h" * LONG, "c" * GRAZE, "i", LEFT_ALONE) == 2
 
 
 def test_the_other_arm_may_slip_but_not_leave(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "a" * (SLIP - 1), "ff") == 3
-    assert scene.stage_after("h" * LONG, "a" * SLIP, "ff") == 2
+    assert scene.stage_after("h" * LONG, "a" * (LONG - 1), "gi", LEFT_ALONE) == 3
+    assert scene.stage_after("h" * LONG, "a" * LONG, "gi", LEFT_ALONE) == 2
+
+
+def test_a_lid_that_is_still_held_when_the_hand_is_gone_was_held(scene: Scene) -> None:
+    assert scene.stage_after("h" * LONG, "g" * LONG, "i", HELD) == 3
+    assert scene.stage_after("h" * LONG, "c" * LONG, "i", HELD) == 3
+    assert scene.stage_after("h" * LONG, "a" * LONG, "i", HELD) == 3
+    # Unless it shut in between, or shuts when the hand is gone, or nobody is at it.
+    assert scene.stage_after("h" * LONG, "g" * LONG, "s", "i", HELD) == 2
+    assert scene.stage_after("h" * LONG, "g" * LONG, "i", "F" * LONG, HELD) == 2
+    assert scene.stage_after("h" * LONG, "g" * LONG, "i", "A" * 2 * LONG) == 2
 
 
 def test_only_the_arm_that_had_the_cube_brings_it(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "o" * (GRAZE - 1), "ff") == 3
-    assert scene.stage_after("h" * LONG, "o" * GRAZE, "ff") == 2
+    assert scene.stage_after("h" * LONG, "o" * (GRAZE - 1), "gi", HELD) == 3
+    assert scene.stage_after("h" * LONG, "o" * GRAZE, "gi", HELD) == 2
 
 
 def test_once_the_cube_is_inside_the_lid_may_fall(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "i", "S" * 2 * LONG, "F") == 3
+    assert scene.stage_after("h" * LONG, "i", "S" * 2 * LONG, "F" * REST) == 3
 
 
 def test_a_cube_that_was_taken_out_again_must_be_brought_again(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "i", "s", "FF") == 2
-    assert scene.stage_after("h" * LONG, "i", "h", "ff") == 3
+    assert scene.stage_after("h" * LONG, "i", "s", "F" * REST) == 2
+    assert scene.stage_after("h" * LONG, "i", "h", HELD) == 2
+    assert scene.stage_after("h" * LONG, "i", "h", "i", HELD) == 3
 
 
 def test_no_lid_stays_open_by_itself_for_long(scene: Scene) -> None:

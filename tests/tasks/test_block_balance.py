@@ -10,6 +10,7 @@ from duobench.objects.solid import PLA_DENSITY, mass_properties, printable
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import STILL_SPEED
 from duobench.spatial import SE3
+from duobench.stages.placing import REST_SECONDS
 from duobench.tasks.block_balance import (
     BEAM,
     BLOCK,
@@ -17,7 +18,6 @@ from duobench.tasks.block_balance import (
     CUBE_EDGE,
     LEVEL,
     STANDING,
-    STILL_SECONDS,
     TASK,
     TIPPING,
 )
@@ -26,7 +26,7 @@ from tests.task_harness import TaskHarness
 
 PLACE = 0.078
 """Distance of a block from the beam's middle, where the expert puts it."""
-STILL_STEPS = round(STILL_SECONDS * CONTROL_HZ)
+REST_STEPS = round(REST_SECONDS * CONTROL_HZ)
 ON_CUBE = CUBE_EDGE + BEAM[2] / 2 - 0.0001
 ON_BEAM = CUBE_EDGE + BEAM[2] + BLOCK[2] / 2 - 0.0002
 """Heights at which beam and blocks are in contact with what carries them."""
@@ -126,8 +126,8 @@ def test_a_balance_of_both_counts_once_it_stood_still(bench: TaskHarness) -> Non
     bench.history.clear()
     _build(bench, **_bridge(bench), **_ends(bench))
     bench.hold(30)
-    assert bench.history.index(5) == STILL_STEPS - 1
-    assert bench.history[: STILL_STEPS - 1] == [4] * (STILL_STEPS - 1)
+    assert bench.history.index(5) == REST_STEPS - 1
+    assert bench.history[: REST_STEPS - 1] == [4] * (REST_STEPS - 1)
 
 
 def test_a_balance_that_was_not_put_down_by_both_does_not_count(bench: TaskHarness) -> None:
@@ -147,7 +147,7 @@ def test_a_balance_that_moves_now_and_then_does_not_count(bench: TaskHarness, na
     _build(bench, **_bridge(bench), **_ends(bench))
     for _ in range(3):
         bench.put(**_bridge(bench), **_ends(bench))
-        assert bench.hold(STILL_STEPS - 5) == 4
+        assert bench.hold(REST_STEPS - 5) == 4
         _push(bench, name, STILL_SPEED + 0.01)
         assert bench.judge() == 4
         _push(bench, name, 0.0)
@@ -162,7 +162,7 @@ def test_a_balance_on_a_tilted_beam_does_not_count(
     middle = built["beam"]
     turn = middle @ SE3.about((1, 0, 0), LEVEL + beyond) @ middle.inverse()
     tilted = {name: turn @ pose for name, pose in built.items()} | {"cube": built["cube"]}
-    for _ in range(2 * STILL_STEPS):
+    for _ in range(2 * REST_STEPS):
         _build(bench, **tilted)
         assert bench.sim.contacts.between("beam", "cube")
     assert bench.stage == stage
@@ -175,10 +175,10 @@ def test_blocks_that_do_not_stand_do_not_count(bench: TaskHarness) -> None:
     leaning = SE3.about((0, 1, 0), STANDING + 0.02)
     for fallen, physics in ((lying, True), (leaning, False)):
         poses = {**_bridge(bench), **ends, "left_block": ends["left_block"] @ fallen}
-        for _ in range(2 * STILL_STEPS):
+        for _ in range(2 * REST_STEPS):
             _build(bench, **poses)
         if physics:
-            bench.hold(2 * STILL_STEPS)
+            bench.hold(2 * REST_STEPS)
         assert bench.sim.contacts.between("left_block", "beam")
         assert bench.stage == 4
     _build(bench, **_bridge(bench), **ends)
@@ -194,7 +194,7 @@ def test_a_balance_that_an_arm_touches_does_not_count(bench: TaskHarness) -> Non
     elbow = bench.sim.position("left/link4") - built["left_block"].translation
     for shift, stage in ((elbow, 4), (np.zeros(3), 5)):
         x, y, z = shift
-        for _ in range(STILL_STEPS):
+        for _ in range(REST_STEPS):
             _build(bench, **{name: pose.moved(x=x, y=y, z=z) for name, pose in built.items()})
             assert bench.sim.contacts.arm(Side.LEFT, "left_block") == (stage == 4)
             assert not bench.sim.contacts.gripper(Side.LEFT, "left_block")
@@ -263,7 +263,7 @@ def test_blocks_above_the_beam_or_on_a_beam_that_lies_elsewhere_do_not_count(
     elsewhere = {**down_to_table, "cube": SE3.at(0.3, 0.0, CUBE_EDGE / 2)}
     for poses in ({**built, **above}, elsewhere):
         _loaded(bench)
-        for _ in range(STILL_STEPS + 1):
+        for _ in range(REST_STEPS + 1):
             _build(bench, **poses)
         assert bench.stage == 4
 

@@ -24,13 +24,16 @@ from duobench.types import SIDES, Side
 _BEAM_SIDE = Side.RIGHT
 _BEAM_GRASP = 0.014
 """Height of the tool above the beam's middle: the fingertips then clear the table."""
+_BEAM_SPEED = 0.38
+"""Mean speed in m/s with which an arm comes to the beam: its elbow swings little at any tempo."""
+_BEAM_GAP = 0.001
+"""How far above the cube the beam is led, in metres."""
 _BLOCK_GRASP = 0.018
-"""Height of the tool above a block's middle, in metres: at 10 mm the block reaches so far between
-the fingers that their linkages clamp it, and the pads do not."""
+"""Height of the tool above a block's middle, in metres: the pads hold it."""
 _REACH = 0.078
 """Distance of a block from the middle of the beam: at its end, but wholly on it."""
-_PRESS = 0.0005
-"""How far the blocks are led into the beam, in metres, so that both stand on it when let go."""
+_GAP = -0.0005
+"""How far above the beam the blocks are led, in metres: so that both stand on it when let go."""
 _OUTWARD = {Side.LEFT: math.pi / 2, Side.RIGHT: -math.pi / 2}
 """Yaw at which the fingers open along x and the wrist camera points away from the other arm."""
 
@@ -45,20 +48,21 @@ def script(arms: Arms) -> Script:
     yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
 
 
-def lower(arms: Arms, *sides: Side, reach: float = _REACH) -> Script:
+def lower(arms: Arms, *sides: Side, reach: float = _REACH, gap: float = _GAP) -> Script:
     """Carry held blocks over the beam and lower them together; both where no side is given.
 
     Args:
         arms: The arms.
         sides: The arms that put their blocks down.
         reach: Distance of a block from the middle of the beam, in metres.
+        gap: Height above the beam to which the blocks are led, in metres.
     """
     sides = sides or SIDES
     beam = arms.sim.pose("beam")
     goals: dict[Side, SE3] = {}
     for side in sides:
         end = beam.apply([0.0, side.sign * reach, 0.0])
-        height = beam.translation[2] + BEAM[2] / 2 + BLOCK[2] / 2 - _PRESS
+        height = beam.translation[2] + BEAM[2] / 2 + BLOCK[2] / 2 + gap
         goal = SE3.at(end[0], end[1], height, yaw=beam.yaw)
         goals[side] = tool_for(arms, side, _block(side), goal)
     yield from move(arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3)
@@ -67,22 +71,31 @@ def lower(arms: Arms, *sides: Side, reach: float = _REACH) -> Script:
     yield from wait_until(lambda: all(_landed(arms, side) for side in sides), 15)
 
 
-def lay_beam(arms: Arms) -> Script:
-    """Put the beam across the cube."""
-    side = arms.variety.ordered((_BEAM_SIDE, _BEAM_SIDE.other))[0]
+def lay_beam(
+    arms: Arms, side: Side | None = None, along: float = 0.0, gap: float = _BEAM_GAP
+) -> Script:
+    """Put the beam across the cube.
+
+    Args:
+        arms: The arms.
+        side: The arm that lays it.
+        along: Where it grasps the beam, from its middle, in metres.
+        gap: Height above the cube to which the beam is led, in metres.
+    """
+    side = side or arms.variety.ordered((_BEAM_SIDE, _BEAM_SIDE.other))[0]
     beam = arms.sim.pose("beam")
-    x, y, z = beam.translation
-    yield from pick(arms, side, down(x, y, z + _BEAM_GRASP, yaw=beam.yaw + _OUTWARD[side]))
+    x, y, z = beam.apply([0.0, along, _BEAM_GRASP])
+    yield from pick(arms, side, down(x, y, z, yaw=beam.yaw + _OUTWARD[side]), speed=_BEAM_SPEED)
     x, y, _ = arms.sim.position("cube")
-    goal = tool_for(arms, side, "beam", SE3.at(x, y, CUBE_EDGE + BEAM[2] / 2 + 0.001))
+    goal = tool_for(arms, side, "beam", SE3.at(x, y, CUBE_EDGE + BEAM[2] / 2 + gap))
     yield from place(arms, side, goal, above=0.06, retreat=0.15, speed=0.3)
 
 
-def take_block(arms: Arms, side: Side) -> Script:
-    """Pick up the block on an arm's side."""
+def take_block(arms: Arms, side: Side, height: float = _BLOCK_GRASP) -> Script:
+    """Pick up the block on an arm's side, with the tool at a height above the block's middle."""
     pose = arms.sim.pose(_block(side))
     x, y, z = pose.translation
-    grasp = down(x, y, z + _BLOCK_GRASP, yaw=_OUTWARD[side])
+    grasp = down(x, y, z + height, yaw=_OUTWARD[side])
     yield from pick(arms, side, grasp, above=0.12, lift=0.12)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 from duobench.experts.motion import (
     CAREFUL,
     Arms,
@@ -20,10 +23,10 @@ from duobench.types import SIDES, Side
 
 _APPROACH = 0.10
 """Height in metres above the handles from which the tools come straight down."""
+_APPROACH_SPEED = 0.38
+"""Mean speed in m/s of the tools on their way there: the shoulders turn in time at any tempo."""
 _OPENING = 0.45
 """Opening on the way down: wide enough for the bar, narrow enough for the gap to the wall."""
-_FINGER_DEPTH = 0.004
-"""How far the bar lies beyond the tool centre point: near the middle of the pads, in metres."""
 _LIFT = 0.06
 _CLEARANCE = 0.04
 """Height in metres of the pot above the table, and above the plate, while it is carried."""
@@ -31,6 +34,23 @@ _LANDING_SPEED = 0.06
 _BELOW = 0.01
 """How fast (m/s) the pot is lowered onto the plate, and how far below the plate's top, in metres,
 it would be led if it did not touch it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HandleGrasp:
+    """How a gripper takes its handle, from above; the defaults are the expert's way."""
+
+    height: float = 0.004
+    """Height of the tool centre point above the bar in metres: near the middle of the pads."""
+    along: float = 0.0
+    """Place along the bar, from its middle, in metres along the pot's x axis."""
+    yaw: float = 0.0
+    """Turn against the pot, in radians."""
+    tilt: float = 0.0
+    """Lean of the gripper along the bar in radians, see `down`."""
+
+
+EXPERT = HandleGrasp()
 
 
 def script(arms: Arms) -> Script:
@@ -82,19 +102,25 @@ def let_go(arms: Arms, *sides: Side) -> Script:
     yield from move(arms, goals, arrive=False)
 
 
-def grasp(arms: Arms, *sides: Side) -> Script:
-    """Close grippers around the handles, from above; both where none is given."""
-    sides = sides or SIDES
+def grasp(arms: Arms, *sides: Side, hold: Mapping[Side, HandleGrasp] | None = None) -> Script:
+    """Close grippers around the handles, from above.
+
+    Args:
+        arms: The arms.
+        sides: The arms that do so; both where none is given.
+        hold: How each of them takes its handle, as the expert does where none is given.
+    """
+    sides, hold = sides or SIDES, hold or {}
     pot = arms.sim.pose("pot")
-    grasps = {side: _grasp_pose(pot, side) for side in sides}
-    yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH)
+    grasps = {side: _grasp_pose(pot, side, hold.get(side, EXPERT)) for side in sides}
+    yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH, speed=_APPROACH_SPEED)
     yield from grip(arms, *sides)
 
 
-def _grasp_pose(pot: SE3, side: Side) -> SE3:
+def _grasp_pose(pot: SE3, side: Side, hold: HandleGrasp) -> SE3:
     """Where a tool grasps its handle."""
-    x, y, z = pot.apply((0.0, side.sign * HANDLE_OFFSET, HANDLE_Z + _FINGER_DEPTH))
-    return down(x, y, z, yaw=pot.yaw)
+    x, y, z = pot.apply((hold.along, side.sign * HANDLE_OFFSET, HANDLE_Z + hold.height))
+    return down(x, y, z, yaw=pot.yaw + hold.yaw, tilt=hold.tilt)
 
 
 def _handle(side: Side) -> str:

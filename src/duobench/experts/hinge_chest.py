@@ -8,6 +8,7 @@ hand stays out of the space above the cavity.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,9 +34,9 @@ from duobench.types import Side
 HOLDER, INSERTER = Side.RIGHT, Side.LEFT
 _SLOPE = 0.9
 """Angle in radians between the lifting fingers and the vertical."""
-_ROD_Y = -0.112
-"""Where along the front the lifting tool is, in the chest's frame: the fingertips are under the end
-of the lip, the wide linkage behind them is beside the chest."""
+_ROD_Y = 0.112
+"""How far to the holder's side along the front the lifting tool is, in the chest's frame: the
+fingertips are under the end of the lip, the wide linkage behind them is beside the chest."""
 _OVER_FRONT = 0.036
 """How far in front of the chest the rod comes under the lip, in metres: the linkage clears it."""
 _SLIDE = 0.035
@@ -44,81 +45,114 @@ _START = (-OUTER_X / 2 - _OVER_FRONT, 0.044)
 """Rod under the lip: x and z in the chest's frame."""
 _OPEN_ANGLE = 1.32
 """How far the lid is opened, in radians: clear of its stop."""
-_ENOUGH = 1.22
-"""Angle in radians from which on the other arm goes in."""
+_NEARLY = 0.1
+"""How much less than that is enough for the other arm to go in, in radians."""
 _ROD_DEPTH = 0.016
 """From the lid's underside to the rod's axis, in metres."""
 _LIFT_SECONDS = 2.0
 
-_DROP = (-0.025, 0.045)
-"""Where the cube goes down, in the chest's frame."""
-_GRASP_TILT = 0.35
-"""Lean of the inserting hand towards the robot, so that its camera keeps clear of the lid."""
 _WAIT_BESIDE = 0.24
-"""How far to the left of the chest's centre the cube waits, in metres."""
-_CARRY_HEIGHT, _ABOVE_RIM, _DROP_HEIGHT = 0.20, 0.15, 0.045
-"""Heights of the tool in metres: carrying, over the open chest, letting go."""
-_TILT = SE3.about((1, 0, 0), -0.25)
-"""The inserting hand leans to its own side, away from the hand that holds the lid."""
-_GRASP_HEIGHT = 0.028
+"""How far beside the chest's centre the cube waits, in metres."""
+_CARRY_HEIGHT, _ABOVE_RIM = 0.20, 0.15
+"""Heights of the tool in metres: carrying, over the open chest."""
+_LEAN = 0.25
+"""How far the inserting hand leans to its own side, in radians, away from the hand that holds the
+lid."""
 LET_GO = 0.75
 """Opening that frees the cube and still fits between the walls."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Insertion:
+    """How the cube is put in; the defaults are the expert's way."""
+
+    side: Side = INSERTER
+    """The arm that brings it; the other one holds the lid."""
+    open_angle: float = _OPEN_ANGLE
+    """How far the lid is opened, in radians."""
+    place: tuple[float, float] = (-0.025, 0.045)
+    """Where the cube goes down, in the chest's frame."""
+    tilt: float = 0.35
+    """Lean of the inserting hand towards the robot in radians, so that its camera keeps clear of
+    the lid."""
+    yaw: float = 0.0
+    """Turn of the inserting hand against the chest in radians: at 0 its camera is on the lid's side
+    and its fingers open along the front."""
+    grasp_height: float = 0.028
+    """Height of the tool in metres when it grasps the cube on the table."""
+    drop_height: float = 0.045
+    """Height of the tool in metres when it lets the cube go."""
+
+
+EXPERT = Insertion()
+
+
 def script(arms: Arms) -> Script:
     """Open the chest, hold it open, put the cube in."""
-    yield from together(open_lid(arms), bring(arms))
+    yield from insert(arms, EXPERT)
 
 
-def bring(arms: Arms) -> Script:
-    """The left arm puts the cube in as soon as the lid is open."""
-    yield from fetch(arms)
-    yield from wait_until(lambda: arms.sim.angle("chest/lid") >= _ENOUGH, 300)
-    yield from lower(arms)
-    yield from release(arms, INSERTER, opening=LET_GO)
+def insert(arms: Arms, way: Insertion) -> Script:
+    """One arm opens the chest and holds it open while the other one puts the cube in."""
+    yield from together(open_lid(arms, way), bring(arms, way))
 
 
-def _lifting(chest: SE3, x: float, z: float) -> SE3:
+def bring(arms: Arms, way: Insertion = EXPERT) -> Script:
+    """The inserting arm puts the cube in as soon as the lid is open."""
+    yield from fetch(arms, way)
+    enough = way.open_angle - _NEARLY
+    yield from wait_until(lambda: arms.sim.angle("chest/lid") >= enough, 300)
+    yield from lower(arms, way)
+    yield from release(arms, way.side, opening=LET_GO)
+
+
+def _lifting(chest: SE3, holder: Side, x: float, z: float) -> SE3:
     """Tool pose of the rod at (x, z) of the chest's frame, camera towards the table."""
-    return chest @ down(x, _ROD_Y, z, yaw=math.pi / 2, tilt=_SLOPE) @ SE3.at(yaw=math.pi)
+    rod = down(x, holder.sign * _ROD_Y, z, yaw=-holder.sign * math.pi / 2, tilt=_SLOPE)
+    return chest @ rod @ SE3.at(yaw=math.pi)
 
 
-def _under_lid(chest: SE3, angle: float) -> SE3:
+def under_lid(chest: SE3, holder: Side, angle: float) -> SE3:
     """Tool pose of the rod against the underside of the lid, open by `angle` radians."""
     reach = LID_LENGTH + _OVER_FRONT - _SLIDE * angle / _OPEN_ANGLE
     lid = SE3.about((0, 1, 0), angle).apply([-reach, 0.0, LID_UNDERSIDE - _ROD_DEPTH])
-    return _lifting(chest, HINGE[0] + lid[0], HINGE[2] + lid[2])
+    return _lifting(chest, holder, HINGE[0] + lid[0], HINGE[2] + lid[2])
 
 
-def open_lid(arms: Arms) -> Script:
-    """The right arm lifts the lid and holds it."""
-    chest = arms.sim.pose("chest")
-    start = _lifting(chest, *_START)
+def open_lid(arms: Arms, way: Insertion = EXPERT) -> Script:
+    """The holding arm lifts the lid and holds it."""
+    chest, holder = arms.sim.pose("chest"), way.side.other
+    start = _lifting(chest, holder, *_START)
     back = start @ SE3.at(0.0, 0.0, -0.13)
-    arms.openings[HOLDER.index] = CLOSED
-    yield from move(arms, {HOLDER: back}, tolerance=NEAR)
-    yield from grip(arms, HOLDER)
-    yield from move(arms, {HOLDER: start}, speed=0.2)
-    yield from move(arms, {HOLDER: _under_lid(chest, 0.0)}, speed=0.1, arrive=False)
-    yield from follow(arms, lambda f: {HOLDER: _under_lid(chest, f * _OPEN_ANGLE)}, _LIFT_SECONDS)
+    arms.openings[holder.index] = CLOSED
+    yield from move(arms, {holder: back}, tolerance=NEAR)
+    yield from grip(arms, holder)
+    yield from move(arms, {holder: start}, speed=0.2)
+    yield from move(arms, {holder: under_lid(chest, holder, 0.0)}, speed=0.1, arrive=False)
+
+    def up(fraction: float) -> dict[Side, SE3]:
+        return {holder: under_lid(chest, holder, fraction * way.open_angle)}
+
+    yield from follow(arms, up, _LIFT_SECONDS)
 
 
-def fetch(arms: Arms) -> Script:
-    """The left arm picks up the cube and waits beside the chest."""
-    yield from pick_cube(arms, INSERTER, "cube", _GRASP_HEIGHT)
-    y = arms.sim.position("chest")[1] + _WAIT_BESIDE
-    yield from move(arms, {INSERTER: over(arms, y, _CARRY_HEIGHT)}, tolerance=0.02)
+def fetch(arms: Arms, way: Insertion = EXPERT) -> Script:
+    """The inserting arm picks up the cube and waits beside the chest."""
+    yield from pick_cube(arms, way.side, "cube", way.grasp_height)
+    y = arms.sim.position("chest")[1] + way.side.sign * _WAIT_BESIDE
+    yield from move(arms, {way.side: over(arms, y, _CARRY_HEIGHT, way)}, tolerance=0.02)
 
 
-def lower(arms: Arms) -> Script:
-    """The left arm brings the cube over the open chest, and down."""
-    y = arms.sim.pose("chest").apply([*_DROP, 0.0])[1]
-    yield from move(arms, {INSERTER: over(arms, y, _ABOVE_RIM)}, tolerance=0.01)
-    yield from move(arms, {INSERTER: over(arms, y, _DROP_HEIGHT)}, speed=CAREFUL)
+def lower(arms: Arms, way: Insertion = EXPERT) -> Script:
+    """The inserting arm brings the cube over the open chest, and down."""
+    y = arms.sim.pose("chest").apply([*way.place, 0.0])[1]
+    yield from move(arms, {way.side: over(arms, y, _ABOVE_RIM, way)}, tolerance=0.01)
+    yield from move(arms, {way.side: over(arms, y, way.drop_height, way)}, speed=CAREFUL)
 
 
-def over(arms: Arms, y: float, height: float) -> SE3:
+def over(arms: Arms, y: float, height: float, way: Insertion = EXPERT) -> SE3:
     """Tool pose of the inserting arm, at a place across the table and a height in metres."""
     chest = arms.sim.pose("chest")
-    turn = _TILT @ down(0.0, 0.0, 0.0, yaw=chest.yaw, tilt=_GRASP_TILT)
-    return SE3(turn.rotation, np.array([chest.apply([*_DROP, 0.0])[0], y, height]))
+    lean = SE3.about((1, 0, 0), -way.side.sign * _LEAN)
+    turn = lean @ down(0.0, 0.0, 0.0, yaw=chest.yaw + way.yaw, tilt=way.tilt)
+    return SE3(turn.rotation, np.array([chest.apply([*way.place, 0.0])[0], y, height]))

@@ -305,7 +305,14 @@ def pick_cube(arms: Arms, side: Side, cube: str, height: float, *, tilt: float =
         yield from pick(arms, side, down(x, y, height, yaw=yaw, tilt=tilt))
 
 
-def come_down(arms: Arms, grasps: Mapping[Side, SE3], *, opening: float, above: float) -> Script:
+def come_down(
+    arms: Arms,
+    grasps: Mapping[Side, SE3],
+    *,
+    opening: float,
+    above: float,
+    speed: float = SPEED,
+) -> Script:
     """Bring open grippers around what they will grasp, from above.
 
     Args:
@@ -313,12 +320,13 @@ def come_down(arms: Arms, grasps: Mapping[Side, SE3], *, opening: float, above: 
         grasps: Tool poses at which the fingers will close.
         opening: Opening on the way down.
         above: Height in metres from which the tools come straight down.
+        speed: Mean speed in m/s of the tools on their way there.
     """
     grasps = {side: grasp @ arms.variety.grasp_offset(1.0) for side, grasp in grasps.items()}
     for side in grasps:
         arms.openings[side.index] = opening
     start = {side: grasp.moved(z=above) for side, grasp in grasps.items()}
-    yield from move(arms, start, tolerance=NEAR)
+    yield from move(arms, start, speed=speed, tolerance=NEAR)
     yield from move(arms, grasps, speed=CAREFUL)
 
 

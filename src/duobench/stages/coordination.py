@@ -28,6 +28,12 @@ from duobench.types import SIDES
 FLICKER_SECONDS = 0.1
 """How long a contact that is lost is lost for good: three control steps. Fingers that let go and
 close again take longer, contacts that flicker do not."""
+HOP_HEIGHT = 0.003
+"""How far the lowest point of an object that stands on its support may hop, in metres, while a hand
+that trembles lets it go."""
+TIP_SECONDS = 0.2
+"""How long an object that one hand has let go little above its support takes to tip onto it at
+most, in seconds; what is higher than `HOP_HEIGHT` for longer hangs in the other hand."""
 LANDING_DEPTH = 0.001
 """How far below the top of its support the lowest point of an object on it may seem to be."""
 
@@ -51,7 +57,7 @@ class Carriage:
     """Each gripper grasps one handle, and the object is raised in the air."""
     put_down: Predicate
     """It was carried to its place on its support, both handles grasped until it was put down; since
-    then it has been neither on the table nor lifted again."""
+    then it has been neither on the table nor lifted again, nor in the air in one hand."""
 
 
 def carriage(
@@ -90,8 +96,11 @@ def carriage(
     # Put down beside its place, and pushed there by one arm, it was not brought there by both.
     low = low_over(prop, support, top)
     landed = all_of(low, raised(prop, top - LANDING_DEPTH), place, in_both, on_the_way)
-    lifted_again = in_air & ~low
+    # Fingers that open make it hop, and what one hand lets go first tips onto its support.
+    in_hand = any_of(*(grasped(side, handle) for side in SIDES for handle in handles))
+    hung = in_air & in_hand & ~in_both & ~low_over(prop, support, top, HOP_HEIGHT)
+    taken_up = interrupted(~(in_air & in_hand) | low) | held_for(hung, TIP_SECONDS)
     return Carriage(
         carried=carried,
-        put_down=since(landed, reset=any_of(on_table, let_go, lifted_again)),
+        put_down=since(landed, reset=on_table | taken_up),
     )

@@ -64,15 +64,18 @@ _LOW = tuple(low_over(name, "beam", BEAM[2] / 2) & off_table(name) for name in B
 _AT_ENDS = all_of(*(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS), *_LOW)
 _ON_BEAM = all_of(_AT_ENDS, *(touching(name, "beam") for name in BLOCKS))
 _HELD = is_.lifted_by_any("beam")
-# On the cube, not beside it in the hand.
+# On the cube, not beside it in the hand; and it stays there, when a hand has left it.
 _LAID = all_of(is_.rests_on("beam", "cube"), raised("beam", CUBE_EDGE - LYING), released("beam"))
-_BRIDGE = all_of(_LAID, _LEVEL, since(_HELD))
+_BRIDGE = placed(_LAID, _LEVEL) & since(_HELD)
 _GRASPED = is_.grasped_apart(*BLOCKS)
 _READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE))
 # Blocks that were put on one after the other, and grasped again, were not put on together.
 _TOGETHER = all_of(_GRASPED, *(brought(name, "beam") for name in BLOCKS))
 _LOADED = all_of(_AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY))
-_LEFT = any_of(*(interrupted(low) for low in _LOW))
+_OVER = is_.BoxRegion(body="beam", low=(*ENDS[0].low[:2], 0), high=ENDS[1].high)
+_LEFT = any_of(
+    *(interrupted(low & is_.inside(name, _OVER)) for low, name in zip(_LOW, BLOCKS, strict=True))
+)
 # No arm props anything up, with its gripper or with any other part.
 _ALONE = all_of(
     *(is_.still(name) for name in _EVERYTHING),

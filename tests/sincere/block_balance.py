@@ -1,0 +1,152 @@
+"""Sincere ways to balance a beam on a cube with two blocks that both arms put down together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from duobench.experts.block_balance import lay_beam, lower, take_block
+from duobench.experts.motion import Arms, Script, move, release, together, wait
+from duobench.sim.simulation import Simulation
+from duobench.types import SIDES, Side
+from tests.sincere.sincere import Way
+
+LEFT, RIGHT = SIDES
+BLOCKS = ("left_block", "right_block")
+LEVEL, STANDING = math.radians(12.0), math.radians(20.0)
+"""Largest tilts of a level beam [task definitions] and of a block that stands on it."""
+END = 0.060
+"""Distance in metres from the beam's middle from which on a block alone tips it."""
+SLOW = 0.02
+"""Speed in m/s below which things stand still."""
+SLOWLY = 0.15
+"""Share of the ways taken at random that go at half the speed."""
+TREMBLES = (0.0, 0.0, 0.0, 0.01)
+"""Trembling of ways taken at random, in radians."""
+
+
+def done(sim: Simulation) -> bool:
+    """Both blocks stand on the ends of the level beam, it on the cube, and no arm is at them."""
+    props = ("cube", "beam", *BLOCKS)
+    hands = any(sim.contacts.arm(side, prop) for side in SIDES for prop in props)
+    left, right = (sim.relative_position(block, "beam")[1] for block in BLOCKS)
+    return (
+        not hands
+        and all(sim.contacts.partners(block) == {"beam"} for block in BLOCKS)
+        and sim.contacts.partners("beam") == {"cube", *BLOCKS}
+        and min(abs(left), abs(right)) >= END
+        and left * right < 0.0
+        and sim.rotation("beam")[2, 2] >= math.cos(LEVEL)
+        and all(sim.rotation(block)[2, 2] >= math.cos(STANDING) for block in BLOCKS)
+        and all(sim.speed(prop)[0] < SLOW for prop in props)
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Building:
+    """How it is built; the defaults are the expert's way."""
+
+    beam_arm: Side = RIGHT
+    """The arm that lays the beam."""
+    along: float = 0.0
+    """Where it grasps the beam, from its middle, in metres."""
+    beam_gap: float = 0.001
+    """Height above the cube at which it lets the beam go, in metres."""
+    heights: tuple[float, float] = (0.018, 0.018)
+    """Height of each tool above its block's middle in metres when it grasps."""
+    first: Side | None = None
+    """The arm that takes its block first; both at once where none is given."""
+    reach: float = 0.078
+    """Distance of the blocks from the middle of the beam, in metres."""
+    gap: float = -0.0005
+    """Height above the beam to which the blocks are led, in metres; pressed in below 0."""
+    pause: int = 4
+    """Control steps before they are let go."""
+    release: tuple[tuple[Side, ...], ...] = (SIDES,)
+    """The arms that let go together, one group after the other."""
+
+
+def by(way: Building) -> Callable[[Arms], Script]:
+    """One arm lays the beam, both take their blocks, put them down together and let go."""
+
+    def script(arms: Arms) -> Script:
+        yield from lay_beam(arms, way.beam_arm, way.along, way.beam_gap)
+        if way.first is None:
+            takes = [take_block(arms, side, way.heights[side.index]) for side in SIDES]
+            yield from together(*takes)
+        else:
+            for side in (way.first, way.first.other):
+                yield from take_block(arms, side, way.heights[side.index])
+        yield from lower(arms, reach=way.reach, gap=way.gap)
+        yield from wait(way.pause)
+        for sides in way.release:
+            yield from release(arms, *sides)
+        yield from wait(4)
+        yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
+
+    return script
+
+
+def _way(name: str, building: Building, **changes: object) -> Way:
+    return replace(Way(name=name, script=by(building), done=done), **changes)
+
+
+EXPERT = Building()
+
+WAYS: tuple[Way, ...] = (
+    *(
+        _way(
+            f"blocks grasped {height} mm above their middle", Building(heights=(height / 1000,) * 2)
+        )
+        for height in (-10, 0, 10, 30)
+    ),
+    _way("one block grasped deep, one at the fingertips", Building(heights=(-0.008, 0.028))),
+    *(
+        _way(f"let go together {gap} mm above the beam", Building(gap=gap / 1000))
+        for gap in (1, 4, 7)
+    ),
+    _way("pressed 3 mm into the beam", Building(gap=-0.003)),
+    _way("the beam laid by the left arm", Building(beam_arm=LEFT)),
+    _way("the beam grasped beside its middle", Building(along=0.03)),
+    _way("the beam let go 5 mm above the cube", Building(beam_gap=0.005)),
+    _way("the left block taken first", Building(first=LEFT)),
+    _way("the right block taken first", Building(first=RIGHT)),
+    _way("blocks nearer to the middle", Building(reach=0.068)),
+    _way("blocks at the very ends", Building(reach=0.084)),
+    _way("the left arm lets go first", Building(release=((LEFT,), (RIGHT,)))),
+    _way("at half the speed", EXPERT, slowness=2),
+    _way("trembling", EXPERT, tremble=0.01),
+)
+
+
+def sample(rng: np.random.Generator) -> Way:
+    """A way taken at random over how the beam is laid and the blocks are taken and put down."""
+    releases = ((SIDES,), ((LEFT,), (RIGHT,)), ((RIGHT,), (LEFT,)))
+    release_order = releases[rng.choice(len(releases), p=(0.8, 0.1, 0.1))]
+    # Who lets go one arm after the other has both blocks standing.
+    highest = 0.006 if len(release_order) == 1 else -0.0005
+    building = Building(
+        beam_arm=SIDES[rng.integers(2)],
+        along=rng.uniform(-0.03, 0.03),
+        beam_gap=rng.uniform(0.0, 0.006),
+        heights=(rng.uniform(-0.010, 0.030), rng.uniform(-0.010, 0.030)),
+        first=(None, LEFT, RIGHT)[rng.integers(3)],
+        reach=rng.uniform(0.066, 0.084),
+        gap=rng.uniform(-0.003, highest),
+        pause=int(rng.integers(0, 15)),
+        release=release_order,
+    )
+    slowness = 2 if rng.random() < SLOWLY else 1
+    tremble = float(rng.choice(TREMBLES))
+    left, right = (1000 * height for height in building.heights)
+    name = (
+        f"beam by {building.beam_arm} at {building.along * 1000:.0f} mm, let go "
+        f"{building.beam_gap * 1000:.0f} mm above; blocks at {left:.0f} and {right:.0f} mm, first "
+        f"{building.first}, at {building.reach * 1000:.0f} mm, let go {building.gap * 1000:.1f} mm "
+        f"above in {len(release_order)} goes, pause {building.pause}, tremble {tremble}, "
+        f"slow {slowness}"
+    )
+    return _way(name, building, slowness=slowness, tremble=tremble)

@@ -1,0 +1,218 @@
+"""Sincere ways to put a cube into a chest whose lid another arm holds open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from duobench.experts.hinge_chest import (
+    LET_GO,
+    Insertion,
+    fetch,
+    lower,
+    open_lid,
+    under_lid,
+)
+from duobench.experts.motion import Arms, Script, follow, move, release, together, wait
+from duobench.objects.blocks import CUBE_EDGE
+from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL
+from duobench.sim.simulation import Simulation
+from duobench.types import Side
+from tests.sincere.sincere import Way
+
+OPEN = 0.8
+"""Angle in radians from which on the lid counts as open [task definitions]."""
+PLAY = 0.002
+"""How far from the chest's floor a cube that lies on it may seem to be, in metres."""
+SLOW = 0.02
+"""Speed in m/s below which a cube lies still."""
+OUTWARD, SLOWLY, TREMBLING = 0.15, 0.15, 0.25
+"""Shares of the ways taken at random with a hand turned outwards, at half the speed, trembling."""
+KINDS = (0.5, 0.1, 0.2, 0.2)
+"""Shares of those in which both arms work at once, one after the other, in which the lid sinks onto
+the hand, and in which the hand leans on it."""
+
+
+def done_by(bringer: Side) -> Callable[[Simulation], bool]:
+    """The cube lies in the chest, no hand is at it, and the lid is still open.
+
+    The lid shuts by itself, and these scripts never lift it again: what is open for a second with
+    nothing of the arm that brought the cube at it is held by the other one, and was all the time.
+    """
+
+    def done(sim: Simulation) -> bool:
+        x, y, z = sim.relative_position("cube", "chest")
+        lies = sim.contacts.between("cube", "chest") and abs(z - WALL - CUBE_EDGE / 2) < PLAY
+        hands = any(sim.contacts.arm(side, "cube") for side in Side)
+        alone = not sim.contacts.arm(bringer, "chest/lid")
+        return (
+            lies
+            and abs(x) < CAVITY[0] / 2
+            and abs(y) < CAVITY[1] / 2
+            and sim.speed("cube")[0] < SLOW
+            and not hands
+            and alone
+            and sim.angle("chest/lid") >= OPEN
+        )
+
+    return done
+
+
+def let_go(arms: Arms, way: Insertion) -> Script:
+    """Let the cube go, unless the hand did not get it below the rim, and leave the chest."""
+    if arms.sim.min_height("cube") < RIM_HEIGHT:
+        yield from release(arms, way.side, opening=LET_GO)
+    yield from retreat(arms, way)
+
+
+def retreat(arms: Arms, way: Insertion) -> Script:
+    """The inserting arm goes up and away."""
+    here = arms.targets[way.side]
+    yield from move(arms, {way.side: here.moved(z=0.13)}, speed=0.3)
+    yield from move(arms, {way.side: here.moved(y=way.side.sign * 0.2, z=0.16)}, arrive=False)
+
+
+def put_in(way: Insertion) -> Callable[[Arms], Script]:
+    """The expert's way with other numbers, and the hand leaves the chest."""
+
+    def script(arms: Arms) -> Script:
+        yield from together(open_lid(arms, way), fetch(arms, way))
+        yield from lower(arms, way)
+        yield from let_go(arms, way)
+
+    return script
+
+
+def one_after_the_other(way: Insertion) -> Callable[[Arms], Script]:
+    """The cube is in hand before the other arm begins to open the lid."""
+
+    def script(arms: Arms) -> Script:
+        yield from fetch(arms, way)
+        yield from open_lid(arms, way)
+        yield from lower(arms, way)
+        yield from let_go(arms, way)
+
+    return script
+
+
+def slipped(way: Insertion, by: float, steps: int) -> Callable[[Arms], Script]:
+    """The lid sinks onto the inserting hand for a moment, and the holder takes it again.
+
+    Args:
+        way: How the cube goes in.
+        by: How far the holder's fingers sink, in radians of the lid.
+        steps: Control steps for which they are down.
+    """
+
+    def sink(arms: Arms, start: float, end: float) -> Script:
+        chest, holder = arms.sim.pose("chest"), way.side.other
+
+        def path(fraction: float) -> dict[Side, object]:
+            return {holder: under_lid(chest, holder, start + fraction * (end - start))}
+
+        yield from follow(arms, path, 0.4)
+
+    def script(arms: Arms) -> Script:
+        yield from together(open_lid(arms, way), fetch(arms, way))
+        yield from wait(10)
+        yield from lower(arms, way)
+        yield from sink(arms, way.open_angle, way.open_angle - by)
+        yield from wait(steps)
+        yield from sink(arms, way.open_angle - by, way.open_angle)
+        yield from let_go(arms, way)
+
+    return script
+
+
+def along_the_lid(way: Insertion, lean: float) -> Callable[[Arms], Script]:
+    """The hand that has come down leans on the open lid for half a second, and lets go there.
+
+    Args:
+        way: How the cube goes in.
+        lean: How far the hand is led towards the lid, in metres.
+    """
+
+    def script(arms: Arms) -> Script:
+        yield from together(open_lid(arms, way), fetch(arms, way))
+        yield from wait(10)
+        yield from lower(arms, way)
+        yield from move(arms, {way.side: arms.targets[way.side].moved(x=lean)}, speed=0.1)
+        yield from wait(15)
+        yield from let_go(arms, way)
+
+    return script
+
+
+def _way(name: str, insertion: Insertion, **changes: object) -> Way:
+    way = Way(name=name, script=put_in(insertion), done=done_by(insertion.side))
+    return replace(way, **changes)
+
+
+EXPERT = Insertion()
+STEEP = Insertion(tilt=0.0, place=(-0.045, 0.045))
+
+FRONT = (-0.045, 0.045)
+"""Far in front of the open lid, in the chest's frame."""
+ASIDE = Insertion(tilt=0.0, yaw=math.pi / 2, place=FRONT)
+BRUSH = replace(STEEP, tilt=0.2)
+
+WAYS: tuple[Way, ...] = (
+    _way("as the expert, and the hand leaves", EXPERT),
+    _way("a hand that comes straight down", STEEP),
+    _way(
+        "a hand straight down, its camera aside, the lid at 1.1 rad", replace(ASIDE, open_angle=1.1)
+    ),
+    _way(
+        "a hand straight down, its camera aside, the lid at 1.0 rad", replace(ASIDE, open_angle=1.0)
+    ),
+    _way("a hand straight down, the lid at its stop", replace(STEEP, open_angle=1.39)),
+    _way("a hand that leans by half a radian", Insertion(tilt=0.5)),
+    _way("a lid opened to 1.1 rad", Insertion(open_angle=1.1, tilt=0.5, place=FRONT)),
+    _way("a lid opened to 1.2 rad", Insertion(open_angle=1.2, place=(-0.035, 0.045))),
+    _way("far in front of the lid", Insertion(place=FRONT)),
+    _way("near the hinge", Insertion(place=(-0.005, 0.045), tilt=0.45)),
+    _way("at the left wall", Insertion(place=(-0.03, 0.085))),
+    _way("at the right of the middle", Insertion(place=(-0.03, -0.02))),
+    _way("let go at the rim", Insertion(drop_height=0.085)),
+    _way("grasped at the tips of the fingers", Insertion(grasp_height=0.045)),
+    _way("grasped deep in the fingers", Insertion(grasp_height=0.026)),
+    _way("at half the speed", EXPERT, slowness=2),
+    _way("trembling", EXPERT, tremble=0.01),
+    _way("trembling, straight down", STEEP, tremble=0.01),
+    _way("one arm after the other", EXPERT, script=one_after_the_other(EXPERT)),
+    _way("a hand that leans on the lid", EXPERT, script=along_the_lid(EXPERT, 0.03)),
+    _way("a hand that leans hard on the lid", BRUSH, script=along_the_lid(BRUSH, 0.04)),
+    _way("the lid sinks onto the hand for a moment", EXPERT, script=slipped(EXPERT, 0.3, 10)),
+    _way("the lid lies on the hand for a second", EXPERT, script=slipped(EXPERT, 0.4, 30)),
+)
+
+
+def sample(rng: np.random.Generator) -> Way:
+    """A way taken at random over how the lid is held and the cube goes in."""
+    insertion = Insertion(
+        open_angle=rng.uniform(1.0, 1.39),
+        place=(rng.uniform(-0.05, -0.01), rng.uniform(-0.03, 0.08)),
+        tilt=rng.uniform(0.0, 0.5),
+        yaw=math.pi / 2 if rng.random() < OUTWARD else 0.0,
+        grasp_height=rng.uniform(0.026, 0.042),
+        drop_height=rng.uniform(0.042, 0.08),
+    )
+    slowness = 2 if rng.random() < SLOWLY else 1
+    tremble = 0.01 if rng.random() < TREMBLING else 0.0
+    kinds = {
+        "together": put_in(insertion),
+        "in turn": one_after_the_other(insertion),
+        "sinks": slipped(insertion, rng.uniform(0.05, 0.3), int(rng.integers(3, 30))),
+        "leans": along_the_lid(insertion, rng.uniform(0.0, 0.04)),
+    }
+    kind = str(rng.choice(list(kinds), p=KINDS))
+    x, y = insertion.place
+    name = (
+        f"{kind}: lid {insertion.open_angle:.2f}, tilt {insertion.tilt:.2f}, at {x * 1000:.0f} "
+        f"{y * 1000:.0f} mm, yaw {insertion.yaw:.1f}, grasp {insertion.grasp_height * 1000:.0f}, "
+        f"drop {insertion.drop_height * 1000:.0f}, tremble {tremble}, slow {slowness}"
+    )
+    return _way(name, insertion, script=kinds[kind], slowness=slowness, tremble=tremble)
