@@ -105,6 +105,8 @@ class Bar:
     """Where the giver clasps it: distance from the bar's centre, towards the giver's camera."""
     height: float
     """Height of the tool centre point when the giver clasps the lying bar, in metres."""
+    tilt: float = 0.0
+    """Tilt in radians of the giver's hand when it clasps the lying bar, towards its camera."""
     freedom: float = 1.0
     """Share of a variety's differences with which the giver still holds the bar firmly."""
 
@@ -122,7 +124,8 @@ def pick_bar(arms: Arms, bar: Bar) -> Script:
         x, y, _ = pose.translation - SHOULDERS[giver]
         yaw = nearest_turn(pose.yaw, math.pi, math.atan2(y, x) + giver.sign * _OUTWARDS)
         x, y, _ = pose.translation + bar.grip * np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        yield from pick(arms, giver, down(x, y, bar.height, yaw=yaw), lift=0, freedom=bar.freedom)
+        grasp = down(x, y, bar.height, yaw=yaw, tilt=bar.tilt)
+        yield from pick(arms, giver, grasp, lift=0, freedom=bar.freedom)
         excess = max(0.0, -giver.sign * yaw - _MOST_INWARDS)
         turned = SE3.about((0, 0, 1), giver.sign * excess).rotation @ arms.targets[giver].rotation
         lifted = SE3(turned, arms.targets[giver].translation).moved(z=_LIFT)
@@ -142,7 +145,8 @@ def present(bar: Bar, centre: ArrayLike, rise: float, lean: float = 0.0) -> SE3:
     leaning = SE3.about((0, 1, 0), lean).rotation
     free = leaning @ (0.0, s * math.cos(rise), math.sin(rise))
     along = leaning @ (0.0, s * math.sin(rise), -math.cos(rise))
-    return tool(np.asarray(centre) - bar.grip * free, along=along, camera=-free)
+    upright = tool(np.asarray(centre) - bar.grip * free, along=along, camera=-free)
+    return upright @ SE3.about((0, 1, 0), bar.tilt)
 
 
 def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:

@@ -38,7 +38,7 @@ LEAN = math.radians(30)
 """How far bar and hands lean away from the robot at the ring, which stands so near to it that its
 elbows were bent to their limits."""
 RECEIVER_GRIP = 0.030
-_BEFORE, _BEYOND = -0.14, 0.020
+_BEFORE, BEYOND = -0.14, 0.020
 """Where the block's centre waits before the ring and where it is handed over, along its axis."""
 _READY = tool((0.45, 0.30, 0.53), along=(-0.5, -1.0, -0.87), camera=(0.0, 1.0, -1.0))
 _PRESS = 0.003
@@ -65,7 +65,7 @@ def ring(arms: Arms) -> np.ndarray:
 def reach_through(arms: Arms) -> Script:
     """Bring the block's free end and centre through the ring."""
     before, beyond = (
-        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE, LEAN) for y in (_BEFORE, _BEYOND)
+        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE, LEAN) for y in (_BEFORE, BEYOND)
     )
     yield from move(arms, {BAR.giver: before})
     yield from move(arms, {BAR.giver: beyond}, speed=CAREFUL)
