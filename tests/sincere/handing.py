@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -24,6 +23,7 @@ from duobench.experts.handover import (
 from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together, tool_for
 from duobench.spatial import SE3
 from duobench.types import Array, Side
+from tests.sincere.sincere import WayFailedError
 
 PICKING_STEPS = 300
 """Control steps after which a hand gives up picking the bar up: it may be out of its reach."""
@@ -42,8 +42,6 @@ RETREAT = 0.10
 """How far a hand is drawn back, in metres."""
 RARELY = 0.12
 """How often a random way is slow, and how often it trembles."""
-Attempt = Generator[None, None, bool]
-"""A script that tells at its end whether it went well."""
 STILL_SPEED, STILL_TURN = 0.02, 0.4
 """Speeds in m/s and rad/s below which a person sees an object at rest."""
 
@@ -77,8 +75,14 @@ class Meeting:
         )
 
 
-def hand_over(arms: Arms, meeting: Meeting) -> Attempt:
-    """Pick the bar up and hand it over; whether it has been in the air all the way."""
+def check(as_meant: bool) -> None:
+    """Give up when the bar is not where it should be."""
+    if not as_meant:
+        raise WayFailedError
+
+
+def hand_over(arms: Arms, meeting: Meeting) -> Script:
+    """Pick the bar up and hand it over."""
     body, giver, receiver = meeting.bar.body, meeting.bar.giver, meeting.bar.giver.other
     x, y, z = meeting.centre
     ready = tool(
@@ -92,12 +96,11 @@ def hand_over(arms: Arms, meeting: Meeting) -> Attempt:
     if meeting.before:
         yield from move(arms, {giver: at.moved(y=meeting.before * giver.sign)})
     yield from move(arms, {giver: at}, tolerance=NEAR, speed=CAREFUL)
-    if arms.sim.min_height(body) < IN_THE_AIR:
-        return False
+    check(arms.sim.min_height(body) > IN_THE_AIR)
     clasped = receive_pose(arms, meeting.bar, meeting.grip_at, meeting.slant)
     yield from clasp(arms, receiver, clasped)
     yield from let_go(arms, giver)
-    return arms.sim.min_height(body) > IN_THE_AIR
+    check(arms.sim.min_height(body) > IN_THE_AIR)
 
 
 def leaning(arms: Arms, side: Side, body: str, lean: float) -> SE3:
@@ -129,15 +132,12 @@ def low_end(pose: SE3, length: float, width: float) -> Array:
 
 
 def put_down(arms: Arms, side: Side, body: str, goal: SE3) -> Script:
-    """Bring a bar to a pose, let go there, and draw the hand back along itself.
-
-    An arm that does not reach the place keeps the bar.
-    """
+    """Bring a bar to a pose, let go there, and draw the hand back along itself."""
     for height, speed, tolerance in ((0.08, 0.4, NEAR), (0.02, CAREFUL, 0.004), (0.0, 0.06, 0.001)):
         pose = tool_for(arms, side, body, goal.moved(z=height))
         yield from move(arms, {side: pose}, speed=speed, tolerance=tolerance)
-    if arms.sim.position(body)[2] > goal.translation[2] + SEEN:
-        return
+        check(arms.sim.contacts.gripper(side, body))
+    check(arms.sim.position(body)[2] < goal.translation[2] + SEEN)
     yield from release(arms, side)
     back = arms.targets[side] @ SE3.at(z=-RETREAT)
     yield from move(arms, {side: back}, speed=0.35, arrive=False)

@@ -50,8 +50,7 @@ class Plan:
     y: float = -0.02
 
     def script(self, arms: Arms) -> Script:
-        if not (yield from hand_over(arms, self.meeting)):
-            return
+        yield from hand_over(arms, self.meeting)
         giver, side = self.meeting.bar.giver, self.meeting.bar.giver.other
         yield from clear_of(arms, giver)
         pose = leaning(arms, side, BAR.body, self.lean)

@@ -68,8 +68,7 @@ class Plan:
             lean=LEAN,
             before=self.beyond - BEFORE,
         )
-        if not (yield from hand_over(arms, meeting)):
-            return
+        yield from hand_over(arms, meeting)
         giver, side = bar.giver, bar.giver.other
         yield from leave(arms, giver)
         pulled = arms.targets[side].moved(x=0.06, y=0.12, z=0.03)

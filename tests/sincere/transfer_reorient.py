@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from duobench.experts.motion import Arms, Script, release, wait
 from duobench.experts.handover import let_go
+from duobench.experts.motion import Arms, Script, release, wait
 from duobench.experts.transfer_reorient import (
     BAR,
     MEETING_POINT,
@@ -25,6 +25,7 @@ from tests.handovers import clear_of
 from tests.sincere.handing import (
     Meeting,
     at_rest,
+    check,
     hand_over,
     random_grasps,
     random_tempo,
@@ -53,8 +54,7 @@ class Plan:
     """Whether the hand is drawn back, or only opened."""
 
     def script(self, arms: Arms) -> Script:
-        if not (yield from hand_over(arms, self.meeting)):
-            return
+        yield from hand_over(arms, self.meeting)
         giver, side = self.meeting.bar.giver, self.meeting.bar.giver.other
         yield from clear_of(arms, giver)
         hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
@@ -62,6 +62,7 @@ class Plan:
         for height, speed in ((0.16, 0.4), (0.06, 0.4), (0.010, 0.12), (0.004, 0.12)):
             yield from lead(arms, side, goal.moved(z=height), speed=speed)
         yield from lead(arms, side, goal.moved(z=-self.depth), speed=0.06)
+        check(arms.sim.min_height(BAR.body) < BOARD_HEIGHT)
         if self.retreat:
             yield from let_go(arms, side)
         else:
@@ -123,9 +124,7 @@ def sample(rng: np.random.Generator) -> Way:
         grip_at=grip_at,
         slant=math.radians(rng.uniform(0, 10)),
     )
-    plan = Plan(
-        meeting=meeting, depth=rng.uniform(0.004, 0.028), retreat=bool(rng.random() < 0.7)
-    )
+    plan = Plan(meeting=meeting, depth=rng.uniform(0.004, 0.028), retreat=bool(rng.random() < 0.7))
     slowness, tremble = random_tempo(rng)
     name = f"{meeting.name}, {plan.depth:.3f} deep, slowness {slowness}, tremble {tremble}"
     return way(name, plan, slowness=slowness, tremble=tremble)

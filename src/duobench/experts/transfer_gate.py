@@ -62,13 +62,13 @@ def ring(arms: Arms) -> np.ndarray:
     return arms.sim.position("gate") + np.array([0.0, 0.0, RING_HEIGHT])
 
 
-def reach_through(arms: Arms) -> Script:
-    """Bring the block's free end and centre through the ring."""
-    before, beyond = (
-        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE, LEAN) for y in (_BEFORE, BEYOND)
+def reach_through(arms: Arms, beyond: float = BEYOND) -> Script:
+    """Bring the block's free end through the ring, and its centre to a place along the axis."""
+    before, through = (
+        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE, LEAN) for y in (_BEFORE, beyond)
     )
     yield from move(arms, {BAR.giver: before})
-    yield from move(arms, {BAR.giver: beyond}, speed=CAREFUL)
+    yield from move(arms, {BAR.giver: through}, speed=CAREFUL)
 
 
 def leave(arms: Arms, side: Side) -> Script:
