@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duobench.experts.handover import Bar, clasp, pick_bar, present, receive_pose
-from duobench.experts.motion import Arms, Script, down, move, nearest_turn, pick, release
+from duobench.experts.motion import CAREFUL, Arms, Script, down, move, nearest_turn, pick, release
 from duobench.spatial import SE3
 from duobench.types import Side
 
@@ -21,6 +21,13 @@ def bring(arms: Arms, side: Side, body: str, point: ArrayLike, *, above: float =
     yield from move(arms, {side: arms.targets[side].moved(z=above)}, arrive=False)
     yield from move(arms, {side: goal.moved(z=above)})
     yield from move(arms, {side: goal}, speed=0.2)
+
+
+def lower(arms: Arms, side: Side, body: str, height: float) -> Script:
+    """Bring an object's lowest point straight to a height in metres."""
+    way = height - arms.sim.min_height(body)
+    goal = arms.targets[side].moved(z=way)
+    yield from move(arms, {side: goal}, speed=CAREFUL, tolerance=0.001)
 
 
 def drop(arms: Arms, *sides: Side) -> Script:

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from duobench.experts.handover import clasp, hanging, let_go, pick_bar
+from duobench.experts.handover import clasp, hanging, let_go, pick_bar, present, receive_pose
 from duobench.experts.motion import (
+    CAREFUL,
     OPEN,
     Arms,
     Script,
@@ -18,17 +19,23 @@ from duobench.experts.motion import (
 )
 from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
-from duobench.objects.bowl import RADIUS
+from duobench.objects.bowl import RADIUS, RIM_HEIGHT
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
-from tests.handovers import bring, clear_of, drop, meet, pick_lying
+from tests.handovers import bring, clear_of, drop, lower, meet, pick_lying
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_BOWL = 102
 """Seed of a layout in which both arms reach the bowl."""
 MIDDLE = (0.48, 0.0, CUBE_EDGE / 2 + 0.002)
+ABOVE = 0.020
+"""Height in metres above a rim from which a block is dropped."""
+HALF_OPEN = 0.25
+"""Opening at which both fingers meet the end of the block."""
+PAD_REACH = 0.023
+"""How far pads reach beyond the tool point, in metres."""
 IN_BOWL = np.array([0.0, 0.0, 0.045])
 
 
@@ -135,6 +142,26 @@ def drop_from_on_high(arms: Arms) -> Script:
     yield from drop(arms, LEFT)
 
 
+def drop_from_above_the_rim(arms: Arms) -> Script:
+    yield from hand_over(arms)
+    x, y, _ = arms.sim.position("bowl")
+    yield from bring(arms, LEFT, "cube", (x, y, 0.15))
+    yield from lower(arms, LEFT, "cube", RIM_HEIGHT + ABOVE)
+    yield from drop(arms, LEFT)
+
+
+def press_on_its_end(arms: Arms) -> Script:
+    """Hold the block out to half-open fingers that push against its end, and put it in alone."""
+    yield from pick_bar(arms, BAR)
+    yield from move(arms, {RIGHT: present(BAR, MEETING_POINT, RISE)})
+    yield from grip(arms, LEFT, opening=HALF_OPEN)
+    end = receive_pose(arms, BAR, LONG_BLOCK / 2 + PAD_REACH, 0.0)
+    for way in (-0.08, 0.006, -0.08):
+        yield from move(arms, {LEFT: end @ SE3.at(z=way)}, speed=CAREFUL)
+    yield from clear_of(arms, LEFT)
+    yield from into_bowl(arms, RIGHT)
+
+
 def tip_over_the_rim(arms: Arms) -> Script:
     """Stand the block beside the bowl, and knock it over."""
     yield from hand_over(arms)
@@ -222,6 +249,22 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=ends_in_bowl,
         gets=3,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the block is dropped into the bowl from two centimetres above its rim",
+        script=drop_from_above_the_rim,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=3,
+        seed=NEAR_BOWL,
+    ),
+    Adversary(
+        name="the other arm presses half-open fingers on the block's end",
+        script=press_on_its_end,
+        hands=Hands.BOTH,
+        deed=ends_in_bowl,
+        gets=1,
         seed=NEAR_BOWL,
     ),
     Adversary(

@@ -23,11 +23,15 @@ from duobench.objects.gate import MAT_THICKNESS, RING_HEIGHT, RING_RADIUS
 from duobench.sim.simulation import Simulation
 from duobench.types import Side
 from tests.adversaries.adversary import Adversary, Hands
-from tests.handovers import bring, clear_of, drop, pick_lying
+from tests.handovers import bring, clear_of, drop, lower, pick_lying
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_MAT = 181
 """Seed of a layout in which both arms reach the mat."""
+ABOVE = 0.020
+"""Height in metres above the mat from which the block is dropped."""
+SHORT = -0.020
+"""Where the block's centre is along the ring's axis, in metres, when it only reaches in."""
 ASIDE = 0.26
 """Distance in metres from the ring's axis at which an arm leads the block around the ring."""
 
@@ -156,6 +160,37 @@ def let_fall(arms: Arms) -> Script:
     yield from onto_mat(arms, LEFT, height=0.10)
 
 
+def let_fall_from_low(arms: Arms) -> Script:
+    yield from hand_over(arms)
+    x, y, _ = arms.sim.position("mat")
+    yield from bring(arms, LEFT, "block", (x, y, 0.15))
+    yield from lower(arms, LEFT, "block", MAT_THICKNESS + ABOVE)
+    yield from drop(arms, LEFT)
+
+
+def both_in_the_ring_then_around(arms: Arms) -> Script:
+    """Hold the block in the ring with both arms, draw it back, and hand it over around the ring."""
+    yield from pick_bar(arms, BAR)
+    yield from reach_through(arms, SHORT)
+    yield from clasp(arms, LEFT, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
+    yield from let_go(arms, LEFT)
+    yield from pull_back(arms)
+    yield from go_around(arms)
+    yield from take(arms)
+    yield from finish(arms)
+
+
+def keep(arms: Arms) -> Script:
+    """Hold the block in the ring with both arms, draw it back, and put it down with the first."""
+    yield from pick_bar(arms, BAR)
+    yield from reach_through(arms, SHORT)
+    yield from clasp(arms, LEFT, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
+    yield from let_go(arms, LEFT)
+    yield from clear_of(arms, LEFT)
+    yield from pull_back(arms)
+    yield from around_onto_mat(arms)
+
+
 def touch_and_let_fall(arms: Arms) -> Script:
     yield from hand_over(arms)
     yield from lower_onto_mat(arms, LEFT)
@@ -213,6 +248,11 @@ ADVERSARIES: tuple[Adversary, ...] = (
     cheat("around, and dipped into the ring from behind", around_and_dip, 1, deed=dipped),
     cheat("the block is handed back", hand_back, 3),
     cheat("the block falls onto the mat", let_fall, 3),
+    cheat("the block falls from two centimetres above the mat", let_fall_from_low, 3),
+    cheat(
+        "in both hands in the ring, back, and handed over around", both_in_the_ring_then_around, 1
+    ),
+    cheat("in both hands in the ring, back, and put down by the first", keep, 1),
     cheat("the block touches the mat, and falls onto it", touch_and_let_fall, 3),
     cheat("the block falls onto the mat, and is pinched there", let_fall_and_pinch, 3),
     # In suite 2 the ring fell onto the block, and what was lifted out of it had come through.

@@ -13,11 +13,11 @@ from duobench.experts.motion import Arms, Script, grip, move, nearest_turn, tool
 from duobench.experts.transfer_reorient import (
     BAR,
     MEETING_POINT,
-    OVER_BOARD,
     RECEIVER_GRIP,
     RISE,
     insert,
     lead,
+    upright,
 )
 from duobench.objects.hexagon_peg import ACROSS_FLATS, BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 from duobench.sim.simulation import Simulation
@@ -31,6 +31,8 @@ LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_BOARD = 103
 """Seed of a layout in which both arms reach the hexagonal hole."""
 MIDDLE = (0.50, 0.0, ACROSS_FLATS / 2 + 0.002)
+ABOVE = 0.020
+"""Height in metres above the hole from which a peg is dropped."""
 GRIPPED_ABOVE = 0.028
 """Distance in metres from the peg's centre at which an arm holds it that inserts it from beside."""
 
@@ -53,7 +55,6 @@ def both_hold(arms: Arms) -> Script:
 def hand_over(arms: Arms) -> Script:
     yield from both_hold(arms)
     yield from let_go(arms, RIGHT)
-    arms.posture[LEFT.index] = OVER_BOARD
 
 
 def insert_from_beside(arms: Arms, side: Side) -> Script:
@@ -118,17 +119,19 @@ def hand_back(arms: Arms) -> Script:
 
 
 def let_fall(arms: Arms) -> Script:
-    """Let go of the peg where only its tip is in the hole."""
+    """Let go of the peg right above the hole."""
     yield from hand_over(arms)
-    for height in (0.16, 0.06, 0.004, -0.006):
-        yield from lead(arms, LEFT, hole(arms), height, speed=0.2)
+    goal = upright(arms, LEFT, hole(arms))
+    for height in (0.16, 0.06, ABOVE):
+        yield from lead(arms, LEFT, goal.moved(z=height), speed=0.2)
     yield from let_go(arms, LEFT)
 
 
 def draw_out_and_let_fall(arms: Arms) -> Script:
     yield from hand_over(arms)
     yield from insert(arms, LEFT, hole(arms))
-    yield from lead(arms, LEFT, hole(arms), -0.006, speed=0.06)
+    goal = upright(arms, LEFT, hole(arms))
+    yield from lead(arms, LEFT, goal.moved(z=ABOVE), speed=0.06)
     yield from let_go(arms, LEFT)
 
 

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 
 from duobench.types import OPENING_SLOTS
-from tests.sincere.sincere import PATIENCE, Way
+from tests.sincere.sincere import PATIENCE, Way, WayFailedError
 from tests.task_harness import TaskHarness
 
 MAX_STEPS = 4000
@@ -44,13 +44,16 @@ def play(bench: TaskHarness, way: Way, seed: int) -> Judgement:
         bench.send(action + shake)
 
     last = bench.sim.duo.command().flat
-    for _ in way.script(bench.arms):
-        action = bench.arms.action()
-        for part in range(1, way.slowness + 1):
-            send(last + (action - last) * (part / way.slowness))
-            steps += 1
-        last = action
-        assert steps < MAX_STEPS, "the script does not end"
+    try:
+        for _ in way.script(bench.arms):
+            action = bench.arms.action()
+            for part in range(1, way.slowness + 1):
+                send(last + (action - last) * (part / way.slowness))
+                steps += 1
+            last = action
+            assert steps < MAX_STEPS, "the script does not end"
+    except WayFailedError:
+        return Judgement(done=False, stage=bench.stage, steps=steps)
     for _ in range(max(way.settle, PATIENCE)):
         send(bench.arms.action())
         streak = streak + 1 if way.done(bench.sim) else 0

@@ -16,6 +16,10 @@ from duobench.experts.motion import Arms, Script
 from duobench.sim.simulation import Simulation
 
 
+class WayFailedError(Exception):
+    """A script sees that it did not do what it meant to, such as when it drops something."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Way:
     """One sincere way to do a task."""

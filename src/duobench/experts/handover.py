@@ -23,8 +23,10 @@ from duobench.experts.motion import (
     nearest_turn,
     pick,
     release,
+    tool_for,
     wait,
 )
+from duobench.scene.fr3 import SHOULDERS
 from duobench.spatial import SE3
 from duobench.types import Array, Side
 
@@ -33,6 +35,17 @@ _FIRM_GRIP_STEPS = 4
 _ALONG = 0.10
 """From how far, in metres, a tool comes along its axis to the bar, and how far it retreats."""
 _UPRIGHT_SINE = 1e-6
+_LIFT = 0.10
+"""How far the giver lifts, in metres."""
+_OUTWARDS = math.radians(15)
+"""Turn in radians of the giver's camera from the arm's own direction, away from the other arm, about
+which every yaw of a lying bar is reached without the last joint's stop."""
+_MOST_INWARDS = math.radians(45)
+"""Largest turn in radians of the giver's camera towards the other arm at the end of the lift: from
+there it is the shorter turn outwards, to where the camera looks when the bar is handed over."""
+CAMERA_YAW = math.radians(45)
+"""Turn in radians of the camera of a hand that holds a bar lengthwise and points down, away from
+the other arm: well off the last joint's stop, and not far from how the bar was received."""
 
 
 def tool(position: ArrayLike, *, along: ArrayLike, camera: ArrayLike) -> SE3:
@@ -67,6 +80,19 @@ def hanging(arms: Arms, side: Side, body: str) -> SE3:
     return SE3(upright.rotation @ pose.rotation, pose.translation)
 
 
+def turn_to_camera(arms: Arms, side: Side, body: str, pose: SE3) -> float:
+    """Turn about the vertical, in radians, that brings the camera to `CAMERA_YAW`.
+
+    Args:
+        arms: The arms.
+        side: Which arm holds the body.
+        body: The body.
+        pose: Pose of the body at which its hand points down.
+    """
+    camera = tool_for(arms, side, body, pose).rotation[:, 0]
+    return side.sign * CAMERA_YAW - math.atan2(camera[1], camera[0])
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Bar:
     """A bar on its way from one arm to the other."""
@@ -79,6 +105,8 @@ class Bar:
     """Where the giver clasps it: distance from the bar's centre, towards the giver's camera."""
     height: float
     """Height of the tool centre point when the giver clasps the lying bar, in metres."""
+    tilt: float = 0.0
+    """Tilt in radians of the giver's hand when it clasps the lying bar, towards its camera."""
     freedom: float = 1.0
     """Share of a variety's differences with which the giver still holds the bar firmly."""
 
@@ -93,26 +121,32 @@ def pick_bar(arms: Arms, bar: Bar) -> Script:
     giver = bar.giver
     while not arms.grasps(giver, bar.body):
         pose = arms.sim.pose(bar.body)
-        # The camera looks away from the other arm when the bar is handed over. Half of the way
-        # there is the turn from which every yaw is reached without the last joint's stop.
-        yaw = nearest_turn(pose.yaw, math.pi, giver.sign * math.radians(15))
+        x, y, _ = pose.translation - SHOULDERS[giver]
+        yaw = nearest_turn(pose.yaw, math.pi, math.atan2(y, x) + giver.sign * _OUTWARDS)
         x, y, _ = pose.translation + bar.grip * np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        grasp = down(x, y, bar.height, yaw=yaw)
-        yield from pick(arms, giver, grasp, freedom=bar.freedom)
+        grasp = down(x, y, bar.height, yaw=yaw, tilt=bar.tilt)
+        yield from pick(arms, giver, grasp, lift=0, freedom=bar.freedom)
+        excess = max(0.0, -giver.sign * yaw - _MOST_INWARDS)
+        turned = SE3.about((0, 0, 1), giver.sign * excess).rotation @ arms.targets[giver].rotation
+        lifted = SE3(turned, arms.targets[giver].translation).moved(z=_LIFT)
+        yield from move(arms, {giver: lifted}, speed=0.3, arrive=False)
 
 
-def present(bar: Bar, centre: ArrayLike, rise: float) -> SE3:
+def present(bar: Bar, centre: ArrayLike, rise: float, lean: float = 0.0) -> SE3:
     """Tool pose at which the giver holds the bar's centre at a position, its free end across.
 
     Args:
         bar: The bar.
         centre: Position (3,) of the bar's centre.
         rise: Angle of the free end above the horizontal, in radians.
+        lean: Angle in radians by which the plane of bar and tools leans away from the robot.
     """
     s = bar.giver.other.sign
-    free = np.array([0.0, s * math.cos(rise), math.sin(rise)])
-    along = np.array([0.0, s * math.sin(rise), -math.cos(rise)])
-    return tool(np.asarray(centre) - bar.grip * free, along=along, camera=-free)
+    leaning = SE3.about((0, 1, 0), lean).rotation
+    free = leaning @ (0.0, s * math.cos(rise), math.sin(rise))
+    along = leaning @ (0.0, s * math.sin(rise), -math.cos(rise))
+    upright = tool(np.asarray(centre) - bar.grip * free, along=along, camera=-free)
+    return upright @ SE3.about((0, 1, 0), bar.tilt)
 
 
 def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
@@ -131,7 +165,7 @@ def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
     upwards = np.cross(normal, free)
     upwards *= np.sign(upwards[2])
     along = -math.cos(slant) * free - math.sin(slant) * upwards
-    camera = math.cos(slant) * upwards - math.sin(slant) * free
+    camera = math.sin(slant) * free - math.cos(slant) * upwards
     position = arms.sim.position(bar.body) + grip_at * free
     return tool(position, along=along, camera=camera)
 

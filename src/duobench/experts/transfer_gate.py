@@ -15,6 +15,7 @@ from duobench.experts.handover import (
     present,
     receive_pose,
     tool,
+    turn_to_camera,
 )
 from duobench.experts.motion import (
     CAREFUL,
@@ -33,10 +34,13 @@ from duobench.types import Side
 
 BAR = Bar(body="block", giver=Side.RIGHT, grip=0.026, height=0.028)
 RISE = math.radians(45)
+LEAN = math.radians(30)
+"""How far bar and hands lean away from the robot at the ring, which stands so near to it that its
+elbows were bent to their limits."""
 RECEIVER_GRIP = 0.030
-_BEFORE, _BEYOND = -0.14, 0.020
+_BEFORE, BEYOND = -0.14, 0.020
 """Where the block's centre waits before the ring and where it is handed over, along its axis."""
-_READY = tool((0.42, 0.30, 0.55), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
+_READY = tool((0.45, 0.30, 0.53), along=(-0.5, -1.0, -0.87), camera=(0.0, 1.0, -1.0))
 _PRESS = 0.003
 """How far below the mat the block is led, in metres, so that it does touch."""
 _TOUCH_STEPS = 15
@@ -58,13 +62,13 @@ def ring(arms: Arms) -> np.ndarray:
     return arms.sim.position("gate") + np.array([0.0, 0.0, RING_HEIGHT])
 
 
-def reach_through(arms: Arms) -> Script:
-    """Bring the block's free end and centre through the ring."""
-    before, beyond = (
-        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE) for y in (_BEFORE, _BEYOND)
+def reach_through(arms: Arms, beyond: float = BEYOND) -> Script:
+    """Bring the block's free end through the ring, and its centre to a place along the axis."""
+    before, through = (
+        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE, LEAN) for y in (_BEFORE, beyond)
     )
     yield from move(arms, {BAR.giver: before})
-    yield from move(arms, {BAR.giver: beyond}, speed=CAREFUL)
+    yield from move(arms, {BAR.giver: through}, speed=CAREFUL)
 
 
 def leave(arms: Arms, side: Side) -> Script:
@@ -74,10 +78,11 @@ def leave(arms: Arms, side: Side) -> Script:
 
 def lower_onto_mat(arms: Arms, side: Side) -> Script:
     """Stand the block on the mat, until it touches the mat."""
-    yield from move(arms, {side: arms.targets[side].moved(y=0.12, z=0.06)}, arrive=False)
+    yield from move(arms, {side: arms.targets[side].moved(x=0.06, y=0.12, z=0.03)}, arrive=False)
     x, y, _ = arms.sim.position("mat")
     standing = hanging(arms, side, BAR.body)
-    block = SE3(standing.rotation, np.array([x, y, MAT_THICKNESS + LONG_BLOCK / 2]))
+    turn = SE3.about((0, 0, 1), turn_to_camera(arms, side, BAR.body, standing)).rotation
+    block = SE3(turn @ standing.rotation, np.array([x, y, MAT_THICKNESS + LONG_BLOCK / 2]))
     goal = tool_for(arms, side, BAR.body, block)
     yield from move(arms, {side: goal.moved(z=0.08)}, tolerance=NEAR)
     goal = tool_for(arms, side, BAR.body, block)

@@ -15,6 +15,7 @@ from duobench.experts.handover import (
     present,
     receive_pose,
     tool,
+    turn_to_camera,
 )
 from duobench.experts.motion import NEAR, Arms, Script, move, nearest_turn, together, tool_for
 from duobench.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
@@ -27,8 +28,6 @@ MEETING_POINT = np.array([0.50, 0.0, 0.38])
 RISE = math.radians(60)
 RECEIVER_GRIP = 0.032
 _READY = tool((0.50, 0.25, 0.45), along=(0.0, -1.0, -1.0), camera=(0.0, 1.0, -1.0))
-OVER_BOARD = (0.9, 0.0, 0.0, -2.5, 1.6, 2.45, 0.5)
-"""Joints in radians that the left arm is attracted to over the board."""
 _ABOVE = (0.16, 0.06)
 """Heights of the peg above the board on its way, in metres. The elbow changes sides; lower down it
 may get stuck half-way, nearly stretched, and the arm does not reach the board."""
@@ -46,26 +45,31 @@ def script(arms: Arms) -> Script:
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
     yield from let_go(arms, giver)
     hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
-    arms.posture[receiver.index] = OVER_BOARD
     yield from insert(arms, receiver, hole)
     yield from let_go(arms, receiver)
 
 
 def insert(arms: Arms, side: Side, hole: SE3) -> Script:
     """Turn the peg upright over a hole, look again from near, lower it."""
+    goal = upright(arms, side, hole)
     for height in _ABOVE:
-        yield from lead(arms, side, hole, height, speed=0.4)
+        yield from lead(arms, side, goal.moved(z=height), speed=0.4)
     for height in (0.010, 0.004):
-        yield from lead(arms, side, hole, height, speed=0.12)
-    yield from lead(arms, side, hole, -0.024, speed=0.06)
+        yield from lead(arms, side, goal.moved(z=height), speed=0.12)
+    yield from lead(arms, side, goal.moved(z=-0.024), speed=0.06)
 
 
-def lead(arms: Arms, side: Side, hole: SE3, height: float, *, speed: float) -> Script:
-    """Bring the peg's lower end to a height above a hole, upright and turned like the hole."""
+def upright(arms: Arms, side: Side, hole: SE3) -> SE3:
+    """Pose of the peg as it stands on a hole's mouth, turned like the hole, its hand above."""
     peg = hanging(arms, side, BAR.body)
     corner = math.atan2(peg.rotation[1, 1], peg.rotation[0, 1])
-    turn = nearest_turn(hole.yaw - corner, _HEXAGON_TURN)
-    rotation = SE3.about((0, 0, 1), turn).rotation @ peg.rotation
-    goal = SE3(rotation, hole.translation + np.array([0.0, 0.0, height + PEG_LENGTH / 2]))
+    comfortable = turn_to_camera(arms, side, BAR.body, peg)
+    turn = SE3.about((0, 0, 1), nearest_turn(hole.yaw - corner, _HEXAGON_TURN, comfortable))
+    goal = SE3(turn.rotation @ peg.rotation, hole.translation)
+    return goal.moved(z=PEG_LENGTH / 2)
+
+
+def lead(arms: Arms, side: Side, goal: SE3, *, speed: float) -> Script:
+    """Bring the peg to a pose, from how it lies in the hand now."""
     pose = tool_for(arms, side, BAR.body, goal)
     yield from move(arms, {side: pose}, speed=speed, tolerance=_PRECISE)

@@ -1,0 +1,176 @@
+"""How sincere ways of the tasks of sequential handoff hand a bar over and put it down."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from duobench.experts.handover import (
+    CAMERA_YAW,
+    Bar,
+    clasp,
+    hanging,
+    let_go,
+    pick_bar,
+    present,
+    receive_pose,
+    tool,
+    turn_to_camera,
+)
+from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together, tool_for
+from duobench.spatial import SE3
+from duobench.types import Array, Side
+from tests.sincere.sincere import WayFailedError
+
+PICKING_STEPS = 300
+"""Control steps after which a hand gives up picking the bar up: it may be out of its reach."""
+PADS_APART = 0.046
+"""Least distance in metres along a bar between two tools that clasp it: pads reach 23 mm beyond the
+tool point and are 22 mm wide."""
+FACING = math.radians(75)
+"""Turn in radians of the camera of a hand that leans, away from the other arm."""
+MUCH = 0.3
+"""Lean in radians from which a hand is turned there."""
+IN_THE_AIR = 0.10
+"""Height of a bar's lowest point in metres above which hands have it."""
+SEEN = 0.001
+"""How much too high, in metres, a bar is that a person sees not to have reached its place."""
+RETREAT = 0.10
+"""How far a hand is drawn back, in metres."""
+RARELY = 0.12
+"""How often a random way is slow, and how often it trembles."""
+STILL_SPEED, STILL_TURN = 0.02, 0.4
+"""Speeds in m/s and rad/s below which a person sees an object at rest."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Meeting:
+    """Where and how a bar goes from hand to hand."""
+
+    bar: Bar
+    """The bar, and how the giver holds it."""
+    centre: tuple[float, float, float]
+    """Where its centre is, in metres."""
+    rise: float
+    """Angle of its free end above the horizontal, in radians."""
+    grip_at: float
+    """Where the receiver clasps it: distance from the bar's centre towards the free end."""
+    slant: float = 0.0
+    """Angle in radians between the receiver's tool and the bar."""
+    lean: float = 0.0
+    """Angle in radians by which bar and hands lean away from the robot."""
+    before: float = 0.0
+    """How far short of the centre the giver stops on its way, in metres."""
+
+    @property
+    def name(self) -> str:
+        """The numbers, for a report."""
+        bar = self.bar
+        return (
+            f"{bar.giver} gives: {bar.grip:.3f}, {bar.height:.3f}, tilt {bar.tilt:.2f}; "
+            f"received {self.grip_at:.3f}, slant {self.slant:.2f}; rise {self.rise:.2f}"
+        )
+
+
+def check(as_meant: bool) -> None:
+    """Give up when the bar is not where it should be."""
+    if not as_meant:
+        raise WayFailedError
+
+
+def hand_over(arms: Arms, meeting: Meeting) -> Script:
+    """Pick the bar up and hand it over."""
+    body, giver, receiver = meeting.bar.body, meeting.bar.giver, meeting.bar.giver.other
+    x, y, z = meeting.centre
+    ready = tool(
+        (x, y + 0.25 * receiver.sign, z + 0.10),
+        along=(0.0, -1.0 * receiver.sign, -1.0),
+        camera=(0.0, 1.0 * receiver.sign, -1.0),
+    )
+    picking = islice(pick_bar(arms, meeting.bar), PICKING_STEPS)
+    yield from together((None for _ in picking), move(arms, {receiver: ready}, arrive=False))
+    at = present(meeting.bar, meeting.centre, meeting.rise, meeting.lean)
+    if meeting.before:
+        yield from move(arms, {giver: at.moved(y=meeting.before * giver.sign)})
+    yield from move(arms, {giver: at}, tolerance=NEAR, speed=CAREFUL)
+    check(arms.sim.min_height(body) > IN_THE_AIR)
+    clasped = receive_pose(arms, meeting.bar, meeting.grip_at, meeting.slant)
+    yield from clasp(arms, receiver, clasped)
+    yield from let_go(arms, giver)
+    check(arms.sim.min_height(body) > IN_THE_AIR)
+
+
+def leaning(arms: Arms, side: Side, body: str, lean: float) -> SE3:
+    """Pose of a bar whose end in the hand leans outwards, to where the hand's camera looks.
+
+    Its position is the one that it has now.
+
+    Args:
+        arms: The arms.
+        side: Which arm holds the bar.
+        body: The bar.
+        lean: Angle in radians from upright.
+    """
+    standing = hanging(arms, side, body)
+    facing = side.sign * (FACING - CAMERA_YAW) * min(1.0, lean / MUCH)
+    turn = SE3.about((0, 0, 1), turn_to_camera(arms, side, body, standing) + facing)
+    yaw = side.sign * CAMERA_YAW + facing
+    outwards = SE3.about((-math.sin(yaw), math.cos(yaw), 0.0), lean)
+    return SE3((outwards @ turn).rotation @ standing.rotation, standing.translation)
+
+
+def low_end(pose: SE3, length: float, width: float) -> Array:
+    """The middle of the lower end of a bar along x, but at the height of its lowest point (3,)."""
+    axis = pose.rotation[:, 0]
+    axis = -np.copysign(1.0, axis[2]) * axis
+    low = abs(axis[2]) * length / 2 + np.abs(pose.rotation[2, 1:]).sum() * width / 2
+    x, y, z = pose.translation
+    return np.array([x + axis[0] * length / 2, y + axis[1] * length / 2, z - low])
+
+
+def put_down(arms: Arms, side: Side, body: str, goal: SE3) -> Script:
+    """Bring a bar to a pose, let go there, and draw the hand back along itself."""
+    for height, speed, tolerance in ((0.08, 0.4, NEAR), (0.02, CAREFUL, 0.004), (0.0, 0.06, 0.001)):
+        pose = tool_for(arms, side, body, goal.moved(z=height))
+        yield from move(arms, {side: pose}, speed=speed, tolerance=tolerance)
+        check(arms.sim.contacts.gripper(side, body))
+    check(arms.sim.position(body)[2] < goal.translation[2] + SEEN)
+    yield from release(arms, side)
+    back = arms.targets[side] @ SE3.at(z=-RETREAT)
+    yield from move(arms, {side: back}, speed=0.35, arrive=False)
+
+
+def swapped(meeting: Meeting, giver: Side) -> Meeting:
+    """The same with a giver of one's choice."""
+    return replace(meeting, bar=replace(meeting.bar, giver=giver))
+
+
+def at_rest(speed: tuple[float, float]) -> bool:
+    """Whether a person would call it still."""
+    return speed[0] < STILL_SPEED and speed[1] < STILL_TURN
+
+
+def random_grasps(rng: np.random.Generator, bar: Bar, reach: float) -> tuple[Bar, float]:
+    """A giver's grasp and where the receiver clasps: anywhere that two hands have room.
+
+    Args:
+        rng: Random numbers.
+        bar: The bar as the expert holds it.
+        reach: How far from the bar's centre the receiver's tool is at most, in metres.
+    """
+    grip = rng.uniform(0.010, 0.036)
+    bar = replace(
+        bar,
+        grip=grip,
+        height=bar.height + rng.uniform(-0.010, 0.006),
+        tilt=rng.uniform(-0.2, 0.3),
+    )
+    return bar, rng.uniform(max(PADS_APART - grip, 0.010), reach)
+
+
+def random_tempo(rng: np.random.Generator) -> tuple[int, float]:
+    """Now and then half the speed, now and then a tremble of 10 mrad."""
+    return 1 + int(rng.random() < RARELY), 0.01 * float(rng.random() < RARELY)

@@ -1,0 +1,134 @@
+"""Sincere ways of transfer_cube."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from duobench.experts.motion import Arms, Script
+from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
+from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
+from duobench.sim.simulation import Simulation
+from duobench.types import Side
+from tests.handovers import clear_of
+from tests.sincere.handing import (
+    Meeting,
+    at_rest,
+    hand_over,
+    leaning,
+    low_end,
+    put_down,
+    random_grasps,
+    random_tempo,
+    swapped,
+)
+from tests.sincere.sincere import Way
+
+EXPERT = Meeting(
+    bar=BAR,
+    centre=tuple(MEETING_POINT.tolist()),
+    rise=RISE,
+    grip_at=RECEIVER_GRIP,
+    slant=SLANT,
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plan:
+    """How the block goes into the bowl."""
+
+    meeting: Meeting = EXPERT
+    lean: float = math.radians(40)
+    """Angle in radians from upright at which the block is let go."""
+    height: float = 0.0
+    """How far its lowest point is above the bowl's floor then, in metres."""
+    x: float = 0.0
+    """Where its lower end is in the bowl, in metres from the middle."""
+    y: float = -0.02
+
+    def script(self, arms: Arms) -> Script:
+        yield from hand_over(arms, self.meeting)
+        giver, side = self.meeting.bar.giver, self.meeting.bar.giver.other
+        yield from clear_of(arms, giver)
+        pose = leaning(arms, side, BAR.body, self.lean)
+        spot = arms.sim.position("bowl") + np.array(
+            [self.x, self.y * side.sign, FLOOR + self.height]
+        )
+        shift = spot - low_end(pose, LONG_BLOCK, CUBE_EDGE)
+        yield from put_down(arms, side, BAR.body, pose.moved(*shift))
+
+
+def done(sim: Simulation) -> bool:
+    """The block rests in the bowl, below its rim, and nobody touches it."""
+    x, y, _ = sim.relative_position("cube", "bowl")
+    return (
+        math.hypot(x, y) < RADIUS - WALL
+        and sim.min_height("cube") < RIM_HEIGHT / 2
+        and sim.contacts.partners("cube") == {"bowl"}
+        and "table" in sim.contacts.partners("bowl")
+        and sim.rotation("bowl")[2, 2] > math.cos(math.radians(10))
+        and at_rest(sim.speed("cube"))
+    )
+
+
+def held(*, grip: float = BAR.grip, height: float = BAR.height, tilt: float = 0.0) -> Meeting:
+    """The expert's handover, with another grasp of the giver."""
+    return replace(EXPERT, bar=replace(BAR, grip=grip, height=height, tilt=tilt))
+
+
+def way(name: str, plan: Plan, *, slowness: int = 1, tremble: float = 0.0, seed: int = 0) -> Way:
+    return Way(
+        name=name, script=plan.script, done=done, slowness=slowness, tremble=tremble, seed=seed
+    )
+
+
+FLAT = replace(EXPERT, slant=math.radians(45), grip_at=0.032)
+WAYS: tuple[Way, ...] = (
+    way("received deep in the fingers", Plan(meeting=replace(held(grip=0.036), grip_at=0.012))),
+    way("received at the fingertips", Plan(meeting=replace(EXPERT, grip_at=0.044))),
+    way("received from above, laid down flat", Plan(meeting=FLAT, lean=math.radians(88), y=-0.05)),
+    way("put in standing", Plan(lean=0.0, y=0.0)),
+    way("let go at the rim's height", Plan(lean=0.5, height=RIM_HEIGHT - FLOOR)),
+    way("let go eight millimetres above the floor", Plan(lean=0.3, height=0.008)),
+    way("pressed three millimetres into the floor", Plan(height=-0.003)),
+    way("picked up by its middle", Plan(meeting=held(grip=0.010))),
+    way("picked up by its end", Plan(meeting=held(grip=0.036))),
+    way("picked up by the fingertips", Plan(meeting=held(height=0.034))),
+    way("picked up deep", Plan(meeting=held(height=0.018))),
+    way("picked up by a tilted hand", Plan(meeting=held(tilt=0.3))),
+    way("handed over upright", Plan(meeting=replace(EXPERT, rise=math.radians(60)))),
+    way("half the speed", Plan(), slowness=2),
+    way("trembling", Plan(), tremble=0.01),
+    way("the left arm gives", Plan(meeting=swapped(EXPERT, Side.LEFT)), seed=0),
+)
+
+
+def sample(rng: np.random.Generator) -> Way:
+    """A way at random."""
+    slant = math.radians(rng.uniform(0, 45))
+    bar, grip_at = random_grasps(rng, BAR, 0.044)
+    if rng.random() < 0.2:
+        bar = replace(bar, giver=Side.LEFT)
+    meeting = Meeting(
+        bar=bar,
+        centre=(rng.uniform(0.45, 0.55), rng.uniform(-0.05, 0.05), rng.uniform(0.28, 0.38)),
+        rise=math.radians(rng.uniform(10, 60)),
+        grip_at=grip_at,
+        slant=slant,
+    )
+    plan = Plan(
+        meeting=meeting,
+        lean=slant + rng.uniform(0.0, 0.7),
+        height=rng.uniform(-0.003, RIM_HEIGHT - FLOOR),
+        x=rng.uniform(-0.03, 0.03),
+        y=rng.uniform(-0.04, 0.01),
+    )
+    slowness, tremble = random_tempo(rng)
+    name = (
+        f"{meeting.name}, lean {plan.lean:.2f}, {plan.height:.3f} above the floor, "
+        f"slowness {slowness}, tremble {tremble}"
+    )
+    return way(name, plan, slowness=slowness, tremble=tremble)
