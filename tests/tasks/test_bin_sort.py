@@ -10,8 +10,7 @@ from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.scene.naming import TABLE
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
-from duobench.stages.predicates import CylinderRegion
-from duobench.stages.vessels import lies_in
+from duobench.stages.vessels import Vessel
 from duobench.tasks.bin_sort import TASK
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.predicate_probe import PredicateProbe
@@ -30,7 +29,7 @@ def _in(bench: TaskHarness, bowl: str) -> SE3:
     return bench.sim.pose(bowl) @ SE3.at(z=IN_BOWL)
 
 
-REGION = CylinderRegion(body="white_bowl", radius=RADIUS - WALL, low=0.0, high=RIM_HEIGHT)
+BOWL = Vessel(body="white_bowl", radius=RADIUS - WALL, rim=RIM_HEIGHT)
 COLOUR = {Side.LEFT: "white", Side.RIGHT: "black"}
 GRASP_HEIGHT = 0.028
 IN_THE_BOWL = 0.027
@@ -40,7 +39,7 @@ REST_STEPS = round(REST_SECONDS * CONTROL_HZ) + 1
 
 def lies(bench: TaskHarness) -> bool:
     """Whether the white cube lies in the white bowl, whoever brought it."""
-    return PredicateProbe(lies_in("white_cube", REGION)).ask(bench.sim)
+    return PredicateProbe(BOWL.holds("white_cube")).ask(bench.sim)
 
 
 def bring(side: Side, height: float = IN_THE_BOWL) -> Callable[[Arms], Script]:

@@ -51,7 +51,6 @@ LONG_BLOCK = CUBE | {"objects.blocks.LONG_BLOCK": 0.096}
 SUPPORT = {
     "stages.support.UNSUPPORTED_TIME": 0.6,
     "stages.support.GRAZE_TIME": 0.1,
-    "stages.support.SLIP_TIME": 0.2,
 }
 BOWL = {"objects.bowl.RADIUS": 0.085, "objects.bowl.RIM_HEIGHT": 0.030}
 
@@ -86,6 +85,7 @@ PAGES = {
             "objects.microwave.DOOR_LIMITS": (0.0, 2.09),
             "objects.microwave.DOOR_STIFFNESS": 4.0,
             "tasks.spring_door.OPEN_ANGLE": 0.8,
+            "tasks.spring_door.HIGHEST_PUT": 0.030,
         },
         layout={
             "cube": Place(at=(0.4, -0.35), within=(0.05, 0.10), yaw_deg=ANY),
@@ -128,7 +128,6 @@ PAGES = {
             "tasks.ball_maze.RAISE": 0.010,
             "stages.rolling.MIN_SPEED": 0.02,
             "stages.rolling.MAX_SLIP": 0.1,
-            "stages.placing.REST_SECONDS": 0.5,
         },
         layout={"board": Place(at=(0.5, 0.0), within=(0.1, 0.1), yaw_deg=ANY)},
     ),
@@ -157,7 +156,6 @@ PAGES = {
             "tasks.block_balance.CUBE_EDGE": 0.040,
             "tasks.block_balance.BEAM": (0.040, 0.200, 0.020),
             "tasks.block_balance.BLOCK": (0.030, 0.030, 0.090),
-            "tasks.block_balance.STILL_SECONDS": 0.5,
         },
         angles_deg={"tasks.block_balance.LEVEL": 12, "tasks.block_balance.STANDING": 20},
         layout={},  # The page leaves the places open; see below.
@@ -177,7 +175,6 @@ PAGES = {
             "objects.joint_blocks.CLEARANCE": 0.0003,
             "objects.joint_blocks.PEG_HEIGHT": 0.060,
             "tasks.join_blocks.DEPTH": 0.010,
-            "tasks.join_blocks.REST_SECONDS": 0.5,
             "stages.joining.KEPT_DEPTH": 0.003,
             "stages.joining.LOST_SECONDS": 0.2,
         },
@@ -225,8 +222,9 @@ PAGES = {
         },
         constraints=(
             "block is raised by 10 mm",
-            "block is within 100 mm of the axis of gate",
-            "block is within 115 mm of the axis of gate",
+            "block is within 100 mm of the axis of gate, 50 mm before or behind it",
+            "block is within 115 mm of the axis of gate, 50 mm before or behind it",
+            "block is within 115 mm of the axis of gate, 48 mm before or behind it",
         ),
     ),
     "transfer_reorient": Page(
@@ -267,6 +265,8 @@ PAGES = {
 }
 
 SHARED = {
+    "stages.placing.PUT_HEIGHT": 0.010,
+    "stages.placing.REST_SECONDS": 0.5,
     "stages.predicates.LIFTED_HEIGHT": 0.010,
     "sim.simulation.STILL_SPEED": 0.05,
     "sim.simulation.STILL_ANGULAR_SPEED": 0.5,

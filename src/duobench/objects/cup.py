@@ -17,6 +17,8 @@ WALL = 0.004
 """Thickness of walls and floor in metres [task definitions]."""
 HEIGHT = 0.075
 """Height in metres [task definitions]."""
+ROOM = INNER_RADIUS, WALL, HEIGHT
+"""Radius, floor and rim of the hollow in the cup's frame, in metres."""
 OUTER_RADIUS = INNER_RADIUS + WALL
 """Distance from the axis to the outside of a wall; twice it fits the gripper's 85 mm stroke."""
 MARK_HEIGHT = 0.0004

@@ -12,19 +12,18 @@ from duobench.stages.predicates import (
     StateView,
     all_of,
     any_of,
+    arm_touches,
     grasped,
     held_for,
     since,
+    still,
 )
 from duobench.types import SIDES, Side
 
 PUT_HEIGHT = 0.010
-"""How high above what it is to stand on the lowest point of an object may be when it is let go, in
-metres [task definitions]."""
-RIM_HEIGHT_ERROR = 0.010
-"""How far above a rim, in metres, the lowest point of an object that is let go at the rim may be:
-arms that are told to stop there stop 3 to 4 mm higher, and 7 mm where they tremble (measured). From
-higher it is dropped, as everywhere."""
+"""How high above what it is to stand on, or above the rim of what it is to lie in, the lowest point
+of an object may be when it is let go, in metres [task definitions]. Arms that are told to stop at a
+rim stop 3 to 4 mm higher, and 7 mm where they tremble (measured)."""
 REST_SECONDS = 0.5
 """How long an object rests where it was put before it counts, in seconds [task definitions]."""
 
@@ -61,6 +60,12 @@ def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
     # Fingers that came down open between two control steps: the hand was nearer than at the first.
     let_go = in_hand | since(in_hand, reset=~in_hand)
     return since(let_go & there, reset=~there)
+
+
+def left_alone(*props: str) -> Predicate:
+    """All are still, and no arm props any of them up, with its gripper or with any other part."""
+    untouched = (~arm_touches(side, prop) for prop in props for side in SIDES)
+    return all_of(*map(still, props), *untouched)
 
 
 def placed(*conditions: Predicate) -> Predicate:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from math import inf
 
 from duobench.scene.naming import TABLE
+from duobench.stages.placing import low_over, put
 from duobench.stages.predicates import (
+    CylinderRegion,
     Predicate,
-    Region,
     all_of,
     inside,
     still,
@@ -19,22 +22,38 @@ MAX_TILT = math.radians(20.0)
 """Largest tilt of a vessel that stands [task definitions]."""
 
 
-def lies_in(prop: str, region: Region) -> Predicate:
-    """It lies still in a vessel: inside it and touching it, and the vessel stands on the table.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Vessel:
+    """A round vessel; its frame is under its middle, z up."""
 
-    What flies through, hangs above, or lies in a vessel that is carried, tipped or on the floor
-    does not.
+    body: str
+    """Its body."""
+    radius: float
+    """Radius of its inside in metres."""
+    rim: float
+    """Height of its rim in metres."""
 
-    Args:
-        prop: What lies.
-        region: The inside of the vessel, fixed to its body.
-    """
-    vessel = region.body
-    whole = all_of(
-        touching(prop, vessel),
-        inside(prop, region),
-        still(prop),
-        touching(vessel, TABLE),
-        upright(vessel, MAX_TILT),
-    )
-    return Predicate(f"{prop} lies in {vessel}", whole.test, whole.parts)
+    def over(self, prop: str) -> Predicate:
+        """The prop is in it, or so little above its rim that it is put in when it is let go."""
+        return inside(prop, self._region(inf)) & low_over(prop, self.body, self.rim)
+
+    def stands(self) -> Predicate:
+        """It stands upright on the table: it is not carried, tipped or on the floor."""
+        return touching(self.body, TABLE) & upright(self.body, MAX_TILT)
+
+    def holds(self, prop: str) -> Predicate:
+        """The prop lies still in it, and it stands; what flies through or hangs above does not."""
+        whole = all_of(
+            touching(prop, self.body),
+            inside(prop, self._region(self.rim)),
+            still(prop),
+            self.stands(),
+        )
+        return Predicate(f"{prop} lies in {self.body}", whole.test, whole.parts)
+
+    def received(self, prop: str) -> Predicate:
+        """It holds the prop, which a hand has put there: nobody has dropped it from above."""
+        return self.holds(prop) & put(prop, self.over(prop))
+
+    def _region(self, high: float) -> CylinderRegion:
+        return CylinderRegion(body=self.body, radius=self.radius, low=0.0, high=high)

@@ -14,24 +14,15 @@ Success:
 
 from __future__ import annotations
 
-from math import inf
-
 from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
 from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.sim.layout import Layout
-from duobench.stages.placing import RIM_HEIGHT_ERROR, low_over, placed, put
-from duobench.stages.predicates import (
-    CylinderRegion,
-    Predicate,
-    any_of,
-    inside,
-    lifted_by_any,
-    released,
-)
+from duobench.stages.placing import placed
+from duobench.stages.predicates import any_of, lifted_by_any, released
 from duobench.stages.progress import Stage
-from duobench.stages.vessels import lies_in
+from duobench.stages.vessels import Vessel
 from duobench.tasks.task import Category, Placement, Task
 
 COLOURS = ("white", "black")
@@ -56,21 +47,9 @@ def _apart(layout: Layout) -> bool:
     )
 
 
-def _in_bowl(colour: str) -> Predicate:
-    """The cube lies in the bowl of its colour, and a hand brought it down to there."""
-    cube, bowl = _cube(colour), _bowl(colour)
-    low = low_over(cube, bowl, RIM_HEIGHT, RIM_HEIGHT_ERROR)
-    brought = put(cube, inside(cube, _inner(colour, inf)) & low)
-    return lies_in(cube, _inner(colour, RIM_HEIGHT)) & brought
-
-
-def _inner(colour: str, high: float) -> CylinderRegion:
-    """Where the cube's centre is inside the bowl's wall, up to a height in metres."""
-    return CylinderRegion(body=_bowl(colour), radius=RADIUS - WALL, low=0.0, high=high)
-
-
-_IN_BOWL = {colour: _in_bowl(colour) for colour in COLOURS}
-_WHITE_IN, _BLACK_IN = (_IN_BOWL[colour] & released(_cube(colour)) for colour in COLOURS)
+_BOWLS = {name: Vessel(body=_bowl(name), radius=RADIUS - WALL, rim=RIM_HEIGHT) for name in COLOURS}
+_IN_BOWL = {name: vessel.received(_cube(name)) for name, vessel in _BOWLS.items()}
+_WHITE_IN, _BLACK_IN = (_IN_BOWL[name] & released(_cube(name)) for name in COLOURS)
 _WHITE_LIFTED, _BLACK_LIFTED = (lifted_by_any(_cube(colour)) for colour in COLOURS)
 
 TASK = Task(

@@ -5,8 +5,8 @@ Task:
     tips the beam, so both arms must put theirs down together.
 
 Randomization:
-    Beam and cube in front of each other near the middle, one block in each half, all within a few
-    centimetres of their places, without yaw.
+    Beam and cube near the middle, 8 cm apart, so that neither hides the other, and one block in
+    each half, all within a few centimetres and without yaw.
 
 Success:
     Both blocks stand on the ends of the level beam, the beam on the cube, all let go and still for
@@ -22,19 +22,10 @@ from duobench.objects.prop import Prop
 from duobench.randomness import around
 from duobench.stages import predicates as is_
 from duobench.stages.coordination import brought, interrupted
-from duobench.stages.placing import low_over, placed
-from duobench.stages.predicates import (
-    all_of,
-    any_of,
-    off_table,
-    raised,
-    released,
-    since,
-    touching,
-)
+from duobench.stages.placing import left_alone, low_over, placed
+from duobench.stages.predicates import all_of, any_of, off_table, since, touching
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
-from duobench.types import SIDES
 
 CUBE_EDGE = 0.040
 BEAM = (0.040, 0.200, 0.020)
@@ -44,45 +35,42 @@ BLOCK = (0.030, 0.030, 0.090)
 TIPPING = CUBE_EDGE / 2 * (1 + math.prod(BEAM) / math.prod(BLOCK))
 """Distance in metres from the beam's middle from which on a block alone tips it over the cube's
 edge (60 mm), all of one density: the ends of the beam, where both are needed, begin there."""
-ENDS = tuple(
-    is_.BoxRegion(body="beam", low=(-BEAM[0] / 2, low, 0), high=(BEAM[0] / 2, high, BLOCK[2]))
-    for low, high in ((-BEAM[1] / 2, -TIPPING), (TIPPING, BEAM[1] / 2))
-)
-LEVEL = math.radians(12.0)
-STANDING = math.radians(20.0)
-"""Largest tilt of a block that stands on a level beam, in radians."""
+
+
+def _over_beam(low: float, high: float) -> is_.BoxRegion:
+    """A stretch of the beam, in metres from its middle, and what is above it."""
+    half = BEAM[0] / 2
+    return is_.BoxRegion(body="beam", low=(-half, low, 0), high=(half, high, BLOCK[2]))
+
+
+ENDS = _over_beam(-BEAM[1] / 2, -TIPPING), _over_beam(TIPPING, BEAM[1] / 2)
+LEVEL, STANDING = math.radians(12.0), math.radians(20.0)
+"""Largest tilts of a level beam and of a block that stands on it, in radians."""
 LYING = 0.005
-"""How far below the cube's top, in metres, the lowest point of a beam that lies on it may seem to
-be. A beam beside the cube, in the hand, is lower."""
+"""How far below the cube's top a beam on it may seem to be, in metres; beside it, it is lower."""
 BLOCKS = ("left_block", "right_block")
 
-_EVERYTHING = ("cube", "beam", *BLOCKS)
 _ON_CUBE = touching("beam", "cube") & off_table("beam")
 _LEVEL = is_.upright("beam", LEVEL)
 # The table carries no block, and each is on the beam, or so little above that it is put there.
-_LOW = tuple(low_over(name, "beam", BEAM[2] / 2) & off_table(name) for name in BLOCKS)
+_BEAM = _over_beam(-BEAM[1] / 2, BEAM[1] / 2)
+_LOW = tuple(
+    all_of(low_over(name, "beam", BEAM[2] / 2), is_.inside(name, _BEAM), off_table(name))
+    for name in BLOCKS
+)
 _AT_ENDS = all_of(*(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS), *_LOW)
 _ON_BEAM = all_of(_AT_ENDS, *(touching(name, "beam") for name in BLOCKS))
 _HELD = is_.lifted_by_any("beam")
-# On the cube, not beside it in the hand; and it stays there, when a hand has left it.
-_LAID = all_of(is_.rests_on("beam", "cube"), raised("beam", CUBE_EDGE - LYING), released("beam"))
-_BRIDGE = placed(_LAID, _LEVEL) & since(_HELD)
+_HIGH = is_.raised("beam", CUBE_EDGE - LYING)
+_BRIDGE = placed(is_.rests_on("beam", "cube"), _HIGH, _LEVEL, is_.released("beam")) & since(_HELD)
 _GRASPED = is_.grasped_apart(*BLOCKS)
 _READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE))
 # Blocks that were put on one after the other, and grasped again, were not put on together.
 _TOGETHER = all_of(_GRASPED, *(brought(name, "beam") for name in BLOCKS))
 _LOADED = all_of(_AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY))
-_OVER = is_.BoxRegion(body="beam", low=(*ENDS[0].low[:2], 0), high=ENDS[1].high)
-_LEFT = any_of(
-    *(interrupted(low & is_.inside(name, _OVER)) for low, name in zip(_LOW, BLOCKS, strict=True))
-)
-# No arm props anything up, with its gripper or with any other part.
-_ALONE = all_of(
-    *(is_.still(name) for name in _EVERYTHING),
-    *(~is_.arm_touches(side, name) for name in _EVERYTHING for side in SIDES),
-)
+_LEFT = any_of(*map(interrupted, _LOW))
 _STANDING = all_of(*(is_.upright(name, STANDING) for name in BLOCKS))
-_BALANCED = placed(_ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, _ALONE)
+_BALANCED = placed(_ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, left_alone("cube", "beam", *BLOCKS))
 
 TASK = Task(
     id="block_balance",
@@ -98,8 +86,6 @@ TASK = Task(
         Prop(name="beam", solid=block(*BEAM, WOOD)),
         *(Prop(name=name, solid=block(*BLOCK, YELLOW)) for name in BLOCKS),
     ),
-    # The beam is 8 cm or more in front of the cube, nearer to the robot, so that neither hides the
-    # other from the head camera and no yaw is needed to bring it across.
     placements={
         "cube": Placement(x=around(0.58, 0.03), y=around(0.0, 0.04), z=CUBE_EDGE / 2),
         "beam": Placement(x=around(0.44, 0.03), y=around(0.0, 0.03), z=BEAM[2] / 2),

@@ -23,7 +23,7 @@ from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
 from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL, chest
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
-from duobench.stages.placing import RIM_HEIGHT_ERROR, low_over, placed
+from duobench.stages.placing import low_over, placed
 from duobench.stages.predicates import (
     BoxRegion,
     hinge_open,
@@ -54,7 +54,7 @@ _LID = support(
     "chest/lid",
     OPEN_ANGLE,
     goal=_INSIDE,
-    there=_OVER & low_over("cube", "chest", RIM_HEIGHT, RIM_HEIGHT_ERROR),
+    there=_OVER & low_over("cube", "chest", RIM_HEIGHT),
 )
 
 TASK = Task(

@@ -1,15 +1,14 @@
 """Pour-Marbles.
 
 Task:
-    Each arm grasps the cup on its side; twenty marbles are poured from one cup into the other while
-    both are in the air.
+    Each arm grasps the cup on its side; twenty marbles are poured from one to the other in air.
 
 Randomization:
     Each cup within 5 cm of its square's centre; which cup holds the marbles.
 
 Success:
-    Both cups have stood upright on their squares for half a second, put down there by their arms,
-    released and still, with all marbles in the target.
+    Both cups have stood on their squares for half a second, upright, put down there by their arms
+    and let go, with all marbles in the target.
 """
 
 from __future__ import annotations
@@ -51,12 +50,11 @@ def _fill(layout: Layout) -> Layout:
     return Layout(poses={**layout.poses, **heap}, variants=variants)
 
 
-def _back(side: Side) -> Predicate:
-    """A cup stands upright on the table, inside its square, released and still."""
-    cup, half = CUPS[side], HALF_SQUARE
-    square = is_.BoxRegion(body=SQUARES[side], low=(-half, -half, -half), high=(half, half, half))
+def _back(cup: str, square: str) -> Predicate:
+    """A cup stands on the table, upright, inside its square, released and still."""
+    region = is_.BoxRegion(body=square, low=(-HALF_SQUARE,) * 3, high=(HALF_SQUARE,) * 3)
     stands = is_.touching(cup, TABLE) & is_.upright(cup, UPRIGHT) & is_.still(cup)
-    return is_.released(cup) & is_.inside(cup, square) & stands
+    return is_.released(cup) & is_.inside(cup, region) & stands
 
 
 def _into_target(which: Callable[[Pouring], Predicate]) -> Predicate:
@@ -64,11 +62,12 @@ def _into_target(which: Callable[[Pouring], Predicate]) -> Predicate:
     return any_of(*(is_.variant("empty", s) & which(p) for s, p in _POURING.items()))
 
 
+_BACK = tuple(map(_back, CUPS.values(), SQUARES.values()))
+_PUT_BACK = all_of(*(put(CUPS[s], low_over(CUPS[s], TABLE, 0.0), s) for s in SIDES))
 _SQUARE = cups.square_mark(2 * HALF_SQUARE, GREEN)
 _GRASPED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
 _HELD_UP = all_of(*_GRASPED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
-_ROOM = cups.INNER_RADIUS, cups.WALL, cups.HEIGHT
-_POURING = {side: pouring(MARBLES, CUPS[side], _ROOM, held=_HELD_UP) for side in SIDES}
+_POURING = {side: pouring(MARBLES, CUPS[side], cups.ROOM, held=_HELD_UP) for side in SIDES}
 
 TASK = Task(
     id="pour_marbles",
@@ -114,10 +113,7 @@ TASK = Task(
         Stage(
             name="both cups are back",
             instruction="Put both cups upright on their green squares and let go.",
-            holds=all_of(
-                placed(*map(_back, SIDES), _into_target(lambda p: p.kept)),
-                *(put(CUPS[side], low_over(CUPS[side], TABLE, 0.0), side) for side in SIDES),
-            ),
+            holds=placed(*_BACK, _into_target(lambda p: p.kept)) & _PUT_BACK,
         ),
     ),
     expert="duobench.experts.pour_marbles:script",

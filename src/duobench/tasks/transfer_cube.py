@@ -17,17 +17,12 @@ Success:
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-from math import inf
-
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
 from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
-from duobench.scene.naming import TABLE
 from duobench.stages.handover import handover
-from duobench.stages.placing import RIM_HEIGHT_ERROR, low_over, placed
+from duobench.stages.placing import placed
 from duobench.stages.predicates import (
     CylinderRegion,
     all_of,
@@ -36,10 +31,9 @@ from duobench.stages.predicates import (
     raised,
     released,
     rests_on,
-    touching,
-    upright,
 )
 from duobench.stages.progress import Stage
+from duobench.stages.vessels import Vessel
 from duobench.tasks.task import Category, Placement, Task
 
 CUBE, BOWL = "cube", "bowl"
@@ -47,13 +41,9 @@ IN_BOWL = CylinderRegion(body=BOWL, radius=RADIUS - WALL, low=0.0, high=0.6 * LO
 """Where the block's centre is when it lies, leans or stands in the bowl."""
 BELOW_RIM = 0.020
 """The block's lowest point is less than this above the table, in metres: not on top of the rim."""
-BOWL_TILT = math.radians(20)
-"""Largest tilt of the bowl, as in every task with bowls."""
 
 _CUBE = handover(CUBE, BOWL)
-_OVER_BOWL = all_of(
-    inside(CUBE, replace(IN_BOWL, high=inf)), low_over(CUBE, BOWL, RIM_HEIGHT, RIM_HEIGHT_ERROR)
-)
+_BOWL = Vessel(body=BOWL, radius=RADIUS - WALL, rim=RIM_HEIGHT)
 
 TASK = Task(
     id="transfer_cube",
@@ -94,10 +84,9 @@ TASK = Task(
                     rests_on(CUBE, BOWL),
                     ~raised(CUBE, BELOW_RIM),
                     released(CUBE),
-                    upright(BOWL, BOWL_TILT),
-                    touching(BOWL, TABLE),
+                    _BOWL.stands(),
                 ),
-                _CUBE.put(_OVER_BOWL),
+                _CUBE.put(_BOWL.over(CUBE)),
             ),
         ),
     ),
