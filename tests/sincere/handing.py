@@ -27,9 +27,9 @@ from tests.sincere.sincere import WayFailedError
 
 PICKING_STEPS = 300
 """Control steps after which a hand gives up picking the bar up: it may be out of its reach."""
-PADS_APART = 0.046
+PADS_APART = 0.054
 """Least distance in metres along a bar between two tools that clasp it: pads reach 23 mm beyond the
-tool point and are 22 mm wide."""
+tool point, are 22 mm wide, and come at an angle. Nearer, one hand pinches the other one's pad."""
 FACING = math.radians(75)
 """Turn in radians of the camera of a hand that leans, away from the other arm."""
 MUCH = 0.3
@@ -42,8 +42,8 @@ RETREAT = 0.10
 """How far a hand is drawn back, in metres."""
 RARELY = 0.12
 """How often a random way is slow, and how often it trembles."""
-STILL_SPEED, STILL_TURN = 0.02, 0.4
-"""Speeds in m/s and rad/s below which a person sees an object at rest."""
+STILL_SPEED, STILL_TURN = 0.05, 0.5
+"""Speeds in m/s and rad/s below which an object is at rest [task definitions]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -161,7 +161,7 @@ def random_grasps(rng: np.random.Generator, bar: Bar, reach: float) -> tuple[Bar
         bar: The bar as the expert holds it.
         reach: How far from the bar's centre the receiver's tool is at most, in metres.
     """
-    grip = rng.uniform(0.010, 0.036)
+    grip = rng.uniform(0.012, 0.040)
     bar = replace(
         bar,
         grip=grip,
