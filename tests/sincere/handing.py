@@ -37,7 +37,7 @@ MUCH = 0.3
 IN_THE_AIR = 0.10
 """Height of a bar's lowest point in metres above which hands have it."""
 SEEN = 0.001
-"""How much too high, in metres, a bar is that a person sees not to have reached its place."""
+"""How much higher than meant, in metres, a bar may be when it is let go."""
 RETREAT = 0.10
 """How far a hand is drawn back, in metres."""
 RARELY = 0.12
@@ -131,13 +131,21 @@ def low_end(pose: SE3, length: float, width: float) -> Array:
     return np.array([x + axis[0] * length / 2, y + axis[1] * length / 2, z - low])
 
 
-def put_down(arms: Arms, side: Side, body: str, goal: SE3) -> Script:
-    """Bring a bar to a pose, let go there, and draw the hand back along itself."""
+def put_down(arms: Arms, side: Side, body: str, goal: SE3, *, low: float) -> Script:
+    """Bring a bar to a pose, let go there, and draw the hand back along itself.
+
+    Args:
+        arms: The arms.
+        side: Which arm holds the bar.
+        body: The bar.
+        goal: Its pose.
+        low: Height in metres at which a person sees that it is low enough to let go.
+    """
     for height, speed, tolerance in ((0.08, 0.4, NEAR), (0.02, CAREFUL, 0.004), (0.0, 0.06, 0.001)):
         pose = tool_for(arms, side, body, goal.moved(z=height))
         yield from move(arms, {side: pose}, speed=speed, tolerance=tolerance)
         check(arms.sim.contacts.gripper(side, body))
-    check(arms.sim.position(body)[2] < goal.translation[2] + SEEN)
+    check(arms.sim.min_height(body) < low + SEEN)
     yield from release(arms, side)
     back = arms.targets[side] @ SE3.at(z=-RETREAT)
     yield from move(arms, {side: back}, speed=0.35, arrive=False)
