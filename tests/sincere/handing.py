@@ -42,8 +42,9 @@ RETREAT = 0.10
 """How far a hand is drawn back, in metres."""
 RARELY = 0.12
 """How often a random way is slow, and how often it trembles."""
-STILL_SPEED, STILL_TURN = 0.05, 0.5
-"""Speeds in m/s and rad/s below which an object is at rest [task definitions]."""
+STILL_SPEED, STILL_TURN = 0.05, 1.0
+"""Speeds in m/s and rad/s below which a person sees an object at rest: a block that leans on the rim
+of a bowl trembles so fast in the model, by less than can be seen."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
