@@ -43,8 +43,8 @@ RETREAT = 0.10
 RARELY = 0.12
 """How often a random way is slow, and how often it trembles."""
 STILL_SPEED, STILL_TURN = 0.05, 1.0
-"""Speeds in m/s and rad/s below which a person sees an object at rest: a block that leans on the rim
-of a bowl trembles so fast in the model, by less than can be seen."""
+"""Speeds in m/s and rad/s below which a person sees an object at rest: a block that leans on the
+rim of a bowl trembles so fast in the model, by less than can be seen."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
