@@ -27,6 +27,10 @@ LEAST_MARGIN = 0.05
 """Least distance of an expert's joint targets from the joints' limits in radians [task
 definitions]."""
 
+LAG_STEPS = 5
+"""Control steps for which a replay holds the last poses: the commands end at the step of success,
+and other elbows may lag by a step."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Smoothness:
@@ -120,7 +124,7 @@ def replay_as_poses(
     env: gym.Env = duobench.make(task, cameras=False, action_mode="cartesian", split=split)
     kinematics = Kinematics()
     _, info = env.reset(seed=seed)
-    for flat in commands:
+    for flat in [*commands, *commands[-1:] * LAG_STEPS]:
         command = DuoCommand.from_flat(np.asarray(flat, dtype=np.float64))
         tools = kinematics.forward(command.joints)
         poses = [[*tools[side].tquat, command.openings[side.index]] for side in SIDES]

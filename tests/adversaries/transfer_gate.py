@@ -26,7 +26,7 @@ from tests.adversaries.adversary import Adversary, Hands
 from tests.handovers import bring, clear_of, drop, lower, pick_lying
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
-NEAR_MAT = 181
+NEAR_MAT = 0
 """Seed of a layout in which both arms reach the mat."""
 ABOVE = 0.020
 """Height in metres above the mat from which the block is dropped."""

@@ -28,7 +28,7 @@ from tests.adversaries.adversary import Adversary, Hands
 from tests.handovers import bring, clear_of, drop, meet
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
-NEAR_BOARD = 103
+NEAR_BOARD = 3
 """Seed of a layout in which both arms reach the hexagonal hole."""
 MIDDLE = (0.50, 0.0, ACROSS_FLATS / 2 + 0.002)
 ABOVE = 0.020

@@ -58,7 +58,7 @@ class Plan:
             [self.x, self.y * side.sign, FLOOR + self.height]
         )
         shift = spot - low_end(pose, LONG_BLOCK, CUBE_EDGE)
-        yield from put_down(arms, side, BAR.body, pose.moved(*shift))
+        yield from put_down(arms, side, BAR.body, pose.moved(*shift), low=RIM_HEIGHT)
 
 
 def done(sim: Simulation) -> bool:

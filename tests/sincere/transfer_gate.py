@@ -78,7 +78,8 @@ class Plan:
             [self.x, self.y, MAT_THICKNESS / 2 + self.height]
         )
         shift = spot - low_end(pose, LONG_BLOCK, CUBE_EDGE)
-        yield from put_down(arms, side, BAR.body, pose.moved(*shift))
+        low = MAT_THICKNESS + max(0.0, self.height)
+        yield from put_down(arms, side, BAR.body, pose.moved(*shift), low=low)
 
 
 def done(sim: Simulation) -> bool:

@@ -12,6 +12,7 @@ from duobench.stages.predicates import Predicate
 from tests.predicate_probe import PredicateProbe
 
 RADIUS, RIM = 0.10, 0.115
+LENGTH = 0.096
 GATE = SE3.at(0.4, 0.1, yaw=0.5)
 PLACES = {
     "n": (0.0, -0.02, 0.0),  # near, before the hole
@@ -75,12 +76,35 @@ def test_what_comes_through_is_held(sim: Simulation, held: str, crossing: str) -
     assert answers == (crossing, "0011" if "1" in crossing else "0000")
 
 
+@pytest.mark.parametrize(
+    ("place", "within"),
+    [
+        ((0.0, -LENGTH / 2 + 0.001, 0.0), True),
+        ((0.0, LENGTH / 2 - 0.001, 0.0), True),
+        ((0.11, 0.0, 0.0), True),
+        ((0.0, -LENGTH / 2 - 0.001, 0.0), False),
+        ((0.0, LENGTH / 2 + 0.001, 0.0), False),
+        ((0.12, 0.0, 0.0), False),
+    ],
+)
+def test_what_reaches_through_is_within(
+    sim: Simulation, place: tuple[float, float, float], within: bool
+) -> None:
+    hole = Hole(body="gate", height=RING_HEIGHT, radius=RADIUS, rim=RIM)
+    words = passage("cube", hole, length=LENGTH, held=Predicate("held", lambda _: True))
+    x, y, z = place
+    sim.place("gate", GATE)
+    sim.place("cube", GATE @ SE3.at(x, y, RING_HEIGHT + z))
+    sim.forward()
+    assert PredicateProbe(words.within).ask(sim) == within
+
+
 def answers_on(sim: Simulation, way: str, held: str) -> tuple[str, str]:
     """Whether the object crosses the hole, and whether it is through, at each place of a way."""
     hands = {"held": False}
     grasp = Predicate("held", lambda _: hands["held"])
     hole = Hole(body="gate", height=RING_HEIGHT, radius=RADIUS, rim=RIM)
-    words = passage("cube", hole, held=grasp)
+    words = passage("cube", hole, length=LENGTH, held=grasp)
     both = PredicateProbe(words.crossing), PredicateProbe(words.through)
     sim.place("gate", GATE)
     answers = []

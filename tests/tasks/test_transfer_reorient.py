@@ -11,12 +11,12 @@ from duobench.experts.motion import Arms, Script, wait
 from duobench.experts.transfer_reorient import (
     BAR,
     MEETING_POINT,
-    OVER_BOARD,
     RECEIVER_GRIP,
     RISE,
     insert,
     lead,
     script,
+    upright,
 )
 from duobench.objects.blocks import WHITE
 from duobench.objects.hexagon_peg import (
@@ -37,8 +37,9 @@ from duobench.objects.solid import PLA_DENSITY, Solid, manifold_of, mass_propert
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import STILL_SPEED
 from duobench.spatial import SE3
+from duobench.stages.placing import REST_SECONDS
 from duobench.tasks.transfer_reorient import BLUE, DEPTH, TASK
-from duobench.types import Side
+from duobench.types import CONTROL_HZ, Side
 from tests.handovers import meet
 from tests.task_harness import TaskHarness
 
@@ -46,6 +47,7 @@ LEFT, RIGHT = Side.LEFT, Side.RIGHT
 BOARD = SE3.at(0.5, 0.2)
 """Where both arms reach the holes."""
 LAYOUT = Layout(poses={"peg": SE3.at(0.5, -0.2, ACROSS_FLATS / 2, yaw=0.2), "board": BOARD})
+REST_STEPS = round(REST_SECONDS * CONTROL_HZ) + 1
 TILTED_IN = {SQUARE: 0.009, TRIANGLE: 0.002}
 """How deep a corner of a peg may get that is pressed onto a hole that is too small, and tilts: it
 finds the wide one, and slides off the narrow one."""
@@ -65,8 +67,8 @@ def table(bench: TaskHarness) -> TaskHarness:
 
 @pytest.fixture(scope="module")
 def moments(bench: TaskHarness) -> dict[str, np.ndarray]:
-    """States by letter: held by (r)ight, (b)oth, (l)eft alone, by left (i)n the hole, by left and
-    almost (o)ut of it, (f)ree in the hole.
+    """States by letter: held by (r)ight, (b)oth, (l)eft alone, by left (i)n the hole, by left with
+    the (t)ip in it, by left just (o)ut of it, (f)ree in the hole.
     """
     saved = {}
 
@@ -77,11 +79,12 @@ def moments(bench: TaskHarness) -> dict[str, np.ndarray]:
         saved["b"] = bench.sim.get_state()
         yield from let_go(arms, RIGHT)
         saved["l"] = bench.sim.get_state()
-        arms.posture[LEFT.index] = OVER_BOARD
         yield from insert(arms, LEFT, mouth(HEXAGON))
         saved["i"] = bench.sim.get_state()
-        yield from lead(arms, LEFT, mouth(HEXAGON), -0.008, speed=0.06)
-        saved["o"] = bench.sim.get_state()
+        for letter, height in (("t", -0.006), ("o", 0.004)):
+            goal = upright(arms, LEFT, mouth(HEXAGON)).moved(z=height)
+            yield from lead(arms, LEFT, goal, speed=0.06)
+            saved[letter] = bench.sim.get_state()
         yield from insert(arms, LEFT, mouth(HEXAGON))
         yield from let_go(arms, LEFT)
         saved["f"] = bench.sim.get_state()
@@ -99,13 +102,22 @@ class Replay:
     moments: dict[str, np.ndarray]
 
     def stage_after(self, letters: str, **peg: SE3) -> int:
-        """The stage after moments, and then with the peg free at a pose."""
+        """The stage after moments, and then with the peg free at a pose, for as long as it rests
+        before it counts.
+        """
         for letter in letters:
             self.table.sim.set_state(self.moments[letter])
-            self.table.judge()
+            self.rest(REST_STEPS if letter == "f" else 1)
         if peg:
             self.table.sim.set_state(self.moments["f"])
             self.table.put(**peg)
+            self.rest(REST_STEPS)
+        return self.table.stage
+
+    def rest(self, steps: int) -> int:
+        """The stage when nothing changes for some control steps."""
+        for _ in range(steps):
+            self.table.judge()
         return self.table.stage
 
 
@@ -150,6 +162,8 @@ def test_the_expert_passes_the_stages_in_order(bench: TaskHarness, seed: int) ->
         ("rbliff", 4),
         ("rblf", 3),  # dropped in from above
         ("rblof", 3),
+        ("rbltf", 4),  # its tip was in the hole
+        ("rbltof", 3),
         ("rbliof", 3),  # on its way out
         ("rbliloif", 4),  # and in again
         ("rblffffif", 3),  # dropped in, and pinched there
@@ -192,8 +206,14 @@ def test_a_peg_that_moves_does_not_count(replay: Replay) -> None:
     for speed in (STILL_SPEED + 0.01, 0.0):
         sim.data.qvel[start] = speed
         sim.forward()
-        replay.table.judge()
-        assert replay.table.stage == (3 if speed else 4)
+        assert replay.rest(REST_STEPS) == (3 if speed else 4)
+
+
+def test_a_peg_rests_for_half_a_second(replay: Replay) -> None:
+    replay.stage_after("rbli")
+    replay.table.sim.set_state(replay.moments["f"])
+    assert replay.rest(REST_STEPS - 2) == 3
+    assert replay.rest(2) == 4
 
 
 def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(replay: Replay) -> None:
@@ -207,7 +227,6 @@ def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(replay: Repl
 @pytest.mark.parametrize("hole", [SQUARE, TRIANGLE], ids=["square", "triangle"])
 def test_the_peg_does_not_go_into_another_hole(replay: Replay, hole: Hole) -> None:
     def into(arms: Arms) -> Script:
-        arms.posture[LEFT.index] = OVER_BOARD
         yield from insert(arms, LEFT, mouth(hole))
         yield from wait(10)
 

@@ -38,8 +38,8 @@ _UPRIGHT_SINE = 1e-6
 _LIFT = 0.10
 """How far the giver lifts, in metres."""
 _OUTWARDS = math.radians(15)
-"""Turn in radians of the giver's camera from the arm's own direction, away from the other arm, about
-which every yaw of a lying bar is reached without the last joint's stop."""
+"""Turn in radians of the giver's camera from the arm's own direction, away from the other arm,
+about which every yaw of a lying bar is reached without the last joint's stop."""
 _MOST_INWARDS = math.radians(45)
 """Largest turn in radians of the giver's camera towards the other arm at the end of the lift: from
 there it is the shorter turn outwards, to where the camera looks when the bar is handed over."""

@@ -104,7 +104,9 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
             for side in SIDES
         }
     received = {
-        side: all_of(alone[side], giver[side.other], since(shared, reset=alone[side.other]))
+        side: all_of(
+            alone[side], giver[side.other], since(shared, reset=alone[side.other] | put_down)
+        )
         for side in SIDES
     }
     disturbed = {side: touches(side.other, prop) | touching(prop, TABLE) for side in SIDES}
