@@ -29,6 +29,9 @@ PLAY = 0.002
 """How far from the chest's floor a cube that lies on it may seem to be, in metres."""
 SLOW = 0.02
 """Speed in m/s below which a cube lies still."""
+UPRIGHT, ROOM = 1.42, 0.1
+"""Tilt of a hand and angle of the lid together in radians from which on the hand fits under the
+lid, and how much further in it may go for each radian more, in metres."""
 OUTWARD, SLOWLY, TREMBLING = 0.15, 0.15, 0.25
 """Shares of the ways taken at random with a hand turned outwards, at half the speed, trembling."""
 KINDS = (0.5, 0.1, 0.2, 0.2)
@@ -192,10 +195,14 @@ WAYS: tuple[Way, ...] = (
 
 def sample(rng: np.random.Generator) -> Way:
     """A way taken at random over how the lid is held and the cube goes in."""
+    open_angle = rng.uniform(1.0, 1.39)
+    # A hand leans as the lid does, or goes in further in front of it.
+    tilt = rng.uniform(max(0.0, UPRIGHT - open_angle), 0.5)
+    room = ROOM * (tilt + open_angle - UPRIGHT)
     insertion = Insertion(
-        open_angle=rng.uniform(1.0, 1.39),
-        place=(rng.uniform(-0.05, -0.01), rng.uniform(-0.03, 0.08)),
-        tilt=rng.uniform(0.0, 0.5),
+        open_angle=open_angle,
+        place=(rng.uniform(-0.05, min(-0.05 + room, 0.0)), rng.uniform(-0.03, 0.08)),
+        tilt=tilt,
         yaw=math.pi / 2 if rng.random() < OUTWARD else 0.0,
         grasp_height=rng.uniform(0.026, 0.042),
         drop_height=rng.uniform(0.042, 0.08),

@@ -32,6 +32,18 @@ def bench() -> TaskHarness:
     return TaskHarness(TASK)
 
 
+def push(arms: Arms) -> Script:
+    """Hold the pot against the stove's side."""
+    yield from carry_over(arms, 0.5, 0.3 - PLATE[1] / 2 - RADIUS - 0.03)
+    beside = arms.sim.pose("pot").moved(z=-0.057)
+    yield from carry(arms, "pot", beside, speed=0.1)
+    yield from wait(10)
+    for _ in carry(arms, "pot", beside.moved(y=0.06), speed=0.05):
+        if arms.sim.contacts.between("pot", "stove"):
+            break
+        yield
+
+
 def rise(arms: Arms, height: float) -> Script:
     """Hold the pot so that it really is at a height above the stove, in metres."""
     for _ in range(2):
@@ -79,16 +91,9 @@ def moments(bench: TaskHarness) -> Moments:
         keep("t")
         yield from lift(arms)
         keep("c")
-        yield from carry_over(arms, 0.5, 0.3 - PLATE[1] / 2 - RADIUS - 0.03)
-        beside = arms.sim.pose("pot").moved(z=-0.057)
-        yield from carry(arms, "pot", beside, speed=0.1)
-        yield from wait(10)
-        for _ in carry(arms, "pot", beside.moved(y=0.06), speed=0.05):
-            if arms.sim.contacts.between("pot", "stove"):
-                break
-            yield
+        yield from push(arms)
         keep("s")
-        yield from carry(arms, "pot", beside.moved(z=0.08), speed=0.1)
+        yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=0.08), speed=0.1)
         yield from carry_over(arms, 0.5, 0.3)
         yield from land(arms)
         keep("b")
