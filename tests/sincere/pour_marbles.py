@@ -166,8 +166,8 @@ def _marbles_in(sim: Simulation, side: Side) -> int:
     return sum(math.hypot(x, y) < INNER_RADIUS and 0.0 < z < HEIGHT for x, y, z in places)
 
 
-def done(sim: Simulation) -> bool:
-    """Both cups stand upright on their squares, let go, one with all marbles."""
+def done(sim: Simulation, target: Side) -> bool:
+    """Both cups stand upright on their squares, let go, the one of a side with all marbles."""
     if not left_alone(sim, *CUPS.values()):
         return False
     for side in SIDES:
@@ -175,15 +175,21 @@ def done(sim: Simulation) -> bool:
         stands = sim.contacts.between(CUPS[side], TABLE) and tilt(sim, CUPS[side]) < MAX_TILT
         if not (stands and max(abs(x), abs(y)) <= HALF_SQUARE):
             return False
-    return max(_marbles_in(sim, side) for side in SIDES) == len(MARBLES)
+    return _marbles_in(sim, target) == len(MARBLES)
 
 
 def way(name: str, how: Pouring | None = None, *, tremble: float = 0.0, slowness: int = 1) -> Way:
     how = how or Pouring()
+    targets: list[Side] = []
+
+    def script(arms: Arms) -> Script:
+        targets[:] = [min(SIDES, key=lambda side: _marbles_in(arms.sim, side))]
+        yield from pour(arms, how)
+
     return Way(
         name=name,
-        script=lambda arms: pour(arms, how),
-        done=done,
+        script=script,
+        done=lambda sim: done(sim, targets[0]),
         tremble=tremble,
         slowness=slowness,
     )

@@ -42,6 +42,11 @@ AROUND_BAR = 0.55
 BEHIND_BAR = (0.028, -0.020)
 """Where hooked fingertips are, from the bar: towards the door, and away from its hinge, in
 metres."""
+DRAGGED, PUSH, PUSHED = 1.2, 0.1, -0.25
+"""How far the right hand drags the door open, and the left one pushes it further, in radians; where
+that one pushes, along the door from its hinge, in metres."""
+AWAY = (0.4, -0.35, 0.3)
+"""Where the right hand goes from the door, in metres."""
 ABOVE_FLOOR = 0.030
 """Height above the floor at which the cube comes in, before it is let down, in metres."""
 
@@ -73,9 +78,46 @@ class Putting:
 
 def put_in(arms: Arms, how: Putting) -> Script:
     """Open the door, hold it open, put the cube in."""
-    fetch = pick_cube(arms, INSERTER, "cube", how.grasp, tilt=how.grasp_tilt)
-    yield from together(_open(arms, how), fetch)
+    yield from together(_open(arms, how), _fetch(arms, how))
     yield from _bring(arms, how)
+
+
+def from_inside(arms: Arms) -> Script:
+    """The right hand drags the door open; the left one takes it over, pushing from inside."""
+    how, oven = Putting(place=(0.05, -0.11)), arms.sim.pose("microwave")
+    yield from grip(arms, HOLDER, INSERTER)
+    yield from move(arms, {INSERTER: _dragging(oven, 0.0) @ SE3.at(z=-0.12)}, tolerance=NEAR)
+    yield from move(arms, {INSERTER: _dragging(oven, 0.0)}, speed=0.15)
+    yield from follow(arms, lambda f: {INSERTER: _dragging(oven, f * DRAGGED)}, 3.0)
+    angle = arms.sim.angle(DOOR)
+    clear = _pushing(oven, angle, 0.06)
+    yield from move(arms, {HOLDER: clear.moved(z=0.20)}, tolerance=NEAR)
+    yield from move(arms, {HOLDER: clear}, speed=CAREFUL)
+    yield from move(arms, {HOLDER: _pushing(oven, angle + PUSH, 0.03)}, speed=0.1)
+    back = arms.targets[INSERTER] @ SE3.at(z=-0.15)
+    yield from move(arms, {INSERTER: back}, speed=CAREFUL)
+    yield from move(arms, {INSERTER: down(*AWAY)}, tolerance=NEAR)
+    yield from _fetch(arms, how)
+    yield from _bring(arms, how)
+
+
+def _dragging(oven: SE3, angle: float) -> SE3:
+    """Tool pose of the right hand with closed fingers behind the bar of the open door."""
+    door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
+    x, y, z = door.apply([BAR[0] + 0.030, BAR[1] + 0.020, 0.15 - HEIGHT / 2])
+    yaw = oven.yaw + 0.9 - 0.7 * angle
+    return down(x, y, z, yaw=yaw, tilt=0.8) @ SE3.at(yaw=math.pi / 2)
+
+
+def _pushing(oven: SE3, angle: float, gap: float) -> SE3:
+    """Tool pose of the left hand from above, `gap` metres off the inside of the open door."""
+    door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
+    x, y, _ = door.apply([gap, PUSHED, 0.0])
+    return down(x, y, 0.22, yaw=oven.yaw - 0.4, tilt=0.3)
+
+
+def _fetch(arms: Arms, how: Putting) -> Script:
+    yield from pick_cube(arms, INSERTER, "cube", how.grasp, tilt=how.grasp_tilt)
 
 
 def _at_bar(oven: SE3, angle: float, how: Putting) -> SE3:
@@ -144,6 +186,7 @@ WAYS: tuple[Way, ...] = (
     way("the door opened to 1.4 rad", Putting(angle=1.4)),
     way("the door opened to 1.8 rad", Putting(angle=1.8)),
     way("closed fingers hook the bar", HOOK),
+    Way(name="a hand holds the door from inside", script=from_inside, done=done),
     way("the bar is held low", Putting(bar_height=0.13)),
     way("on the left of the floor", Putting(place=(0.06, 0.06), azimuth=0.0, slope=0.95)),
     way("on the right of the floor", Putting(place=(0.06, -0.11))),

@@ -282,10 +282,10 @@ def test_a_cup_that_was_in_the_air_is_put_down_again(bench: TaskHarness, side: S
 
 @pytest.mark.parametrize(("drop", "stage"), [(0.006, 6), (0.020, 5)])
 def test_cups_are_let_go_near_the_table(bench: TaskHarness, drop: float, stage: int) -> None:
-    bench.start(0)
+    _, target = _sides(bench, 0)
     bench.act(lambda arms: pour(arms, Pouring(drop=drop)))
     bench.hold(REST_STEPS + 10)
-    assert done(bench.sim)
+    assert done(bench.sim, target)
     assert bench.stage == stage
 
 
