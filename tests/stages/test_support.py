@@ -122,7 +122,7 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     (i)nside but pinched, (f)ree inside. What is made of that: as h, but (a)way from the lid is the
     arm that holds it, the lid (s)huts, the cube lies (o)n the other arm's hand or on the lid (c);
     as n, but the lid is down on the arm that brings the cube (g); S and F are i and f with a lid
-    that shuts, A is f with an open lid and nobody at it.
+    that shuts, A is f with an open lid and nobody at it, and d is f with the cube on the table.
     """
     sim, saved = bench.sim, dict[str, np.ndarray]()
 
@@ -156,7 +156,12 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
         sim.place("cube", SE3(np.eye(3), sim.data.xipos[sim.body_id(case.lid)]))
         sim.forward()
 
+    def on_the_table() -> None:
+        sim.place("cube", start)
+        sim.forward()
+
     bench.start(0)
+    start = sim.pose("cube")
     bench.act(honest)
     edit("a", "h", lambda: send_home(bench, saved["t"], case.holder))
     edit("s", "h", lambda: set_lid(sim, case.lid, HALF_OPEN))
@@ -164,6 +169,7 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     edit("o", "h", at_the_other_arm)
     edit("c", "h", on_the_lid)
     edit("S", "i", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("d", "f", on_the_table)
     edit("A", "f", lambda: send_home(bench, saved["t"], case.holder))
     edit("F", "f", lambda: set_lid(sim, case.lid, HALF_OPEN))
     return saved
@@ -245,7 +251,7 @@ def test_a_cube_that_came_without_support_does_not_count(scene: Scene) -> None:
 
 def test_a_cube_that_was_not_let_go_inside_does_not_count(scene: Scene) -> None:
     """It flew in from a hand outside."""
-    assert scene.stage_after("h" * LONG, HELD) == 2
+    assert scene.stage_after("h" * LONG, "d", HELD) == 2
 
 
 def test_a_lid_that_shut_on_the_way_spoils_it(scene: Scene) -> None:
@@ -292,7 +298,7 @@ def test_once_the_cube_is_inside_the_lid_may_fall(scene: Scene) -> None:
 
 def test_a_cube_that_was_taken_out_again_must_be_brought_again(scene: Scene) -> None:
     assert scene.stage_after("h" * LONG, "i", "s", "F" * REST) == 2
-    assert scene.stage_after("h" * LONG, "i", "h", HELD) == 2
+    assert scene.stage_after("h" * LONG, "i", "h", "d", HELD) == 2
     assert scene.stage_after("h" * LONG, "i", "h", "i", HELD) == 3
 
 

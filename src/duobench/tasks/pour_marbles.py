@@ -35,8 +35,8 @@ CUPS = {side: f"{side}_cup" for side in SIDES}
 SQUARES = {side: f"{side}_square" for side in SIDES}
 SQUARE_CENTRES = {SQUARES[Side.LEFT]: (0.5, 0.3), SQUARES[Side.RIGHT]: (0.5, -0.3)}
 HALF_SQUARE, RAISE, UPRIGHT = 0.05, 0.020, math.radians(20.0)
-"""How far, in metres, a cup's centre may be from its square's along x and y, and how far a cup is
-raised at least; how far it is tilted at most when it stands, in radians."""
+"""How far a cup's centre may be from its square's along x and y, and how far it is raised at least,
+in metres; how far it is tilted at most when it stands, in radians."""
 GREEN, LIGHT = (0.20, 0.62, 0.27, 1.0), (0.92, 0.93, 0.95, 1.0)
 BLUE = (0.10, 0.28, 0.78, 1.0)
 
@@ -50,9 +50,9 @@ def _fill(layout: Layout) -> Layout:
     return Layout(poses={**layout.poses, **heap}, variants=variants)
 
 
-def _back(cup: str, square: str) -> Predicate:
+def _back(cup: str, square: str, half: float = HALF_SQUARE) -> Predicate:
     """A cup stands on the table, upright, inside its square, released and still."""
-    region = is_.BoxRegion(body=square, low=(-HALF_SQUARE,) * 3, high=(HALF_SQUARE,) * 3)
+    region = is_.BoxRegion(body=square, low=(-half, -half, -half), high=(half, half, half))
     stands = is_.touching(cup, TABLE) & is_.upright(cup, UPRIGHT) & is_.still(cup)
     return is_.released(cup) & is_.inside(cup, region) & stands
 
