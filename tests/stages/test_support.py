@@ -245,7 +245,7 @@ def test_a_cube_that_came_without_support_does_not_count(scene: Scene) -> None:
 
 def test_a_cube_that_was_not_let_go_inside_does_not_count(scene: Scene) -> None:
     """It flew in from a hand outside."""
-    assert scene.stage_after("h" * LONG, HELD) == 2
+    assert scene.stage_after("h" * LONG, "c", HELD) == 2
 
 
 def test_a_lid_that_shut_on_the_way_spoils_it(scene: Scene) -> None:
@@ -292,7 +292,7 @@ def test_once_the_cube_is_inside_the_lid_may_fall(scene: Scene) -> None:
 
 def test_a_cube_that_was_taken_out_again_must_be_brought_again(scene: Scene) -> None:
     assert scene.stage_after("h" * LONG, "i", "s", "F" * REST) == 2
-    assert scene.stage_after("h" * LONG, "i", "h", HELD) == 2
+    assert scene.stage_after("h" * LONG, "i", "hc", HELD) == 2
     assert scene.stage_after("h" * LONG, "i", "h", "i", HELD) == 3
 
 
