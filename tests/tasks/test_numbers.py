@@ -265,7 +265,7 @@ PAGES = {
 }
 
 SHARED = {
-    "stages.placing.PUT_HEIGHT": 0.010,
+    "stages.placing.PUT_HEIGHT": 0.012,
     "stages.placing.REST_SECONDS": 0.5,
     "stages.predicates.LIFTED_HEIGHT": 0.010,
     "sim.simulation.STILL_SPEED": 0.05,

@@ -26,6 +26,8 @@ _BEAM_GRASP = 0.014
 """Height of the tool above the beam's middle: the fingertips then clear the table."""
 _BEAM_SPEED = 0.38
 """Mean speed in m/s with which an arm comes to the beam: its elbow swings little at any tempo."""
+_BEAM_FREEDOM = 0.5
+"""Share of a variety's grasp offset at which the beam does not yet swing about the fingers."""
 _BEAM_GAP = 0.001
 """How far above the cube the beam is led, in metres."""
 _BLOCK_GRASP = 0.018
@@ -85,7 +87,13 @@ def lay_beam(
     side = side or arms.variety.ordered((_BEAM_SIDE, _BEAM_SIDE.other))[0]
     beam = arms.sim.pose("beam")
     x, y, z = beam.apply([0.0, along, _BEAM_GRASP])
-    yield from pick(arms, side, down(x, y, z, yaw=beam.yaw + _OUTWARD[side]), speed=_BEAM_SPEED)
+    yield from pick(
+        arms,
+        side,
+        down(x, y, z, yaw=beam.yaw + _OUTWARD[side]),
+        speed=_BEAM_SPEED,
+        freedom=_BEAM_FREEDOM,
+    )
     x, y, _ = arms.sim.position("cube")
     goal = tool_for(arms, side, "beam", SE3.at(x, y, CUBE_EDGE + BEAM[2] / 2 + gap))
     yield from place(arms, side, goal, above=0.06, retreat=0.15, speed=0.3)
