@@ -19,7 +19,7 @@ from duobench.objects.solid import PLA_DENSITY
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import STILL_SPEED
 from duobench.spatial import SE3
-from duobench.stages.placing import RIM_HEIGHT_ERROR
+from duobench.stages.placing import PUT_HEIGHT
 from duobench.tasks.transfer_cube import BELOW_RIM, BOWL_TILT, TASK
 from duobench.types import Side
 from tests.handovers import bring, drop, meet
@@ -37,7 +37,7 @@ STANDING = SE3.at(z=FLOOR + LONG_BLOCK / 2) @ SE3.about((0, 1, 0), math.pi / 2)
 BESIDE = SE3.at(x=-RADIUS - 0.0155, z=LONG_BLOCK / 2) @ SE3.about((0, 1, 0), math.pi / 2)
 """Standing on the table, against the rim."""
 ON_RIM = SE3.at(x=RADIUS - 0.001, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0005)
-TOO_HIGH = SE3.at(z=RIM_HEIGHT + RIM_HEIGHT_ERROR + CUBE_EDGE / 2 + 0.001)
+TOO_HIGH = SE3.at(z=RIM_HEIGHT + PUT_HEIGHT + CUBE_EDGE / 2 + 0.001)
 ACROSS_RIM = SE3.at(x=0.073, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0002, yaw=math.pi / 2)
 """Lying on top of the rim by both ends."""
 

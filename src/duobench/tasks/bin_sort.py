@@ -9,7 +9,7 @@ Randomization:
 
 Success:
     Both cubes have lain still for half a second in the bowls of their colours, which stand on the
-    table, and were let go there, below the rim.
+    table, and were let go there, at the rim or below.
 """
 
 from __future__ import annotations
