@@ -43,6 +43,9 @@ _ENOUGH = 1.05
 """Angle in radians from which on the other arm goes in."""
 _PULL_SECONDS = 3.0
 
+_ASIDE = (-0.04, -0.10, -0.05)
+"""First way of the inserting tool, in metres: straight to the cube, a finger may come down on the
+oven's edge."""
 _GRASP_HEIGHT = 0.031
 _GRASP_TILT = 0.1
 """Tilt of the picking tool; leaning further back, the wrist reaches its limits."""
@@ -91,6 +94,8 @@ def open_door(arms: Arms) -> Script:
 
 def fetch(arms: Arms) -> Script:
     """The right arm picks up the cube."""
+    aside = arms.targets[INSERTER].moved(*_ASIDE)
+    yield from move(arms, {INSERTER: aside}, arrive=False)
     yield from pick_cube(arms, INSERTER, "cube", _GRASP_HEIGHT, tilt=_GRASP_TILT)
 
 
