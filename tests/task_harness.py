@@ -18,7 +18,7 @@ from duobench.stages.progress import Progress, ProgressState
 from duobench.tasks.task import Task
 from duobench.types import Array, DuoCommand
 
-MOVED = ("joints", "before", "openings", "targets", "posture", "freedom")
+MOVED = ("joints", "before", "openings", "targets", "freedom")
 """What a script changes in its arms."""
 
 

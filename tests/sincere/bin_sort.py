@@ -174,7 +174,7 @@ def _reaches(arms: Arms, side: Side, tool: SE3) -> bool:
     """Whether inverse kinematics brings a tool to a pose."""
     joints = arms.joints
     for _ in range(90):
-        joints = arms.kinematics.step(joints, {side: tool}, posture=arms.posture)
+        joints = arms.kinematics.step(joints, {side: tool})
     return arms.kinematics.forward(joints)[side].distance(tool)[0] < REACHED
 
 

@@ -3,9 +3,7 @@
 import pytest
 
 from duobench.experts.motion import Arms, Script, down, move, pick_cube, release
-from duobench.objects.blocks import CUBE_EDGE
 from duobench.scene.naming import TABLE
-from duobench.spatial import SE3
 from duobench.stages.placing import low_over, put
 from duobench.stages.predicates import Predicate
 from duobench.tasks.bin_sort import TASK
@@ -59,18 +57,3 @@ def test_what_is_let_go_low_is_put_and_what_is_let_go_higher_is_dropped(
 def test_only_the_sides_that_are_named_put_it_down(bench: TaskHarness) -> None:
     assert let_go(bench, put(CUBE, LOW, Side.LEFT), 0.0)
     assert not let_go(bench, put(CUBE, LOW, Side.RIGHT), 0.0)
-
-
-@pytest.mark.parametrize(("falls", "counts"), [(0, True), (1, False)])
-def test_fingers_open_between_two_steps(bench: TaskHarness, falls: int, counts: bool) -> None:
-    """A cube is higher at the last step in the hand, and low at the first one without it."""
-    bench.start(0)
-    bench.act(pick_up)
-    probe = PredicateProbe(put(CUBE, LOW))
-    assert bench.sim.contacts.grasped(Side.LEFT, CUBE)
-    for height in (None, *[0.05] * falls, 0.005, 0.005):
-        if height is not None:
-            bench.put(white_cube=SE3.at(0.5, 0.0, CUBE_EDGE / 2 + height))
-            assert not bench.sim.contacts.grasped(Side.LEFT, CUBE)
-        answer = probe.ask(bench.sim)
-    assert answer == counts

@@ -14,7 +14,6 @@ from collections.abc import Callable, Generator, Mapping
 import numpy as np
 
 from duobench.experts.variety import VarietySample
-from duobench.scene.fr3 import HOME_JOINTS
 from duobench.scene.naming import tcp_name
 from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
@@ -74,8 +73,6 @@ class Arms:
         """Commanded openings (2,), 0 closed to 1 open."""
         self.targets: dict[Side, SE3] = dict(self.kinematics.forward(self.joints))
         """Tool pose that each arm is being led to, in the table frame."""
-        self.posture: Array = np.array(HOME_JOINTS)
-        """What the redundant joints are attracted to (2, 7)."""
         self.variety = variety or VarietySample()
         """What this episode does differently."""
         self.freedom: Array = np.zeros(len(SIDES))
@@ -84,9 +81,7 @@ class Arms:
     def action(self) -> Array:
         """The next 16 numbers: one step of inverse kinematics towards the targets."""
         before, self.before = self.before, self.joints
-        self.joints = self.kinematics.step(
-            self.joints, self.targets, posture=self.posture, before=before
-        )
+        self.joints = self.kinematics.step(self.joints, self.targets, before=before)
         return DuoCommand(joints=self.joints, openings=self.openings).flat
 
     def tcp_pose(self, side: Side) -> SE3:

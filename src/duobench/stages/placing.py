@@ -24,7 +24,7 @@ PUT_HEIGHT = 0.012
 """How high above what it is to stand on, or above the rim of what it is to lie in, the lowest point
 of an object may be when it is let go, in metres: 10 mm [task definitions], and 2 mm that a hand on
 its way down, which is seen at control steps alone, still comes nearer while its fingers open. Arms
-that are told to stop at a rim stop 3 to 4 mm higher, and 7 mm where they tremble (measured)."""
+that are told to stop at a height stop 3 to 4 mm higher, and 7 mm where they tremble (measured)."""
 REST_SECONDS = 0.5
 """How long an object rests where it was put before it counts, in seconds [task definitions]."""
 
@@ -58,9 +58,7 @@ def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
         sides: The grippers that may have done so; either where none is given.
     """
     in_hand = any_of(*(grasped(side, prop) for side in sides or SIDES))
-    # Fingers that came down open between two control steps: the hand was nearer than at the first.
-    let_go = in_hand | since(in_hand, reset=~in_hand)
-    return since(let_go & there, reset=~there)
+    return since(in_hand & there, reset=~there)
 
 
 def left_alone(*props: str) -> Predicate:
