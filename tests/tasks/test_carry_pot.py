@@ -117,7 +117,7 @@ def test_a_pot_that_is_still_in_hand_does_not_count(bench: TaskHarness) -> None:
     assert bench.act(lambda arms: let_go(arms, Side.LEFT)) == 3
 
 
-@pytest.mark.parametrize(("height", "stage"), [(0.007, 3), (0.013, 2), (0.03, 2), (0.17, 2)])
+@pytest.mark.parametrize(("height", "stage"), [(0.007, 3), (0.017, 2), (0.03, 2), (0.17, 2)])
 def test_a_pot_let_go_high_above_the_plate_does_not_count(
     bench: TaskHarness, height: float, stage: int
 ) -> None:

@@ -24,7 +24,7 @@ from duobench.types import SIDES, Side
 _BEAM_SIDE = Side.RIGHT
 _BEAM_GRASP = 0.014
 """Height of the tool above the beam's middle: the fingertips then clear the table."""
-_BEAM_SPEED = 0.38
+_BEAM_SPEED = 0.35
 """Mean speed in m/s with which an arm comes to the beam: its elbow swings little at any tempo."""
 _BEAM_FREEDOM = 0.5
 """Share of a variety's grasp offset at which the beam does not yet swing about the fingers."""

@@ -29,8 +29,8 @@ FLICKER_SECONDS = 0.1
 """How long a contact that is lost is lost for good: three control steps. Fingers that let go and
 close again take longer, contacts that flicker do not."""
 HOP_HEIGHT = 0.003
-"""How far the lowest point of an object that stands on its support may hop, in metres, while a hand
-that trembles lets it go."""
+"""How far the lowest point of an object that stands may hop, in metres, while a hand that trembles
+takes it or lets it go."""
 TIP_SECONDS = 0.2
 """How long an object that one hand has let go little above its support takes to tip onto it at
 most, in seconds; what is higher than `HOP_HEIGHT` for longer hangs in the other hand."""
@@ -85,8 +85,9 @@ def carriage(
     on_table = any_of(*(touching(body, TABLE) for body in bodies))
     on_support = touching(prop, support)
     carried = all_of(in_both, in_air, raised(prop, height))
-    # In the air by one hand, or by none: what was done so far is void until it stands on the table.
-    let_go = interrupted(in_both | ~in_air)
+    # In the air by one hand, or by none: what was done so far is void until it stands on the table,
+    # from which hands that tremble may lift one end of it a little earlier.
+    let_go = interrupted(in_both | ~(in_air & raised(prop, HOP_HEIGHT)))
     # The jolt of landing may shake pads off a handle for a moment: what counts is the one before.
     dropped = on_support & ~in_both & since(in_air & ~in_both, reset=in_both | on_support)
     on_the_way = since(
@@ -95,7 +96,9 @@ def carriage(
     )
     # Put down beside its place, and pushed there by one arm, it was not brought there by both.
     low = low_over(prop, support, top)
-    landed = all_of(low, raised(prop, top - LANDING_DEPTH), place, in_both, on_the_way)
+    # Fingers open between two control steps: the object was lower than at the first one.
+    just_held = in_both | since(in_both, reset=~in_both)
+    landed = all_of(low, raised(prop, top - LANDING_DEPTH), place, just_held, on_the_way)
     # Fingers that open make it hop, and what one hand lets go first tips onto its support.
     in_hand = any_of(*(grasped(side, handle) for side in SIDES for handle in handles))
     hung = in_air & in_hand & ~in_both & ~low_over(prop, support, top, HOP_HEIGHT)
