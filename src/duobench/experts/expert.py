@@ -68,8 +68,7 @@ class Expert:
             duo = self._simulation.duo
             joints = arms.joints + arms.variety.disturbance(arms.freedom)
             noisy = DuoCommand(joints=joints, openings=arms.openings).flat
-            last = duo.command().flat
-            intended, executed = duo.limits.clip(intended, last), duo.limits.clip(noisy, last)
+            executed = duo.limits.clip(noisy, duo.command().flat)
         self.intended_action = intended.astype(np.float32)
         return executed[None]
 
