@@ -80,7 +80,9 @@ SHOTS: Mapping[str, Shot] = MappingProxyType(
             view=View(eye=(1.35, -0.5, 0.78), target=(0.43, 0.04, 0.17), fovy_deg=32.0), best=2
         ),
         "bin_sort": Shot(
-            view=View(eye=(1.6, -0.25, 1.05), target=(0.44, 0.0, 0.10), fovy_deg=37.0), best=4
+            seed=1,  # of seeds 0 and 1 the one in which a cube is still carried when the other lies
+            view=View(eye=(1.6, -0.25, 1.05), target=(0.44, 0.0, 0.10), fovy_deg=37.0),
+            best=4,
         ),
     }
 )
