@@ -120,9 +120,9 @@ def report(job: Mapping[str, Any]) -> Found:
         for seed in job["seeds"]:
             key = f"{task} {seed}"
             if job["first"]:
-                kept[key] = _targets(env, seed)
+                kept[key] = _targets(env, task, seed)
             if job["first"] or job["experts"]:
-                targets = kept[key] if job["first"] else _targets(env, seed)
+                targets = kept[key] if job["first"] else _targets(env, task, seed)
                 found["experts"][key] = _digest(targets.tobytes())
             found["resets"][key], found["replays"][key] = _replay(env, seed, kept[key])
         found["models"][task] = model_digests(sim_of(env).simulation.model)
@@ -156,13 +156,14 @@ def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()[:16]
 
 
-def _targets(env: Any, seed: int) -> np.ndarray:
+def _targets(env: Any, task: str, seed: int) -> np.ndarray:
     """The actions (n, 16) of the expert's episode."""
     from duobench.evaluation.policies import ExpertPolicy
+    from duobench.randomness import policy_seed
 
     observation, info = env.reset(seed=seed)
     expert = ExpertPolicy(env)
-    expert.reset(info["instruction"], seed)
+    expert.reset(info["instruction"], policy_seed(task, seed))
     actions, over = [], False
     while not over:
         actions.append(np.asarray(expert.act(observation), dtype=np.float32)[0])

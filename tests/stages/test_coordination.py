@@ -9,7 +9,7 @@ from duobench.objects.pot import HEIGHT, PLATE, RADIUS
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.coordination import FLICKER_SECONDS, TIP_SECONDS, carriage
+from duobench.stages.coordination import FLICKER_SECONDS, HOP_HEIGHT, TIP_SECONDS, carriage
 from duobench.stages.placing import PUT_HEIGHT
 from duobench.stages.predicates import BoxRegion, Predicate, inside
 from duobench.stages.progress import Progress, Stage
@@ -71,7 +71,7 @@ def moments(bench: TaskHarness) -> Moments:
     in (n)o hand, in both hands against the stove's (s)ide, on the stove in (b)oth hands or (f)ree,
     a (j)olt there that takes one pad of each hand off its handle, (h)opping above the stove, just
     (u)p from it again in both hands; and so little above the stove that it is put down when it is
-    let go, in (m)any hands or in (o)ne.
+    let go, in (m)any hands or in (o)ne, or just too (w)ide above it.
     """
     saved: Moments = {}
 
@@ -104,6 +104,8 @@ def moments(bench: TaskHarness) -> Moments:
         bench.sim.set_state(saved["b"])
         yield from rise(arms, 0.8 * PUT_HEIGHT)
         keep("m")
+        yield from rise(arms, PUT_HEIGHT + 0.6 * HOP_HEIGHT)
+        keep("w")
         yield from rise(arms, 1.8 * PUT_HEIGHT)
         keep("u")
         yield from carry(arms, "pot", landed, speed=0.1)
@@ -137,7 +139,7 @@ def ask(bench: TaskHarness, moments: Moments, letters: str, question: Predicate)
 
 
 def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Moments) -> None:
-    hands = {**dict.fromkeys("csbum", SIDES), **dict.fromkeys("lo", (LEFT,))}
+    hands = {**dict.fromkeys("csbumw", SIDES), **dict.fromkeys("lo", (LEFT,))}
     supports = {"t": {"table"}, **{key: {"stove"} for key in "sbjf"}}
     for letter, state in moments.items():
         bench.sim.set_state(state)
@@ -145,7 +147,7 @@ def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Momen
         for side, handle in zip(SIDES, HANDLES, strict=True):
             assert contacts.grasped(side, handle) == (side in hands.get(letter, ())), letter
         assert contacts.partners("pot") == supports.get(letter, set()), letter
-    for letter, least, most in (("u", 1, 2), ("m", 0, 1), ("o", 0, 1), ("h", 0, 1)):
+    for letter, least, most in (("u", 1, 2), ("w", 1, 1.25), ("m", 0, 1), ("o", 0, 1), ("h", 0, 1)):
         bench.sim.set_state(moments[letter])
         above = bench.sim.min_height("pot") - PLATE[2]
         assert least * PUT_HEIGHT < above < most * PUT_HEIGHT, letter
@@ -189,8 +191,10 @@ def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Momen
         ("tcjbf", True),  # shaken as it lands
         ("tcfbf", True),
         ("tcjjbf", True),
-        ("tcjjjbf", True),
-        ("tcjf", True),
+        ("tcwjjjbf", True),
+        ("tcwjf", True),  # fingers opened between two steps
+        ("tcjjjbf", False),  # from higher up
+        ("tcjf", False),
         ("tcsf", False),  # it touched the stove, and did not stand on it
         ("tcsbf", True),
         ("tcsnfffbf", False),  # and was let go there

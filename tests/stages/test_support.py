@@ -14,7 +14,7 @@ from duobench.experts.motion import Arms, Script, release, together, wait
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
-from duobench.stages.support import GRAZE_TIME, UNSUPPORTED_TIME
+from duobench.stages.support import GRAZE_TIME, LAPSE_TIME, UNSUPPORTED_TIME
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, Side
 from tests.adversaries import hinge_chest as chest_cheats
@@ -23,6 +23,7 @@ from tests.task_harness import TaskHarness
 
 LONG = round(UNSUPPORTED_TIME * CONTROL_HZ)
 GRAZE = round(GRAZE_TIME * CONTROL_HZ)
+LAPSE = round(LAPSE_TIME * CONTROL_HZ)
 REST = round(REST_SECONDS * CONTROL_HZ)
 OPEN, HALF_OPEN = 0.8, 0.79
 
@@ -121,8 +122,9 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     What two arms did: (t) at the start; the lid held open and the cube (h)eld, come (n)ear,
     (i)nside but pinched, (f)ree inside. What is made of that: as h, but (a)way from the lid is the
     arm that holds it, the lid (s)huts, the cube lies (o)n the other arm's hand or on the lid (c);
-    as n, but the lid is down on the arm that brings the cube (g); S and F are i and f with a lid
-    that shuts, A is f with an open lid and nobody at it, and d is f with the cube on the table.
+    as n, but the lid is down on the arm that brings the cube (g), and nobody else at it (G); S and
+    F are i and f with a lid that shuts, A is f with an open lid and nobody at it, and d is f with
+    the cube on the table.
     """
     sim, saved = bench.sim, dict[str, np.ndarray]()
 
@@ -166,6 +168,7 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     edit("a", "h", lambda: send_home(bench, saved["t"], case.holder))
     edit("s", "h", lambda: set_lid(sim, case.lid, HALF_OPEN))
     edit("g", "n", lambda: lower_onto_the_arm(sim, case))
+    edit("G", "g", lambda: send_home(bench, saved["t"], case.holder))
     edit("o", "h", at_the_other_arm)
     edit("c", "h", on_the_lid)
     edit("S", "i", lambda: set_lid(sim, case.lid, HALF_OPEN))
@@ -281,7 +284,10 @@ def test_a_lid_that_is_still_held_when_the_hand_is_gone_was_held(scene: Scene) -
     assert scene.stage_after("h" * LONG, "g" * LONG, "i", HELD) == 3
     assert scene.stage_after("h" * LONG, "c" * LONG, "i", HELD) == 3
     assert scene.stage_after("h" * LONG, "a" * LONG, "i", HELD) == 3
-    # Unless it shut in between, or shuts when the hand is gone, or nobody is at it.
+    assert scene.stage_after("h" * LONG, "G" * (LAPSE - 1), "i", HELD) == 3
+    # Unless its holder was away for long, or it shut in between, or shuts when the hand is gone, or
+    # nobody is at it.
+    assert scene.stage_after("h" * LONG, "G" * LAPSE, "i", HELD) == 2
     assert scene.stage_after("h" * LONG, "g" * LONG, "s", "i", HELD) == 2
     assert scene.stage_after("h" * LONG, "g" * LONG, "i", "F" * LONG, HELD) == 2
     assert scene.stage_after("h" * LONG, "g" * LONG, "i", "A" * 2 * LONG) == 2

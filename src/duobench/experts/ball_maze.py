@@ -20,7 +20,7 @@ from duobench.experts.motion import (
 )
 from duobench.objects.maze_board import GRIP_OFFSET, cell_at, cell_centre
 from duobench.objects.mazes import MAZES, Direction
-from duobench.spatial import SE3, rotation_by
+from duobench.spatial import SE3, dot, rotation_by
 from duobench.types import SIDES, Array, Side
 
 _APPROACH = 0.08
@@ -160,7 +160,7 @@ class TiltedBoard:
             velocity, last = (ball - last) / CONTROL_STEP, ball
             centring = _CENTRING * (end - ball) - _DAMPING * velocity
             self.towards(self._tilt * along + across * centring)
-            if along @ (ball - end) > _AT_WALL:
+            if dot(along, ball - end) > _AT_WALL:
                 return
 
     def lean(self, slope: Array, steps: int) -> Script:

@@ -27,7 +27,7 @@ from duobench.experts.motion import (
     wait,
 )
 from duobench.scene.fr3 import SHOULDERS
-from duobench.spatial import SE3
+from duobench.spatial import SE3, dot, length, product
 from duobench.types import Array, Side
 
 _FIRM_GRIP_STEPS = 4
@@ -57,10 +57,11 @@ def tool(position: ArrayLike, *, along: ArrayLike, camera: ArrayLike) -> SE3:
         camera: Direction (3,) of the wrist camera, seen from the tool axis; its part along the tool
             axis is ignored. The fingers open at right angles to both.
     """
-    z = np.asarray(along, dtype=np.float64) / np.linalg.norm(along)
+    z = np.asarray(along, dtype=np.float64)
+    z = z / length(z)
     x = np.asarray(camera, dtype=np.float64)
-    x = x - (x @ z) * z
-    x = x / np.linalg.norm(x)
+    x = x - dot(x, z) * z
+    x = x / length(x)
     return SE3(np.column_stack([x, np.cross(z, x), z]), np.asarray(position))
 
 
@@ -71,13 +72,13 @@ def hanging(arms: Arms, side: Side, body: str) -> SE3:
     """
     pose = arms.sim.pose(body)
     axis = pose.rotation[:, 0]
-    end_in_hand = -np.copysign(1.0, axis @ arms.tcp_pose(side).rotation[:, 2]) * axis
+    end_in_hand = -np.copysign(1.0, dot(axis, arms.tcp_pose(side).rotation[:, 2])) * axis
     turn = np.cross(end_in_hand, (0.0, 0.0, 1.0))
-    sine = float(np.linalg.norm(turn))
+    sine = length(turn)
     if sine < _UPRIGHT_SINE:
         return pose
     upright = SE3.about(turn, math.atan2(sine, end_in_hand[2]))
-    return SE3(upright.rotation @ pose.rotation, pose.translation)
+    return SE3(product(upright.rotation, pose.rotation), pose.translation)
 
 
 def turn_to_camera(arms: Arms, side: Side, body: str, pose: SE3) -> float:
@@ -113,7 +114,7 @@ class Bar:
     def free_end(self, arms: Arms) -> Array:
         """Direction (3,) of the bar's axis, out of the giver's hand."""
         axis = arms.sim.rotation(self.body)[:, 0]
-        return -np.copysign(1.0, axis @ arms.tcp_pose(self.giver).rotation[:, 0]) * axis
+        return -np.copysign(1.0, dot(axis, arms.tcp_pose(self.giver).rotation[:, 0])) * axis
 
 
 def pick_bar(arms: Arms, bar: Bar) -> Script:
@@ -161,7 +162,7 @@ def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
     """
     free = bar.free_end(arms)
     opening = arms.tcp_pose(bar.giver).rotation[:, 1]
-    normal = opening - (opening @ free) * free
+    normal = opening - dot(opening, free) * free
     upwards = np.cross(normal, free)
     upwards *= np.sign(upwards[2])
     along = -math.cos(slant) * free - math.sin(slant) * upwards

@@ -93,7 +93,7 @@ class Arms:
         return float(self.sim.duo.read().openings[side.index])
 
     def grasps(self, side: Side, body: str) -> bool:
-        """Whether both pads of a gripper press on a body, towards each other."""
+        """Whether both fingers of a gripper press on a body, towards each other."""
         return self.sim.contacts.grasped(side, body)
 
 

@@ -178,8 +178,8 @@ def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
 def mass_properties(solid: Solid) -> MassProperties:
     """Mass properties of the printable mesh, with the solid's density, or scaled to its mass."""
     mesh = printable(solid)
-    # The solid is the signed sum of the tetrahedra that its triangles span with the origin. Sums
-    # are exact, so they depend neither on the processor nor on the order of the triangles.
+    # The solid is the signed sum of the tetrahedra that its triangles span with the origin. The
+    # sums over triangles are exact: they do not depend on the order of the triangles.
     corners = mesh.vertices[mesh.faces]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     sixfold = (a * np.cross(b, c)).sum(axis=1)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
-from duobench.stages.placing import low_over
+from duobench.stages.placing import PUT_HEIGHT, low_over
 from duobench.stages.predicates import (
     Predicate,
     all_of,
@@ -97,7 +97,8 @@ def carriage(
     # Put down beside its place, and pushed there by one arm, it was not brought there by both.
     low = low_over(prop, support, top)
     # Fingers open between two control steps: the object was lower than at the first one.
-    just_held = in_both | since(in_both, reset=~in_both)
+    nearly_low = low_over(prop, support, top, PUT_HEIGHT + HOP_HEIGHT)
+    just_held = in_both | since(in_both & nearly_low, reset=~in_both)
     landed = all_of(low, raised(prop, top - LANDING_DEPTH), place, just_held, on_the_way)
     # Fingers that open make it hop, and what one hand lets go first tips onto its support.
     in_hand = any_of(*(grasped(side, handle) for side in SIDES for handle in handles))

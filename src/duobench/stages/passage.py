@@ -40,7 +40,7 @@ class Passage:
     through: Predicate
     """It is on the far side, and came there through the hole, held, not around."""
     within: Predicate
-    """Its middle is in the hole: a part of it is on either side."""
+    """Its middle is in the hole, less than half its length from the plane."""
 
 
 def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage:

@@ -36,7 +36,7 @@ class Rolling:
     left: Predicate
     """It has rolled away from the start, and the board is lifted."""
     arrived: Predicate
-    """It has rolled from the start to the goal and rested there, and the board is lifted."""
+    """It has rolled from the start to the goal and stayed there, and the board is lifted."""
 
 
 def inside_chosen(prop: str, choice: str, regions: Mapping[str, Region]) -> Predicate:

@@ -33,6 +33,9 @@ UNSUPPORTED_TIME = 0.6
 """Time in seconds for which a lid or door that is open needs support: thrown open by any speed,
 none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose touch with it
 for as long, as fingers do that slip along it."""
+LAPSE_TIME = 1.0
+"""Time in seconds from which on the supporting arm has left the lid, which lay on the bringing arm
+meanwhile, whoever holds it afterwards."""
 GRAZE_TIME = 0.1
 """Time in seconds from which on a touch that should not be is more than a graze: the bringing arm
 or the object at the lid, the supporting arm at the object. It is too short to hold a lid up."""
@@ -44,7 +47,7 @@ class Support:
 
     supported: Predicate
     """One arm lifts the object while the other one keeps the lid open, and touches it with its
-    gripper: nothing of the first arm, nor the object, has touched the lid for `UNSUPPORTED_TIME`"""
+    gripper: neither the first arm nor the object has touched the lid for `UNSUPPORTED_TIME`."""
     delivered: Predicate
     """The arm that had the object then has put it at its goal, where it has been since, and the
     other arm kept the lid open all the way."""
@@ -82,12 +85,13 @@ def support(
         )
         for side in SIDES
     }
-    # With the object at its goal, the lid shows who holds it.
+    # With the object at its goal, the lid shows who holds it: not an arm that was away for long.
+    left = {side: held_for(~arm_touches(side.other, lid), LAPSE_TIME) for side in SIDES}
     shown = {
         side: all_of(
             touches(side.other, lid),
             held_for(is_open & ~grazed[side], UNSUPPORTED_TIME),
-            since(supported[side], reset=void[side]),
+            since(supported[side], reset=void[side] | left[side]),
         )
         for side in SIDES
     }

@@ -9,7 +9,7 @@ Randomization:
 
 Success:
     Both cubes have lain still for half a second in the bowls of their colours, which stand on the
-    table, and were let go there, at the rim or below.
+    table, and were let go there, at most a little above the rim.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from duobench.objects.prop import Prop
 from duobench.randomness import around
 from duobench.stages import predicates as is_
 from duobench.stages.coordination import brought, interrupted
-from duobench.stages.placing import left_alone, low_over, placed
+from duobench.stages.placing import left_alone, low_over, placed, put
 from duobench.stages.predicates import all_of, any_of, off_table, since, touching
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
@@ -47,7 +47,7 @@ ENDS = _over_beam(-BEAM[1] / 2, -TIPPING), _over_beam(TIPPING, BEAM[1] / 2)
 LEVEL, STANDING = math.radians(12.0), math.radians(20.0)
 """Largest tilts of a level beam and of a block that stands on it, in radians."""
 LYING = 0.005
-"""How far below the cube's top a beam on it may seem to be, in metres; beside it, it is lower."""
+"""How far below the cube's top a beam on it may seem to be, in metres."""
 BLOCKS = ("left_block", "right_block")
 
 _ON_CUBE = touching("beam", "cube") & off_table("beam")
@@ -61,8 +61,8 @@ _LOW = tuple(
 _AT_ENDS = all_of(*(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS), *_LOW)
 _ON_BEAM = all_of(_AT_ENDS, *(touching(name, "beam") for name in BLOCKS))
 _HELD = is_.lifted_by_any("beam")
-_HIGH = is_.raised("beam", CUBE_EDGE - LYING)
-_BRIDGE = placed(is_.rests_on("beam", "cube"), _HIGH, _LEVEL, is_.released("beam")) & since(_HELD)
+_LAID = put("beam", low_over("beam", "cube", CUBE_EDGE / 2)) & is_.raised("beam", CUBE_EDGE - LYING)
+_BRIDGE = placed(is_.rests_on("beam", "cube"), _LEVEL, is_.released("beam")) & _LAID
 _GRASPED = is_.grasped_apart(*BLOCKS)
 _READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE))
 # Blocks that were put on one after the other, and grasped again, were not put on together.

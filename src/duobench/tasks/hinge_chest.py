@@ -10,7 +10,8 @@ Randomization:
 
 Success:
     The cube has rested in the chest for half a second, and no gripper touches it. The arm that
-    brought it let it go at the rim or below, and the other arm kept the lid open until it was in.
+    brought it let it go at most a little above the rim, and the other arm kept the lid open until
+    it was inside.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ Randomization:
 
 Success:
     The block has rested for half a second in the bowl, which stands on the table, and no gripper
-    touches it. The arm that received it from the one that picked it up has let it go there, below
-    the rim: neither dropped nor thrown nor pushed.
+    touches it. The arm that received it from the one that picked it up has let it go there, at
+    most a little above the rim: neither dropped nor thrown nor pushed.
 """
 
 from __future__ import annotations
