@@ -33,9 +33,9 @@ UNSUPPORTED_TIME = 0.6
 """Time in seconds for which a lid or door that is open needs support: thrown open by any speed,
 none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose touch with it
 for as long, as fingers do that slip along it."""
-LAPSE_TIME = 1.0
+LAPSE_TIME = 5.0
 """Time in seconds from which on the supporting arm has left the lid, which lay on the bringing arm
-meanwhile, whoever holds it afterwards."""
+meanwhile, whoever holds it afterwards. Slow hands lose it for up to 3 s and hold it again."""
 GRAZE_TIME = 0.1
 """Time in seconds from which on a touch that should not be is more than a graze: the bringing arm
 or the object at the lid, the supporting arm at the object. It is too short to hold a lid up."""
