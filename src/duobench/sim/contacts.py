@@ -74,6 +74,8 @@ class Contacts:
         self._touching: set[int] = set()
         self._pairs: list[list[int]] = []
         self._distances: list[float] = []
+        self._grasped: dict[tuple[Side, int], bool] = {}
+        """Answers of `grasped` since the last update; several questions ask the same."""
         self._limbs = {
             side: [self._index[limb_owner(side, limb)] for limb in Limb] for side in SIDES
         }
@@ -99,6 +101,7 @@ class Contacts:
                 one, other = owners[first], owners[second]
                 touching.add(one * stride + other if one < other else other * stride + one)
         self._touching = touching
+        self._grasped.clear()
 
     def between(self, one: str, other: str) -> bool:
         """Whether two owners are in contact."""
@@ -127,6 +130,12 @@ class Contacts:
         each has a contact whose normal points to the other finger, within `MAX_PRESS_ANGLE`.
         """
         row = self._row(owner)
+        answer = self._grasped.get((side, row))
+        if answer is None:
+            answer = self._grasped[side, row] = self._grasps(side, row)
+        return answer
+
+    def _grasps(self, side: Side, row: int) -> bool:
         one, other, _, _ = self._limbs[side]
         if not (self._touch(one, row) and self._touch(other, row)):
             return False
