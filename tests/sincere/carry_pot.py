@@ -113,7 +113,7 @@ def _both(**changes: float) -> dict[Side, HandleGrasp]:
     return dict.fromkeys(SIDES, HandleGrasp(**changes))
 
 
-EXPERT = Carrying()
+PLAIN = Carrying()
 
 WAYS: tuple[Way, ...] = (
     *(
@@ -141,9 +141,9 @@ WAYS: tuple[Way, ...] = (
         "the right arm lets go first, pressed in",
         Carrying(order=((RIGHT,), (LEFT,)), release=-0.004),
     ),
-    _way("at half the speed", EXPERT, slowness=2),
-    _way("trembling by 10 mrad", EXPERT, tremble=0.01),
-    _way("trembling by 20 mrad", EXPERT, tremble=0.02),
+    _way("at half the speed", PLAIN, slowness=2),
+    _way("trembling by 10 mrad", PLAIN, tremble=0.01),
+    _way("trembling by 20 mrad", PLAIN, tremble=0.02),
     _way("trembling, let go 5 mm above the plate", Carrying(release=0.005), tremble=0.01),
 )
 

@@ -154,7 +154,7 @@ def _way(name: str, insertion: Insertion, **changes: object) -> Way:
     return replace(way, **changes)
 
 
-EXPERT = Insertion()
+PLAIN = Insertion()
 STEEP = Insertion(tilt=0.0, place=(-0.045, 0.045))
 
 FRONT = (-0.045, 0.045)
@@ -163,7 +163,7 @@ ASIDE = Insertion(tilt=0.0, yaw=math.pi / 2, place=FRONT)
 BRUSH = replace(STEEP, tilt=0.2)
 
 WAYS: tuple[Way, ...] = (
-    _way("as the expert, and the hand leaves", EXPERT),
+    _way("as the expert, and the hand leaves", PLAIN),
     _way("a hand that comes straight down", STEEP),
     _way(
         "a hand straight down, its camera aside, the lid at 1.1 rad", replace(ASIDE, open_angle=1.1)
@@ -182,14 +182,14 @@ WAYS: tuple[Way, ...] = (
     _way("let go at the rim", Insertion(drop_height=0.085)),
     _way("grasped at the tips of the fingers", Insertion(grasp_height=0.045)),
     _way("grasped deep in the fingers", Insertion(grasp_height=0.026)),
-    _way("at half the speed", EXPERT, slowness=2),
-    _way("trembling", EXPERT, tremble=0.01),
+    _way("at half the speed", PLAIN, slowness=2),
+    _way("trembling", PLAIN, tremble=0.01),
     _way("trembling, straight down", STEEP, tremble=0.01),
-    _way("one arm after the other", EXPERT, script=one_after_the_other(EXPERT)),
-    _way("a hand that leans on the lid", EXPERT, script=along_the_lid(EXPERT, 0.03)),
+    _way("one arm after the other", PLAIN, script=one_after_the_other(PLAIN)),
+    _way("a hand that leans on the lid", PLAIN, script=along_the_lid(PLAIN, 0.03)),
     _way("a hand that leans hard on the lid", BRUSH, script=along_the_lid(BRUSH, 0.04)),
-    _way("the lid sinks onto the hand for a moment", EXPERT, script=slipped(EXPERT, 0.3, 10)),
-    _way("the lid lies on the hand for a second", EXPERT, script=slipped(EXPERT, 0.4, 30)),
+    _way("the lid sinks onto the hand for a moment", PLAIN, script=slipped(PLAIN, 0.3, 10)),
+    _way("the lid lies on the hand for a second", PLAIN, script=slipped(PLAIN, 0.4, 30)),
 )
 
 

@@ -209,14 +209,14 @@ WAYS: tuple[Way, ...] = (
     way("grasped low", Pouring(grasps=(0.028, 0.028))),
     way("hands from behind", Pouring(ahead=-0.2)),
     way("hands from ahead", Pouring(ahead=0.3)),
-    way("trembling", tremble=0.005),
+    way("trembling", tremble=0.01),
     way("half the speed", slowness=2),
 )
 
 
 def sample(rng: np.random.Generator) -> Way:
     """A way at random."""
-    tremble, slowness = (0.005 if rng.random() < 0.15 else 0.0), (2 if rng.random() < 0.15 else 1)
+    tremble, slowness = (0.01 if rng.random() < 0.15 else 0.0), (2 if rng.random() < 0.15 else 1)
     how = Pouring(
         height=rng.uniform(0.05, 0.14),
         angle=math.radians(rng.uniform(100.0, 120.0)),

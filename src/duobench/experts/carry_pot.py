@@ -50,7 +50,7 @@ class HandleGrasp:
     """Lean of the gripper along the bar in radians, see `down`."""
 
 
-EXPERT = HandleGrasp()
+PLAIN = HandleGrasp()
 
 
 def script(arms: Arms) -> Script:
@@ -112,7 +112,7 @@ def grasp(arms: Arms, *sides: Side, hold: Mapping[Side, HandleGrasp] | None = No
     """
     sides, hold = sides or SIDES, hold or {}
     pot = arms.sim.pose("pot")
-    grasps = {side: _grasp_pose(pot, side, hold.get(side, EXPERT)) for side in sides}
+    grasps = {side: _grasp_pose(pot, side, hold.get(side, PLAIN)) for side in sides}
     yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH, speed=_APPROACH_SPEED)
     yield from grip(arms, *sides)
 

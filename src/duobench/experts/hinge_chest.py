@@ -84,12 +84,12 @@ class Insertion:
     """Height of the tool in metres when it lets the cube go."""
 
 
-EXPERT = Insertion()
+PLAIN = Insertion()
 
 
 def script(arms: Arms) -> Script:
     """Open the chest, hold it open, put the cube in."""
-    yield from insert(arms, EXPERT)
+    yield from insert(arms, PLAIN)
 
 
 def insert(arms: Arms, way: Insertion) -> Script:
@@ -97,7 +97,7 @@ def insert(arms: Arms, way: Insertion) -> Script:
     yield from together(open_lid(arms, way), bring(arms, way))
 
 
-def bring(arms: Arms, way: Insertion = EXPERT) -> Script:
+def bring(arms: Arms, way: Insertion = PLAIN) -> Script:
     """The inserting arm puts the cube in as soon as the lid is open."""
     yield from fetch(arms, way)
     enough = way.open_angle - _NEARLY
@@ -119,7 +119,7 @@ def under_lid(chest: SE3, holder: Side, angle: float) -> SE3:
     return _lifting(chest, holder, HINGE[0] + lid[0], HINGE[2] + lid[2])
 
 
-def open_lid(arms: Arms, way: Insertion = EXPERT) -> Script:
+def open_lid(arms: Arms, way: Insertion = PLAIN) -> Script:
     """The holding arm lifts the lid and holds it."""
     chest, holder = arms.sim.pose("chest"), way.side.other
     start = _lifting(chest, holder, *_START)
@@ -136,21 +136,21 @@ def open_lid(arms: Arms, way: Insertion = EXPERT) -> Script:
     yield from follow(arms, up, _LIFT_SECONDS)
 
 
-def fetch(arms: Arms, way: Insertion = EXPERT) -> Script:
+def fetch(arms: Arms, way: Insertion = PLAIN) -> Script:
     """The inserting arm picks up the cube and waits beside the chest."""
     yield from pick_cube(arms, way.side, "cube", way.grasp_height)
     y = arms.sim.position("chest")[1] + way.side.sign * _WAIT_BESIDE
     yield from move(arms, {way.side: over(arms, y, _CARRY_HEIGHT, way)}, tolerance=0.02)
 
 
-def lower(arms: Arms, way: Insertion = EXPERT) -> Script:
+def lower(arms: Arms, way: Insertion = PLAIN) -> Script:
     """The inserting arm brings the cube over the open chest, and down."""
     y = arms.sim.pose("chest").apply([*way.place, 0.0])[1]
     yield from move(arms, {way.side: over(arms, y, _ABOVE_RIM, way)}, tolerance=0.01)
     yield from move(arms, {way.side: over(arms, y, way.drop_height, way)}, speed=CAREFUL)
 
 
-def over(arms: Arms, y: float, height: float, way: Insertion = EXPERT) -> SE3:
+def over(arms: Arms, y: float, height: float, way: Insertion = PLAIN) -> SE3:
     """Tool pose of the inserting arm, at a place across the table and a height in metres."""
     chest = arms.sim.pose("chest")
     lean = SE3.about((1, 0, 0), -way.side.sign * _LEAN)
