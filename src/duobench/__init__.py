@@ -8,7 +8,7 @@ from duobench.errors import DuoBenchError
 
 __all__ = ["DuoBenchError", "__version__", "make", "register"]
 
-__version__ = "0.1.0"
+__version__ = "1.0.0rc1"
 
 try:
     from duobench.envs.registration import make, register, register_catalog

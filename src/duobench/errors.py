@@ -101,6 +101,10 @@ class DataError(DuoBenchError):
     """A recording or a data set cannot be read, or does not fit."""
 
 
+class NamesTakenError(DataError):
+    """Different episodes have the same name."""
+
+
 class EvaluationError(DuoBenchError):
     """A run cannot begin or go on, or a file of it cannot be read."""
 

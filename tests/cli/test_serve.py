@@ -58,7 +58,7 @@ def test_missing_package_is_told_with_what_to_install(
     words = ["eval", "--policy", "openpi", "--server", "ws://127.0.0.1:1", "--workers", "0"]
     with pytest.raises(SystemExit) as left:
         main([*words, "--out", str(tmp_path / "run")])
-    assert "pip install 'duobench[serve]'" in str(left.value.code)
+    assert "pip install 'duobench-fr3[serve]'" in str(left.value.code)
 
 
 @pytest.mark.parametrize("policy", SERVED)

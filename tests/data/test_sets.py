@@ -171,7 +171,7 @@ def test_names_that_clash_are_refused_or_renamed(
 ) -> None:
     spoil(data, with_info(instruction="Do it differently."))
     out = tmp_path / "out"
-    with pytest.raises(DataError, match=f"1 names.*{TASK}/00001"):
+    with pytest.raises(DataError, match=f"1 name stands.*{TASK}/00001"):
         merge([original, data], out)
     assert DataSet.open(out).episodes() == []
     for _ in range(2):  # the second time nothing is left to do
@@ -189,7 +189,7 @@ def test_commands_merge_and_split(
     out = capsys.readouterr().out
     assert f"1 episode in {one}" in out
     assert f"{EPISODES} episodes in {whole}" in out
-    with pytest.raises(SystemExit, match=f"{tmp_path / 'three'} holds no data set"):
+    with pytest.raises(SystemExit, match=f"no folder {tmp_path / 'three'}\. Beside it"):
         main(["data", "merge", one, str(tmp_path / "three"), "--out", whole])
 
 

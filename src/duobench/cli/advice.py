@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from duobench.errors import (
     DuoBenchError,
@@ -13,11 +15,45 @@ from duobench.errors import (
     OutputError,
     RenderingError,
 )
-from duobench.evaluation.folder import RunFolder
+
+if TYPE_CHECKING:
+    from duobench.evaluation.folder import RunFolder
 
 
 class AdvisedError(DuoBenchError):
     """An error of the library, with advice."""
+
+
+KINDS = {
+    "dataset.json": ("a data set", "duobench data info {}"),
+    "run.json": ("an evaluation", "duobench report {}"),
+    "meta/info.json": ("a data set of LeRobot", "duobench train act --data {}"),
+}
+"""What the folders are that our verbs write, by a file in each, and a verb that takes it."""
+
+
+def find_folder(folder: Path, sign: str) -> None:
+    """Find out that a folder is of the kind that a verb takes.
+
+    Args:
+        folder: The folder.
+        sign: The file that such a folder has, a key of `KINDS`.
+
+    Raises:
+        AdvisedError: There is no such folder, or it is of another kind; it says what would do.
+    """
+    if (folder / sign).exists():
+        return
+    if not folder.exists():
+        around = folder.absolute().parent
+        near = sorted(str(folder.with_name(each.parent.name)) for each in around.glob(f"*/{sign}"))
+        here = f" Beside it there are: {', '.join(near)}." if near else ""
+        raise AdvisedError(f"There is no folder {folder}.{here}")
+    for other, (kind, verb) in KINDS.items():
+        if (folder / other).exists():
+            raise AdvisedError(
+                f"{folder} is {kind}, not {KINDS[sign][0]}. Try: {verb.format(folder)}"
+            )
 
 
 @contextmanager

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from duobench.cli.advice import AdvisedError, advising, find_folder
 from duobench.cli.console import console, counted
 from duobench.cli.engine import load_engine
-from duobench.errors import DataError, OutputError
+from duobench.errors import DataError, DuoBenchError, NamesTakenError, OutputError
 
 if TYPE_CHECKING:
     from duobench.data import DataSet
@@ -22,6 +23,7 @@ def opened(folder: Path) -> DataSet:
     Raises:
         DuoBenchError: There is none, or MuJoCo cannot be loaded.
     """
+    find_folder(folder, "dataset.json")
     load_engine()
     from duobench.data import DataSet
 
@@ -51,7 +53,7 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
     for heading in ("Episodes", "Successes", "Frames", "Median", "99 %", "Horizon"):
         table.add_column(heading, justify="right", no_wrap=True)
     for task in summary.tasks:
-        middle, long = task.lengths[task.episodes // 2], f"{task.long_length:.0f}"
+        middle, long = f"{task.median_length:g}", f"{task.long_length:.0f}"
         numbers = (task.episodes, task.successes, task.frames, middle, long, task.horizon)
         table.add_row(task.task, *map(str, numbers))
     table.add_section()
@@ -95,14 +97,19 @@ def recover(data: tyro.conf.Positional[Path]) -> None:
     source = opened(data)
     from duobench.files import locked
 
-    screen, lost = console(), 0
+    screen, found, lost = console(), 0, 0
     with locked(source.path):
         for partial in source.partials():
             try:
                 screen.print(str(source.recover(partial)))
+                found += 1
             except (DataError, OutputError) as error:
                 lost += 1
                 screen.print(str(error))
+    if found:
+        screen.print(f"{counted(found, 'episode')} recovered.")
+    elif not lost:
+        screen.print("There is nothing to recover.")
     if lost:
         sys.exit(1)
 
@@ -112,14 +119,21 @@ def merge(data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool 
 
     Args:
         data: Folders of the data sets.
-        out: Folder of the one, which may be a data set that is added to.
+        out: Folder of the merged data set; it is added to if it exists.
         rename: Give an episode whose name is taken the next free number.
     """
     sources = [opened(each) for each in data]
     from duobench.data.arrange import merge as merge_into
 
-    count = merge_into(sources, out, rename=rename)
+    with advising(_for_merging):
+        count = merge_into(sources, out, rename=rename)
     console().print(f"{counted(count, 'episode')} in {out}")
+
+
+def _for_merging(error: DuoBenchError) -> str | None:
+    if isinstance(error, NamesTakenError):
+        return "With --rename they get the next free numbers."
+    return None
 
 
 def split(
@@ -129,16 +143,21 @@ def split(
     tasks: tuple[str, ...] = (),
     seed: int = 0,
 ) -> None:
-    """Copy the episodes of a data set into two, each into one of them.
+    """Copy the episodes of a data set into two new ones, without an episode that is in both.
 
     Args:
         data: Folder of the data set.
         out: Folders of the two.
-        fraction: Share of each task's episodes that go into the first.
+        fraction: Share of each task's episodes that go into the first, such as 0.8.
         tasks: Tasks that go into the first, instead of a fraction.
         seed: Seed of the choice.
     """
     source = opened(data)
+    if (fraction is None) == (not tasks):
+        raise AdvisedError(
+            "Say what goes into the first folder: a share of each task's episodes, such as "
+            "--fraction 0.8, or all of some tasks, such as --tasks bin_sort."
+        )
     from duobench.data.arrange import split as split_into
 
     counts = split_into(source, *out, fraction=fraction, tasks=tasks, seed=seed)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import tyro
 
+from duobench.cli.advice import find_folder
 from duobench.cli.console import console
 from duobench.cli.engine import load_engine
 
@@ -16,6 +17,7 @@ def report(folder: tyro.conf.Positional[Path]) -> None:
     Args:
         folder: What was given to --out of duobench eval; the run need not be finished.
     """
+    find_folder(folder, "run.json")
     load_engine()
     from duobench.cli.table import results_table
     from duobench.evaluation.folder import RunFolder

@@ -54,8 +54,8 @@ def train(
     screen = console()
     screen.print(" \\\n  ".join(map(shlex.quote, command)))
     width = max(len(setting.argument) for setting in planned.settings)
-    for setting in planned.settings:
-        screen.print(f"{setting.argument:{min(width, 48)}}  {setting.why}")
+    for setting in planned.settings:  # apart, so that what is printed can be piped into a shell
+        sys.stderr.write(f"{setting.argument:{min(width, 48)}}  {setting.why}\n")
     if only_print:
         return
     code = subprocess.run([training.program(), *command[1:]], check=False).returncode

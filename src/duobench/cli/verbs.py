@@ -19,6 +19,7 @@ from duobench.cli.render import render
 from duobench.cli.replay import replay
 from duobench.cli.report import report
 from duobench.cli.serve import serve
+from duobench.cli.spelling import check_spelling
 from duobench.cli.train import train
 
 DESCRIPTION = (
@@ -68,6 +69,7 @@ def run(arguments: Sequence[str] | None) -> None:
         group, *words = words
         verbs, program = GROUPS[group], f"duobench {group}"
         description = VERBS[group].__doc__ or ""
+    check_spelling(words, verbs, program, default=next(iter(verbs)) if len(verbs) == 1 else "")
     tyro.extras.subcommand_cli_from_dict(
         dict(verbs),
         prog=program,

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.recording import Recording
-from duobench.errors import DataError
+from duobench.errors import DataError, NamesTakenError
 from duobench.files import locked, write
 
 
@@ -31,8 +31,8 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
         How many episodes the sources have together, the same one counted once.
 
     Raises:
-        DataError: Two different episodes have the same name, there is no data set, a file cannot be
-            read, or the folder holds something else.
+        NamesTakenError: Two different episodes have the same name.
+        DataError: There is no data set, a file cannot be read, or the folder holds something else.
         OutputError: A file cannot be written, or another process is writing into the folder.
     """
     if not sources:
@@ -50,9 +50,9 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
                 clashes.append(f"{place.parent.name}/{place.stem}")
             plan.setdefault(place, path)
         if clashes:
-            raise DataError(
-                f"{len(clashes)} names stand for different episodes, such as {clashes[0]}; merge "
-                "with new names for them."
+            names = "name stands" if len(clashes) == 1 else "names stand"
+            raise NamesTakenError(
+                f"{len(clashes)} {names} for different episodes, such as {clashes[0]}."
             )
         _copy(plan)
     return len(plan)

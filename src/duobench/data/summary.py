@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from statistics import median
 
 import numpy as np
 
@@ -55,6 +56,11 @@ class TaskSummary:
     """Episodes whose layout an earlier one has too."""
     eval_layouts: int
     """Episodes with a layout of the evaluation's split."""
+
+    @property
+    def median_length(self) -> float:
+        """The median of the lengths; the mean of the middle two of an even number."""
+        return median(self.lengths)
 
     @property
     def long_length(self) -> float:

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
+from duobench.installing import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.batch import Batching, BatchPolicy, SessionPolicy
 from duobench.policy.lerobot.address import SCHEME as LEROBOT
@@ -121,7 +122,7 @@ def _lerobot_class() -> Callable[[str], object]:
         from duobench.policy.lerobot.policy import LeRobotPolicy
     except ImportError as error:
         raise PolicyError(
-            f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. With Python "
-            "3.12 or newer: pip install 'duobench[lerobot]'."
+            f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. "
+            f"{install_extra('lerobot')}"
         ) from error
     return LeRobotPolicy

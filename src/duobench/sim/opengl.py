@@ -28,6 +28,7 @@ import mujoco
 import numpy as np
 
 from duobench.errors import RenderingError
+from duobench.installing import OPENGL_PACKAGES, OSMESA_PACKAGES
 
 T = TypeVar("T")
 _Order = tuple[Future[Any], Callable[[], Any]]
@@ -60,9 +61,9 @@ _OFF = ("disable", "disabled", "off", "false", "0")
 _ALIASES = {"glx": "glfw", "wgl": "glfw"}
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
 _GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
-_HELP = """Install one of these, then try again:
-  Debian, Ubuntu:  apt-get install libegl1 libopengl0 libgl1 libgl1-mesa-dri   (EGL)
-              or:  apt-get install libosmesa6                                  (OSMesa)
+_HELP = f"""Install one of these, then try again:
+  Debian, Ubuntu:  apt-get install {OPENGL_PACKAGES}   (EGL)
+              or:  apt-get install {OSMESA_PACKAGES}   (OSMesa)
   conda:           conda install -c conda-forge libegl libopengl mesalib
 With an NVIDIA card inside a container, also set NVIDIA_DRIVER_CAPABILITIES=all.
 Set MUJOCO_GL to egl, osmesa or glfw to choose without a probe."""

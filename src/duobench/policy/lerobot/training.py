@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
+from duobench.installing import install_extra
 from duobench.policy.lerobot.checkpoint import LAST
 from duobench.policy.lerobot.features import ACTION
 from duobench.policy.lerobot.recipes import DOMAIN, RECIPES, SMALL, Recipe, Setting
@@ -113,10 +114,7 @@ def program() -> Path:
     beside = Path(sys.executable).with_name(PROGRAM)
     command = str(beside) if beside.exists() else shutil.which(PROGRAM)
     if command is None:
-        raise PolicyError(
-            f"There is no {PROGRAM} here. With Python 3.12 or newer: "
-            "pip install 'duobench[lerobot]'."
-        )
+        raise PolicyError(f"There is no {PROGRAM} here. {install_extra('lerobot')}")
     return Path(command)
 
 
@@ -220,7 +218,8 @@ def _check_plugin() -> None:
     except PackageNotFoundError as error:
         raise PolicyError(
             "The data set has simulated and real episodes. LeRobot 0.6 tells X-VLA which is which "
-            f"only with {PLUGIN}, the second distribution of this repository: pip install it."
+            f"only with {PLUGIN}, the second distribution of this repository. In a clone of it: "
+            f"pip install ./{PLUGIN}"
         ) from error
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from duobench.errors import ServingError
+from duobench.installing import install_extra
 
 _PACKAGES = ("msgpack", "websockets")
 
@@ -26,6 +27,6 @@ def importing() -> Iterator[None]:
         if (error.name or "").partition(".")[0] not in _PACKAGES:
             raise
         raise ServingError(
-            f"Serving policies, and asking served ones, needs the package {error.name!r}: "
-            "pip install 'duobench[serve]'."
+            f"Serving policies, and asking served ones, needs the package {error.name!r}. "
+            f"{install_extra('serve')}"
         ) from error

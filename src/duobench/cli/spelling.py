@@ -1,0 +1,106 @@
+"""What is misspelt on a command line, found before anything is loaded or read."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection, Mapping, Sequence
+from difflib import get_close_matches
+from typing import Literal, get_args, get_origin, get_type_hints
+
+from duobench.errors import DuoBenchError
+
+Verbs = Mapping[str, Callable[..., None]]
+HELP = ("--help", "-h", "--version")
+REST = "--"
+"""What follows it is another program's."""
+SYNONYMS = {"evaluate": "eval", "test": "eval", "teleoperate": "record", "visualize": "replay"}
+"""What people type who know other programs."""
+NUMBERS = {int: "a whole number", float: "a number"}
+
+
+class SpellingError(DuoBenchError):
+    """A verb, an option or a number that is none."""
+
+
+def check_spelling(words: Sequence[str], verbs: Verbs, program: str, default: str = "") -> None:
+    """Find the first misspelt verb or option, or a word where a number should be.
+
+    Args:
+        words: What stands after the program.
+        verbs: Its verbs.
+        program: The program, such as "duobench export".
+        default: The verb to propose where none is near, if there is only one sensible.
+
+    Raises:
+        SpellingError: Something is misspelt; it says what was probably meant.
+    """
+    if not words or words[0] in HELP:
+        return
+    verb, *rest = words
+    if verb not in verbs:
+        near = SYNONYMS.get(verb, "") or _near(verb, verbs)
+        near = near if near in verbs else ""
+        meant = f"{program} {near}" if near else f"{program} {default} {verb}" if default else ""
+        hint = f"Did you mean `{meant}`?" if meant else f"There are: {', '.join(verbs)}."
+        raise SpellingError(f"{program} has no verb {verb!r}. {hint}")
+    _check_choice(rest, verbs[verb], f"{program} {verb}")
+    _check_options(rest, verbs[verb], f"{program} {verb}")
+
+
+def _check_options(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
+    flags = _flags(verb)
+    for at, word in enumerate(words):
+        if word == REST:
+            return
+        name, _, joined = word.partition("=")
+        if not name.startswith("--") or name in HELP:
+            continue
+        if name.replace("_", "-") not in flags:
+            near = _near(name, flags)
+            hint = f"Did you mean {near}?" if near else f"There are: {', '.join(flags)}."
+            raise SpellingError(f"{program} has no option {name}. {hint}")
+        kind = flags[name.replace("_", "-")]
+        value = joined or (words[at + 1] if at + 1 < len(words) else "")
+        if kind in NUMBERS and not _is_a(kind, value):
+            raise SpellingError(f"{name} takes {NUMBERS[kind]}, not {value!r}.")
+
+
+def _flags(verb: Callable[..., None]) -> dict[str, object]:
+    """The options of a verb and what they take; those that are switched have a second form."""
+    flags: dict[str, object] = {}
+    parameters = inspect.signature(verb).parameters
+    for name, kind in get_type_hints(verb, include_extras=True).items():
+        if name not in parameters:
+            continue
+        marks = getattr(kind, "__metadata__", ())
+        renamed = [mark.name for mark in marks if getattr(mark, "name", None)]
+        dashed = (renamed[0] if renamed else name).replace("_", "-")
+        flags[f"--{dashed}"] = kind
+        if kind is bool or bool in get_args(kind):
+            flags[f"--no-{dashed}"] = kind
+    return flags
+
+
+def _check_choice(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
+    """Find out whether the first word is one of a few, where a verb takes one of a few."""
+    name, kind = next(iter(get_type_hints(verb, include_extras=True).items()), ("", None))
+    choices = get_args(next(iter(get_args(kind)), None))
+    is_literal = get_origin(next(iter(get_args(kind)), None)) is Literal
+    if is_literal and words and not words[0].startswith("-") and words[0] not in choices:
+        raise SpellingError(
+            f"{program} takes {', '.join(choices[:-1])} or {choices[-1]} as {name}, not "
+            f"{words[0]!r}."
+        )
+
+
+def _is_a(kind: object, value: str) -> bool:
+    try:
+        int(value) if kind is int else float(value)
+    except ValueError:
+        return False
+    return True
+
+
+def _near(word: str, known: Collection[str]) -> str:
+    longer = [name for name in known if name.startswith(word)]
+    return next(iter([*longer, *get_close_matches(word, known, n=1)]), "")
