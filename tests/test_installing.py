@@ -15,7 +15,17 @@ from tests.test_repository import ROOT, tracked
 COMMAND = re.compile(r"pip install((?: +(?:'[^'\n]+'|[^\s'\"`]+))+)")
 WORD = re.compile(r"'([^'\n]+)'|([^\s']+)")
 UNREAD = ("tests", "CHANGELOG.md")
-OTHERS = ("lerobot", "vlagents", "rpyc", "vla-eval", "openpi-client", "pandas", "polars", "duckdb")
+OTHERS = (
+    "lerobot",
+    "vlagents",
+    "rpyc",
+    "vla-eval",
+    "openpi-client",
+    "pandas",
+    "polars",
+    "duckdb",
+    "pyarrow",
+)
 """Packages of others that pages and messages name."""
 SECOND = "lerobot_env_duobench"
 """Our other distribution, by the name of its folder."""

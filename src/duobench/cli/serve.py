@@ -7,6 +7,10 @@ from typing import Literal
 
 from duobench.cli.console import console
 from duobench.cli.interrupt import stopping
+from duobench.errors import ServingError
+
+SCRIPTED = ("expert", "blind")
+"""Policies that need more than observations."""
 
 
 def serve(
@@ -22,7 +26,8 @@ def serve(
     Evaluate it with: duobench eval --policy openpi --server ws://HOST:PORT
 
     Args:
-        policy: module:attribute for a policy of your own, or hold, random, zero.
+        policy: module:attribute for a policy of your own, lerobot:PATH_OR_ID for a checkpoint of
+            LeRobot, or hold, random, zero.
         host: Address to listen at. Any but that of this machine needs a key.
         port: Port to listen at; 0 takes a free one.
         max_batch: Observations that are answered together, at most. A policy that plays one episode
@@ -31,6 +36,11 @@ def serve(
             waiting; dynamic takes what waits, which is faster.
         key_file: File with the key that clients must have, in place of DUOBENCH_API_KEY.
     """
+    if policy.partition(":")[0] in SCRIPTED:
+        raise ServingError(
+            f"{policy} reads the state of the simulator, which no client sends, so it cannot be "
+            "served. Serve hold, random, zero, lerobot:PATH_OR_ID or module:attribute."
+        )
     from duobench.policy.batch import Batching
     from duobench.policy.serving import importing
     from duobench.policy.serving.access import check_access, read_key
