@@ -34,7 +34,7 @@ from duobench.objects.mazes import (
 
 BOARDS = len(MAZES)
 MAX_TILTS = 19
-"""Tilts for which there is time in an episode after the lift."""
+"""Tilts of 14 control steps for which there is time in an episode after the lift."""
 MOST, MOST_AT_REST = 4, 3
 """On how many of the boards one sequence may bring the ball to a stop in the goal, and to rest
 there."""

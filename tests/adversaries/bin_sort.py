@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from duobench.experts.motion import (
     OPEN,
     Arms,
@@ -10,6 +12,7 @@ from duobench.experts.motion import (
     follow,
     grip,
     move,
+    nearest_turn,
     pick,
     pick_cube,
     place,
@@ -73,6 +76,23 @@ def _drop(arms: Arms, side: Side, cube: str, bowl: str) -> Script:
     yield from move(arms, {side: above}, speed=0.1)
     yield from release(arms, side)
     yield from move(arms, {side: above.moved(z=0.1)}, arrive=False)
+
+
+def drop_and_pinch(arms: Arms) -> Script:
+    """The same; then each is grasped where it lies, and let go."""
+    yield from drop(arms)
+    sides = {"white_cube": Side.LEFT, "black_cube": Side.RIGHT}
+    tools = {}
+    for cube, side in sides.items():
+        pose = arms.sim.pose(cube)
+        x, y, _ = pose.translation
+        tools[side] = down(x, y, DROP_HEIGHT - 0.011, yaw=nearest_turn(pose.yaw, math.pi / 2))
+    above = {side: tool.moved(z=0.10) for side, tool in tools.items()}
+    yield from move(arms, above)
+    yield from move(arms, tools, speed=0.1)
+    yield from grip(arms, *sides.values())
+    yield from release(arms, *sides.values())
+    yield from move(arms, above, speed=0.3)
 
 
 def push_in_from_the_rim(arms: Arms) -> Script:
@@ -160,6 +180,13 @@ ADVERSARIES: tuple[Adversary, ...] = (
     Adversary(
         name="both cubes are dropped from above the rims",
         script=drop,
+        hands=Hands.BOTH,
+        deed=both_in,
+        gets=2,
+    ),
+    Adversary(
+        name="both cubes are dropped from above the rims, and grasped where they lie",
+        script=drop_and_pinch,
         hands=Hands.BOTH,
         deed=both_in,
         gets=2,

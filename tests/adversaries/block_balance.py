@@ -166,18 +166,28 @@ def close_once(arms: Arms) -> Script:
     yield from build(arms, RIGHT, RIGHT)
 
 
-def grasp_on_the_beam(arms: Arms) -> Script:
-    """When all is built in turns, both grasp their blocks together, and let go."""
-    yield from in_turns(arms)
-    tools = {}
-    for side in SIDES:
-        x, y, z = arms.sim.position(f"{side}_block")
-        tools[side] = down(x, y, z + GRASP, yaw=outward(side))
-    yield from move(arms, {side: tool.moved(z=0.12) for side, tool in tools.items()})
-    yield from move(arms, tools, speed=CAREFUL)
-    yield from grip(arms, *SIDES)
-    yield from wait(5)
-    yield from together(*(away(arms, side) for side in SIDES))
+def grasp_on_the_beam(lift: float) -> Callable[[Arms], Script]:
+    """When all is built in turns, both grasp their blocks together, raise them, and let go."""
+
+    def script(arms: Arms) -> Script:
+        yield from in_turns(arms)
+        tools = {}
+        for side in SIDES:
+            x, y, z = arms.sim.position(f"{side}_block")
+            tools[side] = down(x, y, z + GRASP, yaw=outward(side))
+        yield from move(arms, {side: tool.moved(z=0.12) for side, tool in tools.items()})
+        yield from move(arms, tools, speed=CAREFUL)
+        yield from grip(arms, *SIDES)
+        yield from wait(5)
+        if lift:
+            raised = {side: tool.moved(z=lift) for side, tool in tools.items()}
+            yield from move(arms, raised, speed=0.05)
+            yield from wait(3)
+            yield from move(arms, tools, speed=0.05)
+            yield from wait(3)
+        yield from together(*(away(arms, side) for side in SIDES))
+
+    return script
 
 
 def press(arms: Arms) -> Script:
@@ -275,7 +285,14 @@ ADVERSARIES: tuple[Adversary, ...] = (
     ),
     Adversary(
         name="built in turns, then both grasp the blocks on the beam",
-        script=grasp_on_the_beam,
+        script=grasp_on_the_beam(0.0),
+        hands=Hands.BOTH,
+        deed=balanced,
+        gets=3,
+    ),
+    Adversary(
+        name="built in turns, then both raise the blocks on the beam by 5 mm",
+        script=grasp_on_the_beam(0.005),
         hands=Hands.BOTH,
         deed=balanced,
         gets=3,

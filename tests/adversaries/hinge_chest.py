@@ -5,7 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from duobench.experts.hinge_chest import HOLDER, INSERTER, LET_GO, fetch, lower, open_lid, over
+from duobench.experts.hinge_chest import (
+    HOLDER,
+    INSERTER,
+    LET_GO,
+    fetch,
+    lower,
+    open_lid,
+    over,
+    under_lid,
+)
 from duobench.experts.motion import (
     CLOSED,
     Arms,
@@ -160,6 +169,31 @@ def lid_left_and_touched_again(arms: Arms) -> Script:
     yield from move(arms, {INSERTER: arms.targets[INSERTER].moved(y=0.2)}, speed=0.3)
 
 
+def holder_away_while_the_cube_goes_in(arms: Arms) -> Script:
+    """The right hand leaves the lid to the hand with the cube, and takes it again afterwards."""
+    yield from _hold_and_fetch(arms)
+    yield from come_over_the_chest(arms)
+    yield from _withdraw(arms)
+    yield from wait(10)
+    yield from lower(arms)
+    yield from _open_hand(arms)
+    chest, angle = arms.sim.pose("chest"), arms.sim.angle(LID) - 0.03
+    again = under_lid(chest, HOLDER, angle)
+    yield from move(arms, {HOLDER: again @ SE3.at(z=-0.16)}, speed=0.6, arrive=False)
+    yield from move(arms, {HOLDER: again}, speed=0.6, arrive=False)
+    yield from follow(
+        arms, lambda f: {HOLDER: under_lid(chest, HOLDER, angle + f * (_TOP - angle))}, 1.0
+    )
+    yield from move(arms, {INSERTER: arms.targets[INSERTER].moved(z=0.14)}, speed=0.3)
+    yield from move(arms, {INSERTER: arms.targets[INSERTER].moved(y=0.2)}, speed=0.3)
+
+
+def _held_open_at_last(sim: Simulation) -> bool:
+    """The cube is in, and the right hand alone holds the lid."""
+    held = sim.contacts.gripper(HOLDER, LID) and not sim.contacts.arm(INSERTER, LID)
+    return held and sim.angle(LID) >= OPEN_ANGLE and _is_in(sim)
+
+
 def _touch_from_behind(arms: Arms) -> Script:
     """The right arm comes to the lid from behind, and touches it without bearing it."""
     chest = arms.sim.pose("chest")
@@ -256,6 +290,13 @@ ADVERSARIES: tuple[Adversary, ...] = (
         script=lid_left_and_touched_again,
         hands=Hands.BOTH,
         deed=_is_in,
+        gets=2,
+    ),
+    Adversary(
+        name="the hand that holds the lid is away while the cube goes in",
+        script=holder_away_while_the_cube_goes_in,
+        hands=Hands.BOTH,
+        deed=_held_open_at_last,
         gets=2,
     ),
     Adversary(

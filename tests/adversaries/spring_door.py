@@ -41,6 +41,8 @@ _HOOK_YAW, _HOOK_SLOPE, _HOOK_TURN = 0.9, 0.8, 0.7
 """Direction of the dragging hand, and how much it turns with the door."""
 _DRAGGED = 1.2
 _TAP_ANGLE = 0.9
+_AROUND_THE_BAR = 0.6
+"""Opening of the hand that goes around the bar."""
 
 
 def _hook(oven: SE3, angle: float) -> SE3:
@@ -124,6 +126,34 @@ def door_let_fall_on_the_arm(arms: Arms) -> Script:
     yield from release(arms, INSERTER, opening=LET_GO)
 
 
+def holder_away_while_the_cube_goes_in(arms: Arms) -> Script:
+    """The left hand leaves the door to the other arm, and takes the handle again afterwards."""
+    yield from _hold_and_fetch(arms)
+    yield from come_to_the_door(arms)
+    yield from release(arms, HOLDER)
+    yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.05)}, speed=0.5, arrive=False)
+    yield from wait(10)
+    yield from reach_in(arms)
+    yield from release(arms, INSERTER, opening=LET_GO)
+    oven, angle = arms.sim.pose("microwave"), arms.sim.angle(DOOR)
+    arms.openings[HOLDER.index] = _AROUND_THE_BAR
+    again = at_bar(oven, angle)
+    yield from move(arms, {HOLDER: again @ SE3.at(z=-0.05)}, speed=0.6, arrive=False)
+    yield from move(arms, {HOLDER: again}, speed=0.5, arrive=False)
+    yield from grip(arms, HOLDER)
+    wider = max(0.0, _DRAGGED - angle)
+    yield from follow(arms, lambda f: {HOLDER: at_bar(oven, angle + f * wider)}, 1.0)
+    back = arms.targets[INSERTER] @ SE3.at(z=-0.12)
+    yield from move(arms, {INSERTER: back}, arrive=False)
+    yield from move(arms, {INSERTER: back.moved(x=-0.15, y=-0.3)}, tolerance=0.02)
+
+
+def _held_open_at_last(sim: Simulation) -> bool:
+    """The cube is in, and the left hand alone holds the door."""
+    held = sim.contacts.gripper(HOLDER, DOOR) and not sim.contacts.arm(INSERTER, DOOR)
+    return held and sim.angle(DOOR) >= OPEN_ANGLE and _is_in(sim)
+
+
 def cube_wedged_in_the_door(arms: Arms) -> Script:
     """The cube is put down across the front, and the door falls against it."""
     yield from _hold_and_fetch(arms)
@@ -199,6 +229,13 @@ ADVERSARIES: tuple[Adversary, ...] = (
         script=door_let_fall_on_the_arm,
         hands=Hands.BOTH,
         deed=_is_in,
+        gets=2,
+    ),
+    Adversary(
+        name="the hand that holds the door is away while the cube goes in",
+        script=holder_away_while_the_cube_goes_in,
+        hands=Hands.BOTH,
+        deed=_held_open_at_last,
         gets=2,
     ),
     Adversary(

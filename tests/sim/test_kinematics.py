@@ -15,7 +15,7 @@ from duobench.sim.kinematics import (
     ELBOW,
     GRID,
     LIMIT_MARGIN,
-    MAX_JUMP,
+    MAX_CHANGE,
     REACH,
     STRAIGHT,
     Kinematics,
@@ -196,8 +196,8 @@ def test_with_the_step_before_no_joint_jumps_or_turns_about(kinematics: Kinemati
         for _ in range(15):
             moved = kinematics.step(joints, goals, before=before)
             step, last = moved - joints, joints - before
-            assert np.abs(step - last).max() <= MAX_JUMP + 2.0 / GRID
+            assert np.abs(step - last).max() <= MAX_CHANGE + 2.0 / GRID
             turned = np.minimum(np.abs(step), np.abs(last))[step * last < 0.0]
-            assert turned.max(initial=0.0) <= MAX_JUMP / 2 + 1.0 / GRID
+            assert turned.max(initial=0.0) <= MAX_CHANGE / 2 + 1.0 / GRID
             assert np.minimum(moved - low, high - moved).min() >= LIMIT_MARGIN - 1.0 / GRID
             before, joints = joints, moved

@@ -51,7 +51,7 @@ LONG_BLOCK = CUBE | {"objects.blocks.LONG_BLOCK": 0.096}
 SUPPORT = {
     "stages.support.UNSUPPORTED_TIME": 0.6,
     "stages.support.GRAZE_TIME": 0.1,
-    "stages.support.LAPSE_TIME": 5.0,
+    "tasks.hinge_chest.BACKING": 0.040,
 }
 BOWL = {"objects.bowl.RADIUS": 0.085, "objects.bowl.RIM_HEIGHT": 0.030}
 

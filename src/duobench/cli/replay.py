@@ -79,8 +79,8 @@ def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
     screen.print(table)
     if wrong:
         screen.print(
-            f"{counted(wrong, 'episode')} came out differently. On another kind of processor than "
-            "the one that recorded, contacts amplify the last bit.",
+            f"{counted(wrong, 'episode')} came out differently: by other versions of MuJoCo or "
+            "DuoBench than those that recorded, or on a processor that is no x86-64 with AVX2.",
         )
         sys.exit(1)
 

@@ -62,8 +62,8 @@ class Replayer:
     def replay(self, recording: Recording) -> Divergence:
         """Run the commands that were sent through the physics, from the recorded layout on.
 
-        On the machine that recorded them every state is the same to the last bit; on another kind
-        of processor contacts amplify the last bit.
+        With the versions of MuJoCo and DuoBench that recorded them, every state is the same to the
+        last bit on every x86-64 processor; on another architecture contacts amplify the last bit.
 
         Raises:
             DataError: The recording is of another task or suite, or cannot be begun, or its

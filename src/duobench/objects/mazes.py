@@ -6,10 +6,10 @@ Start and goal are in corners, another pair on every board. `tools/mazes.py` fou
 search over random trees for these properties, which the tests check again:
 
 - from every cell, tilts along the board's axes bring the ball to the goal;
-- the shortest way from the start takes seven or eight runs, and one of them leads away from the
-  goal, so that a single diagonal tilt does not solve the maze;
-- no sequence of 19 tilts, for which there is time in an episode, brings the ball to a stop in the
-  goal of more than four boards, nor to rest there for one more tilt's time on more than three.
+- the shortest way from the start takes eight runs, and one of them leads away from the goal, so
+  that a single diagonal tilt does not solve the maze;
+- no sequence of at most 19 tilts brings the ball to a stop in the goal of more than four boards,
+  nor to rest there for one more tilt's time on more than three.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ import math
 from enum import StrEnum
 
 import mujoco
+import numpy as np
 
 from duobench.errors import UnknownNameError
 from duobench.scene.naming import gripper_name, pad_names
@@ -20,6 +21,8 @@ from duobench.types import SIDES, Side
 MAX_PRESS_ANGLE = math.radians(60.0)
 """Angle in radians between a finger's contact normal and the direction to the other finger up to
 which the finger presses towards it [task definitions]."""
+HAND_SIZE = 0.25
+"""No point of a gripper is further from its pads, in metres."""
 _MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
 
 
@@ -83,6 +86,12 @@ class Contacts:
             side: [model.body(name).id for name in pad_names(side)] for side in SIDES
         }
         self._pad_centres = data.xipos
+        self._model = model
+        self._solids: dict[int, list[int]] = {}
+        """Geoms of each owner that collide."""
+        for geom, row in enumerate(self._owners):
+            if model.geom_contype[geom] or model.geom_conaffinity[geom]:
+                self._solids.setdefault(row, []).append(geom)
 
     @property
     def owners(self) -> tuple[str, ...]:
@@ -117,6 +126,24 @@ class Contacts:
         row = self._row(owner)
         left, right, palm, _ = self._limbs[side]
         return self._touch(left, row) or self._touch(right, row) or self._touch(palm, row)
+
+    def near(self, side: Side, owner: str, distance: float) -> bool:
+        """Whether a finger or the palm of a gripper is at most `distance` metres from an owner.
+
+        It measures between geoms, which takes as long as twenty of the other questions, unless the
+        hand is far away.
+        """
+        model, data, nowhere = self._model, self._data, np.zeros(6)
+        hand = [geom for limb in self._limbs[side][:-1] for geom in self._solids.get(limb, ())]
+        pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
+        for other in self._solids.get(self._row(owner), ()):
+            furthest = float(model.geom_rbound[other]) + HAND_SIZE + distance
+            if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
+                continue
+            for one in hand:
+                if mujoco.mj_geomDistance(model, data, one, other, distance, nowhere) < distance:
+                    return True
+        return False
 
     def arm(self, side: Side, owner: str) -> bool:
         """Whether any part of an arm is in contact with an owner: links, camera or gripper."""

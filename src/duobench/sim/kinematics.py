@@ -25,13 +25,13 @@ LIMIT_MARGIN = 0.05
 """Distance in radians that solutions keep from the ends of the joints' ranges."""
 LIMIT_GAIN = 0.24
 """Share of its distance from there that a joint may come nearer in a step: so even the fastest one
-brakes by less than `MAX_JUMP` a step."""
+brakes by less than `MAX_CHANGE` a step."""
 GRID = 2.0**20
 """Joint targets are whole multiples of 1 / GRID radians (one micrometre at the tool), so that the
 last bits of a solution, which differ between processors, are gone. float32 holds them exactly."""
 VELOCITY_SHARE = 0.9
 """Part of the arm's velocity limits that a solution may use."""
-MAX_JUMP = 0.038
+MAX_CHANGE = 0.038
 """Largest change in radians of a joint's step against the one before, where that one is given: so
 no target jumps by more than 0.05 rad a step², nor reverses by more than 0.02 rad."""
 INERTIA_COST = 0.02
@@ -88,7 +88,7 @@ def _step_limit(model: mujoco.MjModel) -> Any:
             low = np.maximum(-most, LIMIT_GAIN * (self._low - configuration.q))
             high = np.minimum(most, LIMIT_GAIN * (self._high - configuration.q))
             if self.last is not None:
-                slowest, fastest = self.last - MAX_JUMP, self.last + MAX_JUMP
+                slowest, fastest = self.last - MAX_CHANGE, self.last + MAX_CHANGE
                 low, high = np.clip(slowest, low, high), np.clip(fastest, low, high)
             return mink.Constraint(G=self._sides, h=np.concatenate([high, -low]))
 
@@ -190,7 +190,7 @@ class Kinematics:
 
         Without `before`, each step brings an arm nearer to its target, so towards a still target it
         comes to rest, in reach or not; where no step does, or the solver finds none, the arm stays.
-        With it, joints also keep to `MAX_JUMP`: smooth for targets that move smoothly.
+        With it, joints also keep to `MAX_CHANGE`: smooth for targets that move smoothly.
 
         Args:
             joints: Where the arms are (2, 7), in radians. From outside the ranges that solutions

@@ -30,7 +30,7 @@ FLICKER_SECONDS = 0.1
 close again take longer, contacts that flicker do not."""
 HOP_HEIGHT = 0.003
 """How far the lowest point of an object that stands may hop, in metres, while a hand that trembles
-takes it or lets it go."""
+takes it or lets it go, or sink between two control steps while fingers open."""
 TIP_SECONDS = 0.2
 """How long an object that one hand has let go little above its support takes to tip onto it at
 most, in seconds; what is higher than `HOP_HEIGHT` for longer hangs in the other hand."""
@@ -43,10 +43,15 @@ def interrupted(predicate: Predicate) -> Predicate:
     return held_for(~predicate, FLICKER_SECONDS)
 
 
-def brought(body: str, place: str) -> Predicate:
-    """A gripper has grasped it since before it touched the place, and not let go in between."""
+def brought(body: str, there: Predicate) -> Predicate:
+    """A gripper has grasped it since before it was at a place, and not let go in between.
+
+    Args:
+        body: The object.
+        there: It is at the place, or so little above that it could be put down there.
+    """
     in_hand = any_of(*(grasped(side, body) for side in SIDES))
-    return since(in_hand & ~touching(body, place), reset=interrupted(in_hand))
+    return since(in_hand & ~there, reset=interrupted(in_hand))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

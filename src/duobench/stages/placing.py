@@ -52,13 +52,17 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
 def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
     """A gripper has let go of it at its place, or holds it there, and there it has been since.
 
+    A hand has brought it there: what was dropped from above is not put by a hand that grasps it
+    where it lies.
+
     Args:
         prop: The object.
         there: It is at its place, or so little above that it is put down when it is let go.
         sides: The grippers that may have done so; either where none is given.
     """
     in_hand = any_of(*(grasped(side, prop) for side in sides or SIDES))
-    return since(in_hand & there, reset=~there)
+    in_hand_outside = since(in_hand & ~there, reset=~(in_hand | there))
+    return since(in_hand & there & in_hand_outside, reset=~there)
 
 
 def left_alone(*props: str) -> Predicate:

@@ -191,6 +191,14 @@ def arm_touches(arm: Side, body: str) -> Predicate:
     return Predicate(f"{arm} arm touches {body}", lambda m: m.simulation.contacts.arm(arm, body))
 
 
+def near(arm: Side, body: str, distance: float) -> Predicate:
+    """A finger or the palm of that gripper is at most `distance` metres from the body."""
+    return Predicate(
+        f"{arm} is within {distance * 1000:.0f} mm of {body}",
+        lambda m: m.simulation.contacts.near(arm, body, distance),
+    )
+
+
 def grasped(arm: Side, body: str) -> Predicate:
     """Both fingers of that gripper press on the body, towards each other."""
     return Predicate(f"{arm} grasps {body}", lambda m: m.simulation.contacts.grasped(arm, body))

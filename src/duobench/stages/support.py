@@ -5,8 +5,9 @@ does, with nothing of the bringing arm against it, is held open by the other arm
 at a moment at which the bringing arm holds the object, and it stays true until the object is where
 it belongs. What happens to the lid after that is free.
 
-A hand that goes in may brush the lid, and a lid may lie on it for a moment: who holds it shows when
-the hand is gone. If the lid has not shut in between and still does not shut, the other arm held it.
+A hand that goes in may brush the lid, and a lid may lie on it for a while, as long as the other
+hand stays right below: who holds it shows when the first hand is gone. If the lid has not shut in
+between and still does not shut, the other arm held it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from duobench.stages.predicates import (
     held_for,
     hinge_open,
     lifted,
+    near,
     since,
     touches,
     touching,
@@ -33,9 +35,6 @@ UNSUPPORTED_TIME = 0.6
 """Time in seconds for which a lid or door that is open needs support: thrown open by any speed,
 none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose touch with it
 for as long, as fingers do that slip along it."""
-LAPSE_TIME = 5.0
-"""Time in seconds from which on the supporting arm has left the lid, which lay on the bringing arm
-meanwhile, whoever holds it afterwards. Slow hands lose it for up to 3 s and hold it again."""
 GRAZE_TIME = 0.1
 """Time in seconds from which on a touch that should not be is more than a graze: the bringing arm
 or the object at the lid, the supporting arm at the object. It is too short to hold a lid up."""
@@ -54,7 +53,14 @@ class Support:
 
 
 def support(
-    prop: str, fixture: str, lid: str, angle: float, *, goal: Predicate, there: Predicate
+    prop: str,
+    fixture: str,
+    lid: str,
+    angle: float,
+    *,
+    goal: Predicate,
+    there: Predicate,
+    backing: float = 0.0,
 ) -> Support:
     """The predicates for an object that goes into something with a lid or a door.
 
@@ -65,6 +71,8 @@ def support(
         angle: From which angle on the lid counts as open, in radians.
         goal: The object is inside.
         there: It is where it may be let go: inside, or little above.
+        backing: How far in metres the supporting hand may be from a lid that lies on the bringing
+            arm, where it would fall onto the supporting hand.
     """
     is_open = hinge_open(lid, angle)
     grazed = {side: arm_touches(side, lid) | touching(prop, lid) for side in SIDES}
@@ -85,8 +93,14 @@ def support(
         )
         for side in SIDES
     }
-    # With the object at its goal, the lid shows who holds it: not an arm that was away for long.
-    left = {side: held_for(~arm_touches(side.other, lid), LAPSE_TIME) for side in SIDES}
+    # With the object at its goal, the lid shows who holds it: not an arm that has been away.
+    stays = {
+        side: arm_touches(side.other, lid) | near(side.other, lid, backing)
+        if backing
+        else arm_touches(side.other, lid)
+        for side in SIDES
+    }
+    left = {side: held_for(~stays[side], UNSUPPORTED_TIME) for side in SIDES}
     shown = {
         side: all_of(
             touches(side.other, lid),

@@ -39,6 +39,10 @@ from duobench.tasks.task import Category, Placement, Task
 
 OPEN_ANGLE = 0.8
 """Angle in radians from which on the lid counts as open."""
+BACKING = 0.040
+"""How far in metres the hand that holds the lid may be below it while it lies on the other one. A
+hand that goes in straight down lifts the lid by up to 26 mm off the one that holds it (measured); a
+hand that has left is a decimetre away."""
 
 CAVITY_REGION = BoxRegion(
     body="chest",
@@ -56,6 +60,7 @@ _LID = support(
     OPEN_ANGLE,
     goal=_INSIDE,
     there=_OVER & low_over("cube", "chest", RIM_HEIGHT),
+    backing=BACKING,
 )
 
 TASK = Task(

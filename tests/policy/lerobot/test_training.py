@@ -73,7 +73,7 @@ def test_simulated_and_real_episodes_are_told_apart_where_they_can_be(
     assert key not in arguments("act", data)
     assert key not in arguments("xvla", export(tmp_path / "one", domains=(1, 1)))
     monkeypatch.setattr(training, "PLUGIN", "not-installed")
-    with pytest.raises(DuoBenchError, match="pip install it"):
+    with pytest.raises(DuoBenchError, match="pip install ./not-installed"):
         arguments("xvla", data)
 
 
