@@ -21,8 +21,8 @@ from duobench.envs.episode_state import EpisodeState
 from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
+from duobench.looks.catalog import as_look
 from duobench.randomness import SUITE_VERSION
-from duobench.scene.looks import as_look
 from duobench.types import Array
 from duobench.versions import package_versions
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.experts.motion import Arms, Script
 from duobench.experts.variety import NONE, Variety, VarietySample
+from duobench.kinematics.inverse import Kinematics
 from duobench.references import load
-from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task

@@ -14,8 +14,8 @@ from collections.abc import Callable, Generator, Mapping
 import numpy as np
 
 from duobench.experts.variety import VarietySample
+from duobench.kinematics.inverse import Kinematics
 from duobench.scene.naming import tcp_name
-from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side

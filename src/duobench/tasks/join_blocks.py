@@ -19,7 +19,7 @@ import math
 from duobench.objects import joint_blocks as bars
 from duobench.objects.prop import Prop
 from duobench.randomness import Uniform, around
-from duobench.scene.cameras import View
+from duobench.robot.cameras import View
 from duobench.stages.insertion import Port, inserted
 from duobench.stages.joining import engaged, joining
 from duobench.stages.placing import placed, put
