@@ -76,7 +76,7 @@ TASK = Task(
     ),
     horizon=807,
     props=(
-        Prop(name="cube", solid=cube(WHITE)),
+        Prop(name="cube", solid=lambda: cube(WHITE)),
         microwave("microwave"),
     ),
     placements={
