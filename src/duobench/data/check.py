@@ -69,7 +69,9 @@ def _checker() -> Callable[[Path], list[Problem]]:
     def check(path: Path) -> list[Problem]:
         try:
             recording = Recording.read(path)
-            faults = [*_disagreements(recording, path), *_beginning(recording, environment)]
+            faults = _disagreements(recording, path)
+            if not recording.info.is_real:
+                faults += _beginning(recording, environment)
         except DuoBenchError as error:
             faults = [str(error)]
         return [Problem(path=path, what=what) for what in faults]
