@@ -122,6 +122,8 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
             "It is no success as it says, or the reverse.": (
                 bool(recording.success[-1]) != outcome.success
             ),
-            "The hash of its last state is missing.": not outcome.cut and info.last_hash is None,
+            "The hash of its last state is missing.": (
+                not (outcome.cut or info.is_real) and info.last_hash is None
+            ),
         }
     return [sentence for sentence, is_so in faults.items() if is_so]
