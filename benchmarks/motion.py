@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import duobench
+from duobench.kinematics.inverse import Kinematics
 from duobench.policy import Policy
 from duobench.randomness import EVAL
-from duobench.scene.fr3 import HOME_JOINTS
-from duobench.scene.fr3_links import JOINT_RANGES
-from duobench.sim.kinematics import Kinematics
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
 from duobench.types import OPENING_SLOTS, SIDES, DuoCommand
 
 MAX_REVERSAL = 0.02

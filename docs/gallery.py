@@ -38,7 +38,7 @@ from duobench.cli.console import console
 from duobench.errors import DuoBenchError
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout
-from duobench.scene.cameras import OVERVIEW, View
+from duobench.robot.cameras import OVERVIEW, View
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog

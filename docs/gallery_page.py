@@ -14,7 +14,7 @@ from gallery_shots import FOLDER, STAGE_SIZE, camera_file, shot, stage_file
 from PIL import ImageDraw, ImageFont
 
 from duobench.errors import DuoBenchError
-from duobench.scene.cameras import OVERVIEW
+from duobench.robot.cameras import OVERVIEW
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS

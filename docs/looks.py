@@ -18,8 +18,8 @@ from gallery_sources import DIGITS, model_digest
 from PIL import ImageDraw, ImageFont
 
 from duobench.cli.console import console
-from duobench.scene.cameras import OVERVIEW
-from duobench.scene.looks import LOOKS, look
+from duobench.looks.catalog import LOOKS, look
+from duobench.robot.cameras import OVERVIEW
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog

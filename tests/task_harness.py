@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from duobench.experts.motion import Arms, Script
+from duobench.kinematics.inverse import Kinematics
 from duobench.sim import placement
-from duobench.sim.kinematics import Kinematics
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3

@@ -18,9 +18,10 @@ FLOORS = (
     ("errors",),
     ("types", "randomness", "files", "references", "versions", "pages", "installing"),
     ("spatial", "backend"),
-    ("objects",),
+    ("robot",),
+    ("looks", "objects"),
     ("scene",),
-    ("sim",),
+    ("kinematics", "sim"),
     ("stages",),
     ("tasks",),
     ("envs",),
@@ -45,8 +46,9 @@ AT_HOME = {
 }
 GYMNASIUM = ("gymnasium", "gym")
 FORBIDDEN = {
-    **dict.fromkeys(BASE, ("mujoco", *GYMNASIUM)),
+    **dict.fromkeys((*BASE, "robot", "looks"), ("mujoco", *GYMNASIUM)),
     "objects": GYMNASIUM,
+    "kinematics": GYMNASIUM,
     "scene": (*GYMNASIUM, "mujoco.mj_step", "mujoco.mj_step1", "mujoco.mj_step2"),
     "sim": GYMNASIUM,
     "stages": (

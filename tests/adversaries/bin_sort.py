@@ -21,7 +21,8 @@ from duobench.experts.motion import (
 )
 from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL
 from duobench.scene.naming import TABLE
-from duobench.sim.simulation import STILL_SPEED, Simulation
+from duobench.sim.simulation import Simulation
+from duobench.stages.predicates import STILL_SPEED
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
 

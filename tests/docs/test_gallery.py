@@ -15,7 +15,7 @@ from gallery_shots import FOLDER, LATER, SHOTS, shot
 from gallery_sources import model_digest, sources
 from PIL import Image
 
-from duobench.scene.cameras import OVERVIEW
+from duobench.robot.cameras import OVERVIEW
 from duobench.scene.compose import compose
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS

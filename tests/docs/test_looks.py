@@ -11,7 +11,7 @@ import pytest
 from looks import DRAWN, FOLDER, NAMES, sources
 from PIL import Image
 
-from duobench.scene.looks import LOOKS, look
+from duobench.looks.catalog import LOOKS, look
 from duobench.tasks import catalog
 
 ROOT = Path(__file__).parents[2]

@@ -28,10 +28,9 @@ from duobench.evaluation.report import SUMMARY_SCHEMA
 from duobench.evaluation.suite import RUN_SCHEMA, Suite, find_tasks
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.robot.workcell import FLOOR_Z
 from duobench.scene.compose import SUBSTEPS
-from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
-from duobench.scene.fr3_links import JOINT_RANGES
-from duobench.scene.workcell import FLOOR_Z
 from duobench.sim.placement import REACH_X, REACH_Y
 from duobench.types import CONTROL_HZ
 from tests.docs.markdown import DOCS, ROOT, blocks, links, table, text_of

@@ -18,8 +18,8 @@ from duobench.envs import (
 )
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import ActionError
-from duobench.scene.fr3_links import JOINT_RANGES
-from duobench.sim.kinematics import Kinematics
+from duobench.kinematics.inverse import Kinematics
+from duobench.robot.joints import JOINT_RANGES
 from duobench.spatial import SE3, rotation_about
 from duobench.tasks import catalog
 from duobench.types import SIDES, Side

@@ -23,8 +23,8 @@ from duobench.envs import (
 )
 from duobench.envs.duo_env import DuoEnv
 from duobench.envs.wrappers.task_stages import Judge
-from duobench.scene.fr3 import HOME_JOINTS
-from duobench.sim.kinematics import Kinematics
+from duobench.kinematics.inverse import Kinematics
+from duobench.robot.joints import HOME_JOINTS
 from duobench.stages.progress import ProgressState
 from duobench.tasks import catalog
 from duobench.types import SIDES, DuoCommand, DuoState

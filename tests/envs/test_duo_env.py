@@ -20,8 +20,7 @@ from duobench.objects.prop import Prop, Variant
 from duobench.objects.shapes import box
 from duobench.objects.solid import Solid
 from duobench.randomness import Choice
-from duobench.scene.fr3 import HOME_JOINTS, VELOCITY_LIMITS
-from duobench.scene.fr3_links import JOINT_RANGES
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.scene.naming import tcp_name
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3

@@ -12,8 +12,8 @@ import pytest
 import duobench
 from duobench.envs.config import EnvConfig
 from duobench.errors import OptionError, UnknownNameError
-from duobench.scene.look import Look, Material
-from duobench.scene.looks import look
+from duobench.looks.catalog import look
+from duobench.looks.look import Look, Material
 from tests.envs.tools import TASK, sim_of, wave
 
 SIZE = (24, 32)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import duobench
 from duobench.envs.sim_env import sim_of
-from duobench.scene.fr3 import HOME_JOINTS
+from duobench.robot.joints import HOME_JOINTS
 from duobench.types import DuoCommand
 
 __all__ = ["TASK", "check", "equal", "make_small", "sim_of", "wave", "waves"]

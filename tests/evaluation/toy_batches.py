@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from duobench.policy import HoldPolicy, PolicyMetadata, Session, noise
-from duobench.scene.fr3_links import JOINT_RANGES
+from duobench.robot.joints import JOINT_RANGES
 from tests.evaluation.toy_tasks import mark, seed_of
 
 WIDTH = 64

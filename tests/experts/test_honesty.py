@@ -20,7 +20,7 @@ from duobench.evaluation import ExpertPolicy
 from duobench.experts.expert import Expert, find_script
 from duobench.experts.motion import Arms, Script
 from duobench.experts.variety import HUMAN, NONE, Variety
-from duobench.scene.fr3 import VELOCITY_LIMITS
+from duobench.robot.joints import VELOCITY_LIMITS
 from duobench.sim.simulation import STATE, Simulation
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, SIDES

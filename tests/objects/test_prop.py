@@ -1,10 +1,30 @@
-"""What a prop prints: each of its parts, on its own."""
+"""A prop builds its solids when they are asked for, and prints those of a layout."""
 
-from duobench.tasks import catalog
+import pytest
+
+from duobench.errors import UnknownNameError
+from duobench.objects import RED, Part, Prop, Solid, Variant, cube
 
 
-def test_a_prop_prints_its_parts() -> None:
-    (chest,) = (prop for prop in catalog.get("hinge_chest").props if prop.parts)
-    solids = chest.prints({})
-    assert solids == (chest.solid, *(part.solid for part in chest.parts))
-    assert len(solids) > 1
+def test_a_solid_is_built_once_when_it_is_first_read() -> None:
+    built: list[Solid] = []
+
+    def build() -> Solid:
+        built.append(cube(RED))
+        return built[-1]
+
+    prop = Prop(name="box", solid=build, parts=(Part(name="lid", solid=build),))
+    assert not built
+    assert prop.solid is prop.solid is built[0]
+    assert prop.prints({}) == (built[0], built[1])
+    assert len(built) == 2
+
+
+def test_the_root_is_printed_as_the_layouts_variant_has_it() -> None:
+    whole, other = cube(RED), cube(RED)
+    variants = {"whole": Variant(), "other": Variant(printed=other)}
+    prop = Prop(name="box", solid=whole, choice="kind", variants=lambda: variants)
+    assert prop.prints({"kind": "whole"}) == (whole,)
+    assert prop.prints({"kind": "other"}) == (other,)
+    with pytest.raises(UnknownNameError, match="'other'"):
+        prop.prints({"kind": "othr"})

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from duobench.policy import BASELINES, Policy, PolicyMetadata, as_chunk, make
-from duobench.scene.fr3_links import JOINT_RANGES
+from duobench.robot.joints import JOINT_RANGES
 from duobench.types import DuoCommand
 
 OBSERVATION = {"agent_pos": np.linspace(-0.3, 0.3, 16), "tcp_pose": np.zeros(14)}

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import sphere
 from duobench.objects.solid import Solid
+from duobench.robot.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y
 from duobench.scene import cameras
 from duobench.scene.naming import flange_name, pad_names, tcp_name
-from duobench.scene.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3

@@ -5,7 +5,7 @@ import pytest
 
 import duobench
 from duobench.errors import DuoBenchError
-from duobench.scene.cameras import OVERVIEW, OVERVIEW_VIEW, View
+from duobench.robot.cameras import OVERVIEW, OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation

@@ -16,7 +16,7 @@ from duobench.objects.bowl import WALL as BOWL_WALL
 from duobench.objects.cup import cup
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, printable
-from duobench.scene.cameras import OVERVIEW, View
+from duobench.robot.cameras import OVERVIEW, View
 from duobench.scene.shadows import RIB_HEIGHT, add_ribs
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from duobench.objects.pot import PLATE
-from duobench.scene.cameras import HEAD_FOCAL, NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.scene.cameras import HEAD_FOCAL
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from duobench.scene.fr3_links import JOINT_RANGES
-from duobench.scene.robotiq import PAD_FRICTION
+from duobench.robot.joints import JOINT_RANGES
+from duobench.scene.robot.robotiq import PAD_FRICTION
 from duobench.scene.surfaces import METAL_FRICTION
 from duobench.sim.simulation import Simulation
 

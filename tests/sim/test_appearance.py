@@ -12,9 +12,9 @@ import pytest
 from PIL import Image
 
 from duobench.errors import AssetError, UnknownNameError
-from duobench.scene.cameras import OVERVIEW
-from duobench.scene.look import CameraOffset, Light, Look, Material
-from duobench.scene.looks import LOOKS, look
+from duobench.looks.catalog import LOOKS, look
+from duobench.looks.look import CameraOffset, Light, Look, Material
+from duobench.robot.cameras import OVERVIEW
 from duobench.sim.backend import SimBackend
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from duobench.errors import DuoBenchError, UnknownNameError
+from duobench.kinematics.inverse import Kinematics
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
 from duobench.scene.compose import SUBSTEPS, compose
-from duobench.scene.fr3 import HOME_JOINTS
-from duobench.scene.fr3_links import JOINT_RANGES
 from duobench.scene.naming import arm_joint_names, gripper_name, pad_names, tcp_name
-from duobench.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
+from duobench.scene.robot.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
 from duobench.sim.duo import HOME, Duo
-from duobench.sim.kinematics import Kinematics
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side

@@ -15,7 +15,8 @@ import duobench
 from duobench.errors import UnknownNameError
 from duobench.scene.naming import TABLE
 from duobench.sim.placement import REACH_X, REACH_Y
-from duobench.sim.simulation import STILL_ANGULAR_SPEED, STILL_SPEED, Simulation
+from duobench.sim.simulation import Simulation
+from duobench.stages.predicates import STILL_ANGULAR_SPEED, STILL_SPEED
 from duobench.stages.progress import check_names
 from duobench.tasks import catalog
 from duobench.tasks.task import Task

@@ -8,9 +8,9 @@ from duobench.experts.motion import Arms, Script, down, move, pick, release, tog
 from duobench.objects.blocks import block
 from duobench.objects.solid import PLA_DENSITY, mass_properties, printable
 from duobench.scene.naming import TABLE
-from duobench.sim.simulation import STILL_SPEED
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
+from duobench.stages.predicates import STILL_SPEED
 from duobench.tasks.block_balance import (
     BEAM,
     BLOCK,

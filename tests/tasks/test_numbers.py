@@ -269,8 +269,8 @@ SHARED = {
     "stages.placing.PUT_HEIGHT": 0.012,
     "stages.placing.REST_SECONDS": 0.5,
     "stages.predicates.LIFTED_HEIGHT": 0.010,
-    "sim.simulation.STILL_SPEED": 0.05,
-    "sim.simulation.STILL_ANGULAR_SPEED": 0.5,
+    "stages.predicates.STILL_SPEED": 0.05,
+    "stages.predicates.STILL_ANGULAR_SPEED": 0.5,
     "stages.insertion.MAX_OFFSET": 0.004,
     "objects.solid.PLA_DENSITY": 1240.0,
 }

@@ -17,9 +17,9 @@ from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT
 from duobench.objects.solid import PLA_DENSITY
 from duobench.sim.layout import Layout
-from duobench.sim.simulation import STILL_SPEED
 from duobench.spatial import SE3
 from duobench.stages.placing import PUT_HEIGHT
+from duobench.stages.predicates import STILL_SPEED
 from duobench.stages.vessels import MAX_TILT
 from duobench.tasks.transfer_cube import BELOW_RIM, TASK
 from duobench.types import Side

@@ -35,9 +35,9 @@ from duobench.objects.hexagon_peg import (
 from duobench.objects.shapes import circle, prism
 from duobench.objects.solid import PLA_DENSITY, Solid, manifold_of, mass_properties, printable
 from duobench.sim.layout import Layout
-from duobench.sim.simulation import STILL_SPEED
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
+from duobench.stages.predicates import STILL_SPEED
 from duobench.tasks.transfer_reorient import BLUE, DEPTH, TASK
 from duobench.types import CONTROL_HZ, Side
 from tests.handovers import meet

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from duobench.errors import AssetError
-from duobench.scene import meshes as shipped
+from duobench.scene.robot import meshes as shipped
 from tools.meshes.build import build, encode
 from tools.meshes.originals import originals
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from duobench.errors import AssetError
 from duobench.objects import Mesh
-from duobench.scene.meshes import POINTS_PER_METRE
+from duobench.scene.robot.meshes import POINTS_PER_METRE
 
 RESOLUTION = 1 / POINTS_PER_METRE
 """Grid in metres to which every published coordinate is rounded."""

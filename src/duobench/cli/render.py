@@ -37,7 +37,7 @@ def render(
     from duobench.envs.sim_env import SimEnv
     from duobench.evaluation.suite import find_tasks
     from duobench.files import make_folder, writing
-    from duobench.scene.cameras import OVERVIEW
+    from duobench.robot.cameras import OVERVIEW
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog
     from duobench.types import POLICY_CAMERAS

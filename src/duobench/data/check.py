@@ -69,7 +69,9 @@ def _checker() -> Callable[[Path], list[Problem]]:
     def check(path: Path) -> list[Problem]:
         try:
             recording = Recording.read(path)
-            faults = [*_disagreements(recording, path), *_beginning(recording, environment)]
+            faults = _disagreements(recording, path)
+            if not recording.info.is_real:
+                faults += _beginning(recording, environment)
         except DuoBenchError as error:
             faults = [str(error)]
         return [Problem(path=path, what=what) for what in faults]
@@ -120,6 +122,8 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
             "It is no success as it says, or the reverse.": (
                 bool(recording.success[-1]) != outcome.success
             ),
-            "The hash of its last state is missing.": not outcome.cut and info.last_hash is None,
+            "The hash of its last state is missing.": (
+                not (outcome.cut or info.is_real) and info.last_hash is None
+            ),
         }
     return [sentence for sentence, is_so in faults.items() if is_so]

@@ -9,8 +9,8 @@ from duobench.backend import Image
 from duobench.data.recording import Recording
 from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import DataError, DuoBenchError
-from duobench.scene.look import Look
-from duobench.scene.looks import DEFAULT, as_look
+from duobench.looks.catalog import DEFAULT, as_look
+from duobench.looks.look import Look
 from duobench.sim.backend import SimBackend
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -16,15 +16,17 @@ from duobench.data.dataset import DataSet
 from duobench.data.schema import ACTION_NAMES, Actor, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeStream, outcome_of
 from duobench.envs import spaces
-from duobench.envs.duo_env import Info, Observation
+from duobench.envs.duo_env import DuoEnv, Info, Observation
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
+from duobench.looks.catalog import as_look
 from duobench.randomness import SUITE_VERSION
-from duobench.scene.looks import as_look
 from duobench.types import Array
 from duobench.versions import package_versions
+
+if TYPE_CHECKING:
+    from duobench.envs.sim_env import SimEnv
 
 OBSERVED = ("agent_pos", "tcp_pose")
 """What of the observation is recorded as it is."""
@@ -56,7 +58,8 @@ class Recorder(DuoWrapper):
         """Wrap an environment.
 
         Args:
-            env: A simulated environment that takes single actions.
+            env: An environment that takes single actions and says the stage in `info`; on real arms
+                no states are recorded, since there are none.
             data: Data set that episodes are added to, or its folder.
             actor: Who or what acts.
             keep: Whether a finished episode is written at all; by default every one is.
@@ -64,10 +67,9 @@ class Recorder(DuoWrapper):
         Raises:
             DataError: The environment takes chunks of actions, or actions of no known mode, or its
                 observation lacks what is to be recorded.
-            TypeError: There is no simulation inside.
         """
         super().__init__(env)
-        self._sim = sim_of(env)
+        self._sim = _simulated(self.base)
         self.data = data if isinstance(data, DataSet) else DataSet.open(data)
         """The data set."""
         self.actor = actor or Actor()
@@ -95,25 +97,26 @@ class Recorder(DuoWrapper):
         """
         self.finish(reason="The environment was reset.")
         observation, info = self.env.reset(seed=seed, options=options)
-        state = self.save_state()
+        state = None if self._sim is None else self.save_state()
         config = self.base.config
-        if config is not None and (look := self._sim.look) != as_look(config.look):
-            config = replace(config, look=look)  # that of this episode
+        if config is not None and self._sim is not None:
+            look = self._sim.look  # that of this episode
+            config = config if look == as_look(config.look) else replace(config, look=look)
         described = EpisodeInfo(
             task=self.task,
             instruction=info["instruction"],
             subinstructions=tuple(info["stage_to_subinstructions"].values()),
-            layout=info["layout"],
+            layout=info.get("layout", {}),
             seed=info.get("seed"),
             split=info.get("split"),
             config=config,
             suite_version=SUITE_VERSION,
             versions=package_versions(),
             actor=self.actor,
-            first_hash=state.hash,
+            first_hash=state and state.hash,
             action_names=self._names,
         )
-        sizes = {"action": len(self._names), "state": len(state.physics)}
+        sizes = {"action": len(self._names), "state": len(self._physics())}
         self._stream = self.data.new_stream(described, sizes, self.next_name)
         self.next_name = self._intended = None
         self._see(self._stream, observation, info)
@@ -206,7 +209,7 @@ class Recorder(DuoWrapper):
                 "stage": info["stage"],
                 "success": info["success"],
                 "success_at_end": info["success_at_end"],
-                "state": self._sim.simulation.get_state(),
+                "state": self._physics(),
             }
         )
 
@@ -218,13 +221,21 @@ class Recorder(DuoWrapper):
             stream.discard()
             return
         outcome = outcome_of(stream.info, stream.rows, kept=kept, reason=reason, cut=cut)
-        if self._keep(outcome):
-            # A step that was broken off has left another state than that of the last row.
-            state = self.save_state()
-            is_last = np.array_equal(state.physics, stream.rows[-1]["state"])
-            stream.finish(outcome, state.hash if is_last else None)
-        else:
+        if not self._keep(outcome):
             stream.discard()
+            return
+        # A step that was broken off has left another state than that of the last row.
+        is_last = np.array_equal(self._physics(), stream.rows[-1]["state"])
+        stream.finish(outcome, self.state_hash() if self._sim is not None and is_last else None)
+
+    def _physics(self) -> Array:
+        """The state of the simulation; no numbers where there is none."""
+        return np.empty(0) if self._sim is None else self._sim.simulation.get_state()
+
+
+def _simulated(base: DuoEnv) -> SimEnv | None:
+    """The environment, if it is a simulated one; asked without loading the simulation."""
+    return cast("SimEnv", base) if hasattr(base, "simulation") else None
 
 
 def _action_names(space: gym.Space[Any], limits: DuoLimits) -> tuple[str, ...]:

@@ -51,7 +51,8 @@ class Recording:
     success_at_end: NDArray[np.bool_]
     """Whether its constraint holds now (T + 1,)."""
     state: Array
-    """Full states of the simulation (T + 1, n), from which images are rendered."""
+    """Full states of the simulation (T + 1, n), from which images are rendered; n is 0
+    on real arms."""
     action: Array
     """What the actor wanted (T, m), in the environment's action mode: the label to learn from."""
     sent: Array
@@ -69,7 +70,8 @@ class Recording:
         for column in COLUMNS:
             array = getattr(self, column.name)
             rows = len(self) if column.of_action else len(self) + 1
-            width = tuple(n or max((1, *array.shape[1:])) for n in column.shape)
+            least = 0 if column.of_simulation and self.info.is_real else 1
+            width = tuple(n or max((least, *array.shape[1:])) for n in column.shape)
             if array.shape != (rows, *width) or array.dtype != column.dtype:
                 raise DataError(
                     f"Column {column.name!r} has shape {array.shape} of {array.dtype}, expected "
@@ -134,6 +136,7 @@ def _to_table(recording: Recording) -> pa.Table:
     arrays = {
         column: to_arrow(getattr(recording, column.name), int(column.of_action))
         for column in COLUMNS
+        if not (column.of_simulation and recording.info.is_real)
     }
     schema = pa.schema(
         [
@@ -147,13 +150,16 @@ def _to_table(recording: Recording) -> pa.Table:
 
 def _from_table(table: pa.Table) -> Recording:
     info = _info_of(table.schema)
-    missing = [column.name for column in COLUMNS if column.name not in table.column_names]
+    absent = [column for column in COLUMNS if column.name not in table.column_names]
+    missing = [c.name for c in absent if not (info.is_real and c.of_simulation)]
     if missing:
         raise DataError(f"Columns are missing: {', '.join(missing)}.")
     if not table.num_rows:
         raise DataError("It holds no rows.")
-    arrays = {}
+    arrays = {column.name: np.empty((table.num_rows, 0), column.dtype) for column in absent}
     for column in COLUMNS:
+        if column in absent:
+            continue
         rows = table.column(column.name).combine_chunks()
         arrays[column.name] = _numbers(column, rows[:-1] if column.of_action else rows)
     return Recording(info=info, **arrays)

@@ -37,6 +37,8 @@ class Column:
     """Shape of one row: () for a number, (n,) for n of them, (0,) for as many as there are."""
     of_action: bool = False
     """Whether it belongs to the action of its row, so that the last row has none."""
+    of_simulation: bool = False
+    """Whether only simulated episodes have it; the rows of others hold no numbers (T + 1, 0)."""
 
 
 COLUMNS = (
@@ -47,12 +49,12 @@ COLUMNS = (
     Column(name="stage", dtype=np.int64, shape=()),
     Column(name="success", dtype=np.bool_, shape=()),
     Column(name="success_at_end", dtype=np.bool_, shape=()),
-    Column(name="state", dtype=np.float64, shape=(0,)),
+    Column(name="state", dtype=np.float64, shape=(0,), of_simulation=True),
     Column(name="action", dtype=np.float64, shape=(0,), of_action=True),
     Column(name="sent", dtype=np.float64, shape=(16,), of_action=True),
     Column(name="reward", dtype=np.float64, shape=(), of_action=True),
 )
-"""Every column of a recording in simulation; `Recording` says what they hold."""
+"""Every column of a recording; `Recording` says what they hold."""
 
 
 class ActorKind(StrEnum):
@@ -107,7 +109,7 @@ class EpisodeInfo:
     subinstructions: tuple[str, ...]
     """What to do at stage 0, 1, ... to reach the next one."""
     layout: dict[str, Any]
-    """How the episode began: the JSON form of a `Layout`."""
+    """How the episode began: the JSON form of a `Layout`; empty on real arms."""
     seed: int | None
     """Seed that sampled the layout; None if it was given."""
     split: str | None
@@ -123,15 +125,20 @@ class EpisodeInfo:
     outcome: Outcome | None = None
     """How it ended; None while it is being recorded."""
     first_hash: str | None = None
-    """Hash of the `EpisodeState` of the first row."""
+    """Hash of the `EpisodeState` of the first row; None on real arms."""
     last_hash: str | None = None
-    """Hash of the `EpisodeState` of the last row."""
+    """Hash of the `EpisodeState` of the last row; None on real arms."""
     control_rate_hz: float = CONTROL_HZ
     """Rows a second."""
     observation_names: tuple[str, ...] = JOINT_NAMES
     """What the numbers of `agent_pos` and `sent` are."""
     action_names: tuple[str, ...] = JOINT_NAMES
     """What the numbers of `action` are."""
+
+    @property
+    def is_real(self) -> bool:
+        """Whether it was played on real arms, whose state is not known as a whole."""
+        return self.first_hash is None
 
 
 ACTION_NAMES = {

@@ -11,8 +11,7 @@ import numpy as np
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.errors import DataError
-from duobench.scene.fr3 import VELOCITY_LIMITS
-from duobench.scene.fr3_links import JOINT_RANGES
+from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
 from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from duobench.errors import OptionError, check_known
+from duobench.looks.catalog import DEFAULT, as_look
+from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
-from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
-from duobench.scene.look import Look
-from duobench.scene.looks import DEFAULT, as_look
+from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 ACTION_MODES = ("joint", "joint_relative", "cartesian", "cartesian_relative")
@@ -51,7 +51,7 @@ class EnvConfig:
     render_size: tuple[int, int] = RENDER_SIZE
     """Height and width of the image that `render` gives, in pixels; at most 720 x 1280."""
     look: str | Look = DEFAULT
-    """How images look: a name of `duobench.scene.looks.look`, or a look of one's own."""
+    """How images look: a name of `duobench.looks.catalog.look`, or a look of one's own."""
 
     def __post_init__(self) -> None:
         """Reject invalid values; give looser ones, see `from_options`, the form of their field."""

@@ -13,10 +13,10 @@ from duobench.envs.config import RENDER_SIZE, checked_seed
 from duobench.envs.duo_env import DuoEnv, Info, Observation, ResetNeededError, base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
+from duobench.looks.catalog import DEFAULT, as_look
+from duobench.looks.look import Look
 from duobench.randomness import EVAL
-from duobench.scene.cameras import OVERVIEW
-from duobench.scene.look import Look
-from duobench.scene.looks import DEFAULT, as_look
+from duobench.robot.cameras import OVERVIEW
 from duobench.sim import placement
 from duobench.sim.backend import SimBackend
 from duobench.sim.layout import Layout

@@ -34,10 +34,10 @@ from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.video import VideoRecorder
+from duobench.looks.catalog import DEFAULT
 from duobench.policy import Policy
 from duobench.randomness import EVAL
-from duobench.scene.cameras import OVERVIEW
-from duobench.scene.looks import DEFAULT
+from duobench.robot.cameras import OVERVIEW
 from duobench.sim.rendering import Renderer, describe
 from duobench.versions import record_versions
 

@@ -15,10 +15,10 @@ import msgspec
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
+from duobench.looks import catalog as looks
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.serving.address import SERVED
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
-from duobench.scene import looks
 from duobench.tasks import catalog
 
 RUN_SCHEMA = 3
@@ -98,7 +98,7 @@ class Suite:
     first_episode: int = 0
     """Index of the first one."""
     look: str = looks.DEFAULT
-    """Name of the look of all episodes; see `duobench.scene.looks.look`."""
+    """Name of the look of all episodes; see `duobench.looks.catalog.look`."""
     version: str = SUITE_VERSION
     """Version of the benchmark's episodes."""
 

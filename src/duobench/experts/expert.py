@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,14 @@ from numpy.typing import NDArray
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.experts.motion import Arms, Script
 from duobench.experts.variety import NONE, Variety, VarietySample
+from duobench.kinematics.inverse import Kinematics
 from duobench.references import load
-from duobench.sim.kinematics import Kinematics
-from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import Array, DuoCommand
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
 
 
 class Expert:

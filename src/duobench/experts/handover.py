@@ -26,7 +26,7 @@ from duobench.experts.motion import (
     tool_for,
     wait,
 )
-from duobench.scene.fr3 import SHOULDERS
+from duobench.robot.frames import SHOULDERS
 from duobench.spatial import SE3, dot, length, product
 from duobench.types import Array, Side
 

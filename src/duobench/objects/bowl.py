@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import manifold3d
+from typing import TYPE_CHECKING
 
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, cylinder, ring_wall
 from duobench.objects.solid import Image, Solid, mesh_of
 from duobench.spatial import SE3
+
+if TYPE_CHECKING:
+    import manifold3d
 
 RADIUS = 0.085
 """Outer radius in metres [task definitions]."""
@@ -30,6 +33,8 @@ def bowl(rgba: Colour, rim: Colour | None = None) -> Solid:
         rgba: Colour.
         rim: Colour of the rim, where it differs.
     """
+    import manifold3d
+
     inner = RADIUS - WALL
     outside = [[0, 0], [RADIUS, 0], [RADIUS, RIM_HEIGHT]]
     inside = [[inner, RIM_HEIGHT], [inner, FLOOR], [0, FLOOR]]

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import math
 
-import manifold3d
-
 from duobench.objects.printing import OVERLAP
 from duobench.objects.prop import Hinge, Part, Prop
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder, prism
@@ -73,8 +71,8 @@ def chest(name: str, *, body: Colour, lid: Colour) -> Prop:
     hinge = Hinge(axis=(0.0, 1.0, 0.0), limits=LID_LIMITS, damping=LID_DAMPING)
     return Prop(
         name=name,
-        solid=chest_box(body),
-        parts=(Part(name="lid", solid=chest_lid(lid), pose=SE3.at(*HINGE), hinge=hinge),),
+        solid=lambda: chest_box(body),
+        parts=(Part(name="lid", solid=lambda: chest_lid(lid), pose=SE3.at(*HINGE), hinge=hinge),),
         fixed=True,
     )
 
@@ -130,6 +128,8 @@ def chest_lid(rgba: Colour) -> Solid:
 
 def _drilled(shapes: tuple[Shape, ...], rgba: Colour, axis: SE3, radius: float) -> Solid:
     """The union of shapes with a hole for the hinge's screws along y through `axis`."""
+    import manifold3d
+
     # A value of its own: in one expression with the hole, the triangles would be others.
     whole = union_of(shapes)
     drill = manifold3d.Manifold.cylinder(2 * OUTER_Y, radius, radius, CIRCLE_SEGMENTS // 2, True)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import manifold3d
-
 from duobench.objects.shapes import Colour, prism, ring_wall, sphere
 from duobench.objects.solid import Solid, mesh_of
 from duobench.spatial import SE3
@@ -38,6 +36,8 @@ def _octagon(apothem: float) -> list[list[float]]:
 
 def cup(rgba: Colour) -> Solid:
     """A cup whose frame is at the middle of its underside, z up, walls facing x and y."""
+    import manifold3d
+
     outer = manifold3d.CrossSection([_octagon(OUTER_RADIUS)]).extrude(HEIGHT)
     inner = manifold3d.CrossSection([_octagon(INNER_RADIUS)]).extrude(HEIGHT)
     hollow = outer - inner.translate((0.0, 0.0, WALL))
@@ -53,6 +53,8 @@ def cup(rgba: Colour) -> Solid:
 
 def square_mark(edge: float, rgba: Colour) -> Solid:
     """A coloured square on the table, thinner than paint and without contacts."""
+    import manifold3d
+
     mark = manifold3d.Manifold.cube((edge, edge, MARK_HEIGHT), True)
     return Solid(shapes=(), rgba=rgba, mesh=mesh_of(mark))
 

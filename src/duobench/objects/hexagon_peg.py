@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import manifold3d
 import numpy as np
 
 from duobench.objects.shapes import Z_TO_X, Array, Colour, Shape, box, circle, hull
@@ -61,6 +60,8 @@ def peg(rgba: Colour) -> Solid:
 
     Three boxes, each between two opposite faces, make up the hexagonal prism exactly.
     """
+    import manifold3d
+
     side = ACROSS_FLATS / math.sqrt(3.0)
     turns = (SE3.about((1, 0, 0), k * math.pi / 3) for k in range(3))
     outline = manifold3d.CrossSection([(side * circle(6)).tolist()])
@@ -74,6 +75,8 @@ def peg(rgba: Colour) -> Solid:
 
 def socket_board(rgba: Colour) -> Solid:
     """The board with its holes along x; its frame is at the middle of its underside."""
+    import manifold3d
+
     length, width = CELL[0] * len(HOLES), CELL[1]
     floor = box(length, width, BOARD_FLOOR, at=SE3.at(z=BOARD_FLOOR / 2))
     exact = manifold_of(box(length, width, BOARD_HEIGHT, at=SE3.at(z=BOARD_HEIGHT / 2)))

@@ -73,8 +73,8 @@ def microwave(name: str) -> Prop:
     )
     return Prop(
         name=name,
-        solid=_oven(),
-        parts=(Part(name="door", solid=_door(), pose=SE3.at(*HINGE), hinge=hinge),),
+        solid=_oven,
+        parts=(Part(name="door", solid=_door, pose=SE3.at(*HINGE), hinge=hinge),),
         fixed=True,
     )
 

@@ -59,11 +59,11 @@ def pot(name: str) -> Prop:
     """
     return Prop(
         name=name,
-        solid=_vessel(),
+        solid=_vessel,
         parts=tuple(
             Part(
                 name=f"{side}_handle",
-                solid=_handle(),
+                solid=_handle,
                 pose=SE3.at(yaw=yaw) @ SE3.at(y=HANDLE_OFFSET, z=HANDLE_Z),
             )
             for side, yaw in (("left", 0.0), ("right", math.pi))

@@ -2,12 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
 
 from duobench.errors import UnknownNameError
 from duobench.objects.solid import Solid
 from duobench.spatial import SE3
+
+T = TypeVar("T")
+
+
+class Built(Generic[T]):
+    """A field given as a value, or as a function that is called when the value is first read.
+
+    So describing an object computes no geometry.
+    """
+
+    def __init__(self, default: Callable[[], T] | None = None) -> None:
+        """Make the field optional where a default is given."""
+        self._default = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Note the field's name."""
+        self._name = name
+
+    def __set__(self, instance: object, value: T | Callable[[], T]) -> None:
+        """Keep what was given."""
+        vars(instance)[self._name] = value
+
+    def __get__(self, instance: object | None, owner: type) -> T:
+        """The value; for the class, the default, if there is one."""
+        if instance is None:
+            if self._default is None:
+                raise AttributeError(self._name)
+            return self._default  # type: ignore[return-value] - each instance calls it
+        value: Any = vars(instance)[self._name]
+        if callable(value):
+            value = vars(instance)[self._name] = value()
+        return value
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,14 +57,14 @@ class Hinge:
     """Viscous damping in N·m·s/rad."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class Part:
     """A rigid part that hangs on another one."""
 
     name: str
     """Name within the prop; the body is called `<prop>/<name>`, and so is its hinge."""
-    solid: Solid
-    """What it is, in the part's own frame."""
+    solid: Built[Solid] = Built()
+    """What it is, in the part's own frame; may be given as a function that makes it."""
     pose: SE3 = field(default_factory=SE3)
     """Pose in the frame of the part that carries it, at hinge angle zero."""
     hinge: Hinge | None = None
@@ -50,22 +83,22 @@ class Variant:
     """The root part as it is printed; None for the whole solid."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True)
 class Prop:
     """A named object of a task."""
 
     name: str
     """Name of the body; unique in the task."""
-    solid: Solid
-    """The root part, in the prop's own frame."""
+    solid: Built[Solid] = Built()
+    """The root part, in the prop's own frame; may be given as a function that makes it."""
     parts: tuple[Part, ...] = ()
     """Further parts, each carried by the root."""
     fixed: bool = False
     """Whether it stands still wherever the layout puts it, as if screwed to the table."""
     choice: str | None = None
     """Name of the layout's variant that decides which of its shapes are there, if any does."""
-    variants: Mapping[str, Variant] = field(default_factory=dict)
-    """What is left out for each value of that variant."""
+    variants: Built[Mapping[str, Variant]] = Built(dict)
+    """What is left out for each value of that variant; may be given as a function."""
 
     def prints(self, variants: Mapping[str, str]) -> tuple[Solid, ...]:
         """What to print for a layout: the root part, then the others.

@@ -1,4 +1,7 @@
-"""A rigid solid: convex shapes that collide, and the exact mesh to render, print and weigh."""
+"""A rigid solid: convex shapes that collide, and the exact mesh to render, print and weigh.
+
+manifold3d, which computes exact meshes, is loaded at first use.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,17 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
 from duobench.spatial import SE3
 from duobench.types import Array
+
+if TYPE_CHECKING:
+    import manifold3d
 
 PLA_DENSITY = 1240.0
 """Density of printed PLA, printed solid, in kg/m³ [filament data sheets]."""
@@ -98,6 +104,8 @@ class MassProperties:
 
 def manifold_of(shape: Shape) -> manifold3d.Manifold:
     """The shape as an exact solid for boolean operations."""
+    import manifold3d
+
     m = manifold3d.Manifold
     if shape.kind is ShapeKind.BOX:
         local = m.cube(shape.size, True)
@@ -117,6 +125,8 @@ def placed(manifold: manifold3d.Manifold, pose: SE3) -> manifold3d.Manifold:
 
 def union_of(shapes: Iterable[Shape]) -> manifold3d.Manifold:
     """Shapes as one exact solid."""
+    import manifold3d
+
     return manifold3d.Manifold.batch_boolean(
         [manifold_of(shape) for shape in shapes], manifold3d.OpType.Add
     )
@@ -150,6 +160,8 @@ def pieces_of(solid: Solid) -> tuple[Mesh, ...]:
 
 def manifold_from(mesh: Mesh) -> manifold3d.Manifold:
     """The exact solid within a watertight mesh."""
+    import manifold3d
+
     return manifold3d.Manifold(
         manifold3d.Mesh64(
             vert_properties=mesh.vertices.copy(), tri_verts=mesh.faces.astype(np.uint64)
@@ -163,6 +175,8 @@ def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
     No two faces lie in one place: the renderer adds the light's light once for each of them, and
     shows bright dashes there.
     """
+    import manifold3d
+
     groups: dict[tuple[Colour, bool], list[Shape]] = {}
     for shape in shapes:
         groups.setdefault((shape.rgba or rgba, shape.shadow), []).append(shape)

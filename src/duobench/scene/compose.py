@@ -8,25 +8,12 @@ import mujoco
 
 from duobench.errors import DuoBenchError
 from duobench.objects.prop import Prop
-from duobench.scene.cameras import (
-    NATIVE_HEIGHT,
-    NATIVE_WIDTH,
-    OVERVIEW_VIEW,
-    View,
-    add_head_camera,
-    add_overview_camera,
-)
+from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, OVERVIEW_VIEW, View
+from duobench.robot.workcell import FLOOR_Z, ROOM_HEIGHT, ROOM_X, ROOM_Y
+from duobench.scene.cameras import add_head_camera, add_overview_camera
 from duobench.scene.props import add_prop
-from duobench.scene.robot import add_robot
-from duobench.scene.workcell import (
-    FLOOR_Z,
-    ROOM_HEIGHT,
-    ROOM_X,
-    ROOM_Y,
-    SCENE_CENTRE,
-    SCENE_EXTENT,
-    add_workcell,
-)
+from duobench.scene.robot.arms import add_robot
+from duobench.scene.workcell import SCENE_CENTRE, SCENE_EXTENT, add_workcell
 from duobench.types import CONTROL_HZ
 
 SUBSTEPS = 16

@@ -1,8 +1,4 @@
-"""The workcell around the robot: table, pedestal, mount, camera post, room and lights.
-
-The table frame is the world frame: origin under the duo mount on the table top, x away from the
-robot, y to its left, z up.
-"""
+"""The workcell around the robot: table, pedestal, mount, camera post, room and lights."""
 
 from __future__ import annotations
 
@@ -12,21 +8,24 @@ from numpy.typing import NDArray
 
 from duobench.objects.shapes import Colour, hull
 from duobench.objects.solid import manifold_of, mesh_of
+from duobench.robot.frames import BASE_POSES
+from duobench.robot.workcell import (
+    FLOOR_Z,
+    ROOM_HEIGHT,
+    ROOM_X,
+    ROOM_Y,
+    SHADOW_CENTRE,
+    TABLE_X,
+    TABLE_Y,
+)
 from duobench.scene.boxes import add_box
 from duobench.scene.cameras import HEAD_POSITION
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP, Group, collide_as, visual_only
-from duobench.scene.fr3 import BASE_POSES
 from duobench.scene.mesh_normals import FLAT, add_visual_mesh
 from duobench.scene.naming import TABLE
 from duobench.scene.surfaces import collide_as_metal
 from duobench.spatial import SE3
 
-FLOOR_Z = -0.8095
-"""Height of the floor in the table frame, in metres [facts of the platform]."""
-TABLE_X = (-0.30, 1.10)
-"""Front and back edge of the table top; the arms reach x 0.15 to 1.05 [facts of the platform]."""
-TABLE_Y = (-0.75, 0.75)
-"""Right and left edge of the table top; the arms reach |y| up to 0.65 [facts of the platform]."""
 TABLE_THICKNESS = 0.03
 TABLE_FRICTION = 0.8
 """Sliding friction of the table top, plastic on laminate."""
@@ -34,18 +33,10 @@ PEDESTAL_SIZE = (0.15, 0.15, 0.24)
 PEDESTAL_X = -0.08
 """Column under the mounting block: what an arm can hit; its edges and its middle, in metres."""
 
-ROOM_X = (-1.6, 3.0)
-ROOM_Y = (-2.3, 2.3)
-ROOM_HEIGHT = 2.7
-"""The room that every camera looks into; its walls are one-sided."""
-
 SCENE_CENTRE = (0.4, 0.0, 0.1)
 SCENE_EXTENT = 1.4
 """Centre and radius (metres) of what lights and shadows must cover; fixed, so that the image
 does not depend on a task's objects."""
-SHADOW_CENTRE = (0.24, 0.0, 0.24)
-"""Where the lights aim, and so the middle of the shadow map: between the table's far edge and the
-elbows, as the light sees them."""
 
 _BIRCH = (0.82, 0.74, 0.63, 1.0)
 _STEEL = (0.20, 0.21, 0.23, 1.0)

@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.scene.clutter import Piece, pieces
-from duobench.scene.look import CameraOffset, Light, Look
-from duobench.scene.workcell import SHADOW_CENTRE
+from duobench.looks.clutter import Piece, pieces
+from duobench.looks.look import CameraOffset, Light, Look
+from duobench.robot.workcell import SHADOW_CENTRE
 from duobench.sim.materials import resolve_materials
 from duobench.spatial import rotation_by
 from duobench.types import Array

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from duobench.backend import DuoLimits, Image
-from duobench.scene.look import Look
+from duobench.looks.look import Look
 from duobench.sim.appearance import Appearance
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation

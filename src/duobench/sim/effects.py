@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.backend import Image
-from duobench.scene.look import Look
+from duobench.looks.look import Look
 
 GAMMA = 2.2
 """Exponent from the numbers of an image to light."""

@@ -13,20 +13,13 @@ from numpy.typing import NDArray
 from PIL import Image as Pillow
 
 from duobench.errors import AssetError, check_known
-from duobench.scene.colours import RGB, shifted
+from duobench.looks.colours import RGB, shifted
+from duobench.looks.look import EVERY_OBJECT, Look, Material
+from duobench.looks.textures import texture
+from duobench.robot.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y, TABLE_X, TABLE_Y
 from duobench.scene.filters import COLLISION_GEOM_GROUP
-from duobench.scene.look import EVERY_OBJECT, Look, Material
 from duobench.scene.naming import TABLE
-from duobench.scene.textures import texture
-from duobench.scene.workcell import (
-    ROOM_HEIGHT,
-    ROOM_X,
-    ROOM_Y,
-    TABLE_X,
-    TABLE_Y,
-    floor_light,
-    wall_light,
-)
+from duobench.scene.workcell import floor_light, wall_light
 from duobench.types import SIDES
 
 Texture = NDArray[np.uint8]

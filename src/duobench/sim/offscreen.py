@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.errors import RenderingError
+from duobench.looks.look import MAX_CLUTTER
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP
-from duobench.scene.look import MAX_CLUTTER
 from duobench.sim import effects
 from duobench.sim.appearance import Appearance
 from duobench.sim.opengl import info_of, open_context

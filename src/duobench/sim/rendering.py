@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.errors import RenderingError, check_known
-from duobench.scene.cameras import check_image_size
-from duobench.scene.look import Look
+from duobench.looks.look import Look
+from duobench.robot.cameras import check_image_size
 from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import OffscreenRenderer
 from duobench.sim.opengl import RenderingInfo, Thread, choose

@@ -12,7 +12,7 @@ import numpy as np
 from duobench.errors import DuoBenchError, LayoutError, SimulationError, UnknownNameError
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, corner_points
-from duobench.scene.cameras import OVERVIEW_VIEW, View
+from duobench.robot.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
 from duobench.sim.contacts import Contacts
 from duobench.sim.duo import HOME, Duo
@@ -24,9 +24,6 @@ from duobench.types import Array, DuoCommand, DuoState
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 """Everything that the next physics step depends on, warm start and controls included."""
 
-STILL_SPEED = 0.05
-STILL_ANGULAR_SPEED = 0.5
-"""An object slower than this is still: m/s and rad/s."""
 SETTLE_SPEED = 0.005
 SETTLE_ANGULAR_SPEED = 0.1
 """Every object is slower than this (m/s, rad/s) when a reset ends, if it comes to rest in time."""

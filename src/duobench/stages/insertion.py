@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3, dot, length, product
 from duobench.stages.predicates import Predicate, StateView
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
 
 MAX_ANGLE = math.radians(10.0)
 """Largest angle between the axes of an inserted peg and its socket [task definitions]."""

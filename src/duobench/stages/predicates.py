@@ -11,15 +11,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from duobench.scene.naming import TABLE
-from duobench.sim.simulation import STILL_ANGULAR_SPEED, STILL_SPEED, Simulation
 from duobench.types import CONTROL_HZ, SIDES, Side
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
 
 Point = tuple[float, float, float]
 Memory = tuple["Predicate", ...]
 """What is remembered and, if anything makes it forgotten, what does."""
 
+STILL_SPEED = 0.05
+STILL_ANGULAR_SPEED = 0.5
+"""An object slower than this is still: m/s and rad/s."""
 LIFTED_HEIGHT = 0.010
 """How far a lifted object is raised at least, in metres [task definitions]."""
 

@@ -9,10 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from duobench.errors import UnknownNameError
-from duobench.sim.simulation import Simulation
 from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView, VariantIs
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

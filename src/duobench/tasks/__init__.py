@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from duobench.randomness import Choice as Choice
     from duobench.randomness import Uniform as Uniform
     from duobench.randomness import around as around
-    from duobench.scene.cameras import View as View
+    from duobench.robot.cameras import View as View
     from duobench.scene.naming import TABLE as TABLE
     from duobench.sim.layout import Layout as Layout
     from duobench.spatial import SE3 as SE3

@@ -86,8 +86,8 @@ TASK = Task(
     instruction="Lift the board with both arms and tilt it until the ball is in the red corner.",
     horizon=350,
     props=(
-        Prop(name="board", solid=board(), choice="board", variants=wall_variants()),
-        Prop(name="ball", solid=ball()),
+        Prop(name="board", solid=board, choice="board", variants=wall_variants),
+        Prop(name="ball", solid=ball),
     ),
     placements={"board": Placement(x=around(0.5, 0.1), y=around(0.0, 0.1), z=BASE, yaw=ANY_YAW)},
     variants={"board": Choice(tuple(str(number) for number in range(len(MAZES))))},

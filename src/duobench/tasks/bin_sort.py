@@ -59,10 +59,10 @@ TASK = Task(
     instruction="Put the white cube into the white bowl and the black cube into the black bowl.",
     horizon=216,
     props=(
-        Prop(name="white_cube", solid=cube(WHITE)),
-        Prop(name="black_cube", solid=cube(BLACK)),
-        Prop(name="white_bowl", solid=bowl(WHITE)),
-        Prop(name="black_bowl", solid=bowl(CHARCOAL, rim=PALE)),
+        Prop(name="white_cube", solid=lambda: cube(WHITE)),
+        Prop(name="black_cube", solid=lambda: cube(BLACK)),
+        Prop(name="white_bowl", solid=lambda: bowl(WHITE)),
+        Prop(name="black_bowl", solid=lambda: bowl(CHARCOAL, rim=PALE)),
     ),
     placements={
         "white_cube": Placement(

@@ -83,9 +83,9 @@ TASK = Task(
     ),
     horizon=766,
     props=(
-        Prop(name="cube", solid=block(CUBE_EDGE, CUBE_EDGE, CUBE_EDGE, RED)),
-        Prop(name="beam", solid=block(*BEAM, WOOD)),
-        *(Prop(name=name, solid=block(*BLOCK, YELLOW)) for name in BLOCKS),
+        Prop(name="cube", solid=lambda: block(CUBE_EDGE, CUBE_EDGE, CUBE_EDGE, RED)),
+        Prop(name="beam", solid=lambda: block(*BEAM, WOOD)),
+        *(Prop(name=name, solid=lambda: block(*BLOCK, YELLOW)) for name in BLOCKS),
     ),
     placements={
         "cube": Placement(x=around(0.58, 0.03), y=around(0.0, 0.04), z=CUBE_EDGE / 2),

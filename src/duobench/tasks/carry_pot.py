@@ -72,7 +72,7 @@ TASK = Task(
         "the middle of the stove, and let go of it."
     ),
     horizon=450,
-    props=(pot("pot"), Prop(name="stove", solid=stove_plate(), fixed=True)),
+    props=(pot("pot"), Prop(name="stove", solid=stove_plate, fixed=True)),
     placements={
         "pot": Placement(
             x=around(0.5, 0.08), y=around(-0.1, 0.08), z=HEIGHT / 2, yaw=Uniform(-YAW, YAW)

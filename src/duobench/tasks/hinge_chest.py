@@ -72,7 +72,7 @@ TASK = Task(
     ),
     horizon=441,
     props=(
-        Prop(name="cube", solid=cube(BLACK)),
+        Prop(name="cube", solid=lambda: cube(BLACK)),
         chest("chest", body=WHITE, lid=CHARCOAL),
     ),
     placements={

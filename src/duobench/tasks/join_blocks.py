@@ -19,7 +19,7 @@ import math
 from duobench.objects import joint_blocks as bars
 from duobench.objects.prop import Prop
 from duobench.randomness import Uniform, around
-from duobench.scene.cameras import View
+from duobench.robot.cameras import View
 from duobench.stages.insertion import Port, inserted
 from duobench.stages.joining import engaged, joining
 from duobench.stages.placing import placed, put
@@ -74,9 +74,9 @@ TASK = Task(
     ),
     horizon=829,
     props=(
-        Prop(name="light_block", solid=bars.light_bar(LIGHT)),
-        Prop(name="dark_block", solid=bars.dark_bar(DARK)),
-        Prop(name="wall", solid=bars.wall(GREY), fixed=True),
+        Prop(name="light_block", solid=lambda: bars.light_bar(LIGHT)),
+        Prop(name="dark_block", solid=lambda: bars.dark_bar(DARK)),
+        Prop(name="wall", solid=lambda: bars.wall(GREY), fixed=True),
     ),
     placements={
         "light_block": Placement(

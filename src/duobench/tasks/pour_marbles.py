@@ -64,7 +64,6 @@ def _into_target(which: Callable[[Pouring], Predicate]) -> Predicate:
 
 _BACK = tuple(map(_back, CUPS.values(), SQUARES.values()))
 _PUT_BACK = all_of(*(put(CUPS[s], low_over(CUPS[s], TABLE, 0.0), s) for s in SIDES))
-_SQUARE = cups.square_mark(2 * HALF_SQUARE, GREEN)
 _GRASPED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
 _HELD_UP = all_of(*_GRASPED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
 _POURING = {side: pouring(MARBLES, CUPS[side], cups.ROOM, held=_HELD_UP) for side in SIDES}
@@ -77,9 +76,12 @@ TASK = Task(
     "the {empty} cup while both are in the air, and put both cups upright on their green squares.",
     horizon=442,
     props=(
-        *(Prop(name=name, solid=cups.cup(LIGHT)) for name in CUPS.values()),
-        *(Prop(name=name, solid=_SQUARE, fixed=True) for name in SQUARES.values()),
-        *(Prop(name=name, solid=cups.marble(BLUE)) for name in MARBLES),
+        *(Prop(name=name, solid=lambda: cups.cup(LIGHT)) for name in CUPS.values()),
+        *(
+            Prop(name=name, solid=lambda: cups.square_mark(2 * HALF_SQUARE, GREEN), fixed=True)
+            for name in SQUARES.values()
+        ),
+        *(Prop(name=name, solid=lambda: cups.marble(BLUE)) for name in MARBLES),
     ),
     placements={
         name: Placement(x=around(x, spread), y=around(y, spread))

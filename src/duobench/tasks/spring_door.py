@@ -24,7 +24,7 @@ from duobench.objects.blocks import CUBE_EDGE, WHITE, cube
 from duobench.objects.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
-from duobench.scene.cameras import View
+from duobench.robot.cameras import View
 from duobench.stages.placing import low_over, placed
 from duobench.stages.predicates import (
     BoxRegion,
@@ -76,7 +76,7 @@ TASK = Task(
     ),
     horizon=807,
     props=(
-        Prop(name="cube", solid=cube(WHITE)),
+        Prop(name="cube", solid=lambda: cube(WHITE)),
         microwave("microwave"),
     ),
     placements={

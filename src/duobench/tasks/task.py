@@ -11,7 +11,7 @@ import numpy as np
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError, check_known, printable
 from duobench.objects.prop import Prop
 from duobench.randomness import EVAL, Choice, Uniform, generator
-from duobench.scene.cameras import OVERVIEW_VIEW, View
+from duobench.robot.cameras import OVERVIEW_VIEW, View
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.progress import Stage

@@ -52,8 +52,8 @@ TASK = Task(
     instruction="Pick up the white block, hand it to the other arm and put it into the bowl.",
     horizon=441,
     props=(
-        Prop(name=CUBE, solid=long_block(WHITE)),
-        Prop(name=BOWL, solid=bowl(WHITE)),
+        Prop(name=CUBE, solid=lambda: long_block(WHITE)),
+        Prop(name=BOWL, solid=lambda: bowl(WHITE)),
     ),
     placements={
         CUBE: Placement(x=around(0.5, 0.175), y=around(-0.2, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW),

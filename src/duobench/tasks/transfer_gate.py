@@ -68,9 +68,9 @@ TASK = Task(
     "down on the green mat.",
     horizon=523,
     props=(
-        Prop(name=BLOCK, solid=long_block(WHITE)),
-        Prop(name=GATE, solid=gate(), fixed=True),
-        Prop(name=MAT, solid=mat(), fixed=True),
+        Prop(name=BLOCK, solid=lambda: long_block(WHITE)),
+        Prop(name=GATE, solid=gate, fixed=True),
+        Prop(name=MAT, solid=mat, fixed=True),
     ),
     placements={
         BLOCK: Placement(x=around(0.5, 0.175), y=around(-0.3, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW),

@@ -67,8 +67,8 @@ TASK = Task(
     instruction="Pick up the peg, hand it to the other arm and insert it into the hexagonal hole.",
     horizon=505,
     props=(
-        Prop(name=PEG, solid=peg(BLUE)),
-        Prop(name=BOARD, solid=socket_board(WHITE), fixed=True),
+        Prop(name=PEG, solid=lambda: peg(BLUE)),
+        Prop(name=BOARD, solid=lambda: socket_board(WHITE), fixed=True),
     ),
     placements={
         PEG: Placement(

@@ -3,7 +3,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from duobench.scene import meshes as shipped
+from duobench.scene.robot import meshes as shipped
 from tools.meshes.__main__ import TARGET
 from tools.meshes.build import encode
 from tools.meshes.geometry import RESOLUTION

@@ -10,7 +10,7 @@ import numpy as np
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
 from duobench.data.schema import action_mode
-from duobench.sim.kinematics import Kinematics
+from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, FLAT_SIZE, SIDE_SIZE, SIDES, Array, DuoCommand
 

@@ -7,8 +7,8 @@ from enum import StrEnum
 
 from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import DataError, check_known
-from duobench.scene.cameras import check_image_size
-from duobench.scene.looks import DEFAULT, as_look
+from duobench.looks.catalog import DEFAULT, as_look
+from duobench.robot.cameras import check_image_size
 from duobench.types import POLICY_CAMERAS
 
 
@@ -45,7 +45,7 @@ class ExportOptions:
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers."""
     look: str = DEFAULT
-    """How the images look: a name of `duobench.scene.looks.look`."""
+    """How the images look: a name of `duobench.looks.catalog.look`."""
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action."""
     action: ActionSource = ActionSource.INTENDED

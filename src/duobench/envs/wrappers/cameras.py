@@ -13,7 +13,7 @@ from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import check_known
-from duobench.scene.cameras import check_image_size
+from duobench.robot.cameras import check_image_size
 from duobench.types import POLICY_CAMERAS
 
 PIXELS = "pixels"

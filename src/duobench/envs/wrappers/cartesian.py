@@ -10,7 +10,7 @@ from duobench.envs import spaces
 from duobench.envs.duo_env import Transition
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import ActionError
-from duobench.sim.kinematics import Kinematics
+from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3, length
 from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, Array, DuoCommand
 

@@ -12,7 +12,7 @@ from duobench.envs import spaces
 from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
-from duobench.sim.kinematics import Kinematics
+from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3, product, rotation_by
 from duobench.types import SIDES, Array, Side
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 BLACK = (0.2, 0.2, 0.2, 1.0)
 WHITE = (1.0, 1.0, 1.0, 1.0)
 RED = (1.0, 0.072272, 0.039546, 1.0)
@@ -135,7 +133,3 @@ LINKS = (
     ),
 )
 """Link 0 (the base) to link 7."""
-
-JOINT_RANGES = np.array([link.joint.limits for link in LINKS if link.joint is not None])
-"""Joint ranges (7, 2) in radians."""
-JOINT_RANGES.setflags(write=False)

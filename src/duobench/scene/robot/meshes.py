@@ -37,7 +37,7 @@ def robot_meshes() -> Mapping[str, Mesh]:
         AssetError: The data file is missing or damaged.
     """
     try:
-        data = resources.files("duobench.scene").joinpath(FILE).read_bytes()
+        data = resources.files("duobench.scene.robot").joinpath(FILE).read_bytes()
     except OSError as error:
         raise AssetError(f"The meshes of the robot cannot be read ({error}). {_ADVICE}") from error
     return decode(data)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 
-from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
+from duobench.robot.frames import LINK7_FROM_TCP, SHOULDERS
+from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.scene.naming import tcp_name
-from duobench.scene.robot import LINK7_FROM_TCP, kinematic_model
 from duobench.spatial import SE3, length
 from duobench.types import CONTROL_HZ, SIDES, Array, Side
+
+if TYPE_CHECKING:
+    import mujoco
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
 """Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""
@@ -100,7 +102,10 @@ class ArmKinematics:
 
     def __init__(self, side: Side) -> None:
         """Build the arm's kinematic model and the tasks."""
-        import mink  # it brings SciPy, which joint actions do without
+        # mink brings MuJoCo and SciPy, which joint actions do without.
+        import mink
+
+        from duobench.scene.robot.arms import kinematic_model
 
         model = kinematic_model(side)
         model.jnt_range += (LIMIT_MARGIN, -LIMIT_MARGIN)

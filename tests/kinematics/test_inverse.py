@@ -8,10 +8,7 @@ import mink
 import numpy as np
 import pytest
 
-from duobench.scene.fr3 import HOME_JOINTS, SHOULDERS, VELOCITY_LIMITS
-from duobench.scene.fr3_links import JOINT_RANGES
-from duobench.scene.robot import LINK7_FROM_TCP
-from duobench.sim.kinematics import (
+from duobench.kinematics.inverse import (
     ELBOW,
     GRID,
     LIMIT_MARGIN,
@@ -21,6 +18,8 @@ from duobench.sim.kinematics import (
     Kinematics,
     within_reach,
 )
+from duobench.robot.frames import LINK7_FROM_TCP, SHOULDERS
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, SIDES, Side
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from duobench.errors import OptionError, UnknownNameError
-from duobench.scene.clutter import DEPTH, pieces
-from duobench.scene.colours import colour_name, shifted
-from duobench.scene.look import CameraOffset, Light, Look, Material
-from duobench.scene.looks import LOOKS, as_look, look
-from duobench.scene.textures import TEXTURES, texture
-from duobench.scene.workcell import FLOOR_Z, ROOM_X, ROOM_Y
+from duobench.looks.catalog import LOOKS, as_look, look
+from duobench.looks.clutter import DEPTH, pieces
+from duobench.looks.colours import colour_name, shifted
+from duobench.looks.look import CameraOffset, Light, Look, Material
+from duobench.looks.textures import TEXTURES, texture
+from duobench.robot.workcell import FLOOR_Z, ROOM_X, ROOM_Y
 from duobench.sim.materials import resolve_materials
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog

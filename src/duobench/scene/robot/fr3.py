@@ -1,40 +1,19 @@
-"""One Franka Research 3 arm, built from published numbers.
-
-Its links are in `fr3_links`; velocity limits are the manufacturer's data sheet.
-"""
+"""One Franka Research 3 arm, built from the published numbers of `robot.fr3_links`."""
 
 from __future__ import annotations
 
 import mujoco
-import numpy as np
 
+from duobench.robot.fr3_links import LINKS, WHITE, Joint
+from duobench.robot.frames import BASE_POSES
 from duobench.scene.filters import distal, proximal, visual_only
-from duobench.scene.fr3_links import LINKS, WHITE, Joint
-from duobench.scene.links import add_link, add_mesh
 from duobench.scene.naming import arm_joint_names
+from duobench.scene.robot.links import add_link, add_mesh
 from duobench.scene.surfaces import collide_unseen
-from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, Side
 
-FLANGE_OFFSET = 0.107
-"""Flange beyond link 7 along its z, in metres [Menagerie franka_fr3]."""
-VELOCITY_LIMITS = (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26)
-"""Joint velocity limits in rad/s [Franka data sheet]."""
 JOINT_DAMPING = 0.21
 """Viscous damping of every joint in N·m·s/rad [Menagerie franka_fr3]."""
-
-BASE_POSES = {
-    Side.LEFT: SE3.from_wxyz((0.865641, -0.436978, 0.0225312, -0.243326), (0.0, 0.05018, 0.342)),
-    Side.RIGHT: SE3.from_wxyz((0.865641, 0.436978, 0.0225312, 0.243326), (0.0, -0.05018, 0.342)),
-}
-"""World from arm base [manufacturer's duo workcell, as used by Robot Control Stack]."""
-SHOULDERS = {side: base.apply(LINKS[1].position) for side, base in BASE_POSES.items()}
-"""Middle of each arm's shoulder (3,) in the table frame: where the axes of joints 1 to 3 meet."""
-
-_LEFT_HOME = (0.48797692, -0.57224476, -0.58536988, -2.57958827, 0.86400183, 2.0530809, -0.85965005)
-HOME_JOINTS = np.array([_LEFT_HOME, np.multiply(_LEFT_HOME, (-1, 1, -1, 1, -1, 1, -1))])
-"""Home configuration (2, 7) in radians; the right arm mirrors the left."""
-HOME_JOINTS.setflags(write=False)
 
 _FIRST_DISTAL_LINK = 6
 

@@ -16,18 +16,16 @@ from typing import Any
 
 import mujoco
 
+from duobench.robot.fr3_links import Link, Vector
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
-from duobench.scene.fr3_links import Link, Vector
-from duobench.scene.links import add_link, add_mesh
 from duobench.scene.naming import gripper_name
+from duobench.scene.robot.links import add_link, add_mesh
 from duobench.scene.surfaces import ROLLING, TORSION, collide_unseen
 from duobench.spatial import SE3
 from duobench.types import Side
 
 MOUNT = SE3.about((0.0, 0.0, 1.0), math.pi / 2)
 """Flange from gripper."""
-TCP_OFFSET = 0.1493
-"""Tool centre point beyond the flange along z, in metres [facts of the platform]."""
 CTRL_CLOSED = 255.0
 """Actuator input for closed; 0 is open."""
 TENDON_SHARE = 0.485

@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 
 from duobench.errors import check_known
-from duobench.scene.fr3_links import Link, Vector
-from duobench.scene.meshes import robot_meshes
+from duobench.robot.fr3_links import Link, Vector
+from duobench.scene.robot.meshes import robot_meshes
 
 
 def add_link(parent: mujoco.MjsBody, name: str, link: Link) -> mujoco.MjsBody:

@@ -15,9 +15,9 @@ from typing import Any
 import msgspec
 
 from duobench.errors import OptionError, UnknownNameError, check_known
-from duobench.scene.cameras import OVERVIEW
-from duobench.scene.colours import RGB
-from duobench.scene.textures import TEXTURES
+from duobench.looks.colours import RGB
+from duobench.looks.textures import TEXTURES
+from duobench.robot.cameras import OVERVIEW
 from duobench.types import POLICY_CAMERAS
 
 PARTS = ("table", "floor", "walls", "ceiling", "robot")
@@ -40,7 +40,7 @@ class Material:
     colour: RGB | None = None
     """Colour, 0 to 1; None keeps it."""
     texture: str | None = None
-    """One of `duobench.scene.textures.TEXTURES`; None is plain."""
+    """One of `duobench.looks.textures.TEXTURES`; None is plain."""
     second_colour: RGB | None = None
     """Colour of the dark parts of the texture; None takes a darker shade of the first."""
     contrast: float = 0.35

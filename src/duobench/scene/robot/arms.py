@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import mujoco
 
-from duobench.scene import fr3, robotiq
+from duobench.robot.frames import FLANGE_OFFSET, LINK7_FROM_FLANGE, LINK7_FROM_TCP
 from duobench.scene.cameras import add_wrist_camera
 from duobench.scene.naming import flange_name, tcp_name
-from duobench.spatial import SE3
+from duobench.scene.robot import fr3, robotiq
 from duobench.types import SIDES, Side
-
-LINK7_FROM_FLANGE = SE3.at(z=fr3.FLANGE_OFFSET)
-"""Pose of the flange in link 7."""
-LINK7_FROM_TCP = SE3.at(z=fr3.FLANGE_OFFSET + robotiq.TCP_OFFSET)
-"""Pose of the tool centre point in link 7; both have the same orientation."""
 
 
 def add_robot(spec: mujoco.MjSpec) -> None:
@@ -21,7 +16,7 @@ def add_robot(spec: mujoco.MjSpec) -> None:
     for side in SIDES:
         bodies = _add_kinematics(spec, side)
         fr3.add_geometry(spec, side, bodies)
-        robotiq.add_gripper(spec, side, bodies[-1], fr3.FLANGE_OFFSET)
+        robotiq.add_gripper(spec, side, bodies[-1], FLANGE_OFFSET)
         add_wrist_camera(bodies[-1], LINK7_FROM_FLANGE, side)
 
 

@@ -11,9 +11,9 @@ from types import MappingProxyType
 import numpy as np
 
 from duobench.errors import OptionError, UnknownNameError
-from duobench.scene.colours import RGB
-from duobench.scene.look import CameraOffset, Light, Look, Material
-from duobench.scene.workcell import SHADOW_CENTRE
+from duobench.looks.colours import RGB
+from duobench.looks.look import CameraOffset, Light, Look, Material
+from duobench.robot.workcell import SHADOW_CENTRE
 from duobench.types import POLICY_CAMERAS
 
 DEFAULT = "default"

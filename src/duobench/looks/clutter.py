@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.scene.colours import RGB
-from duobench.scene.workcell import FLOOR_Z, ROOM_X, ROOM_Y
+from duobench.looks.colours import RGB
+from duobench.robot.workcell import FLOOR_Z, ROOM_X, ROOM_Y
 
 DEPTH = 0.35
 """How far from a wall a piece may reach, in metres: behind every camera for people."""

@@ -1,0 +1,1 @@
+"""Looks: how images of a scene look, as values. `sim` renders them."""

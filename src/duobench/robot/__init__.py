@@ -1,0 +1,1 @@
+"""The robot and its workcell as numbers, for simulated and real arms; needs NumPy alone."""

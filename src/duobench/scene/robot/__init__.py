@@ -1,0 +1,1 @@
+"""The robot as bodies of the model: two arms, two grippers, wrist cameras, and their meshes."""
