@@ -73,7 +73,7 @@ def test_simulated_and_real_episodes_are_told_apart_where_they_can_be(
     assert key not in arguments("act", data)
     assert key not in arguments("xvla", export(tmp_path / "one", domains=(1, 1)))
     monkeypatch.setattr(training, "PLUGIN", "not-installed")
-    with pytest.raises(DuoBenchError, match="pip install ./not-installed"):
+    with pytest.raises(DuoBenchError, match="pip install"):
         arguments("xvla", data)
 
 
@@ -153,9 +153,8 @@ def test_the_command_line_prints_the_command_and_the_reasons(
     data = export(tmp_path / "data", TASKS[:1])
     options = f"--data {data} --out {tmp_path / 'out'} --small --print -- --batch_size=2"
     main(["train", "act", *options.split()])
-    printed = capsys.readouterr().out
-    command = printed.split("\n--")[0]
+    command, reasons = capsys.readouterr()
     assert command.startswith("lerobot-train \\\n")
     assert command.rstrip().endswith("--batch_size=2")
-    assert "paper: one ACT for each task" in printed
+    assert "paper: one ACT for each task" in reasons
     assert not (tmp_path / "out").exists()
