@@ -21,7 +21,7 @@ from duobench.cli.train import train
 from duobench.data.schema import SCHEMA
 from duobench.envs import spaces
 from duobench.envs.config import ACTION_MODES, IMAGE_SIZE
-from duobench.envs.registration import VERSION
+from duobench.envs.ids import VERSION
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.report import SUMMARY_SCHEMA

@@ -15,7 +15,7 @@ from gymnasium.envs.registration import EnvSpec
 
 import duobench
 from duobench.envs import ActionChunks, ResetNeededError
-from duobench.envs.registration import env_id
+from duobench.envs.ids import env_id
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.tasks import catalog
 from duobench.tasks.task import Task

@@ -100,7 +100,7 @@ class DuoBenchEnv(EnvConfig):
             )
         # A process of the fork server would import torch and LeRobot again, for each task.
         server = multiprocessing.get_context("forkserver")
-        server.set_forkserver_preload(["lerobot_env_duobench", "duobench.envs.protocol"])
+        server.set_forkserver_preload(["lerobot_env_duobench", "duobench.envs.make"])
         env = one()
         spaces = env.observation_space, env.action_space, env.metadata
         env.close()

@@ -15,7 +15,7 @@ from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, action_mode
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.protocol import make_env
+from duobench.envs.make import make_env
 from duobench.envs.sim_env import LAYOUT, SPLIT, sim_of
 from duobench.errors import DuoBenchError
 from duobench.randomness import SUITE_VERSION

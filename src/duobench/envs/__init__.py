@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from duobench.envs.duo_env import base_of as base_of
     from duobench.envs.episode_state import EpisodeState as EpisodeState
     from duobench.envs.episode_state import StateError as StateError
-    from duobench.envs.protocol import make_env as make_env
-    from duobench.envs.registration import env_id as env_id
+    from duobench.envs.ids import env_id as env_id
+    from duobench.envs.make import make_env as make_env
     from duobench.envs.registration import make as make
     from duobench.envs.registration import register as register
     from duobench.envs.sim_env import SimEnv as SimEnv

@@ -12,7 +12,7 @@ from typing import Any
 import gymnasium as gym
 
 from duobench.envs.config import EnvConfig
-from duobench.envs.registration import WRAPPERS
+from duobench.envs.ids import WRAPPERS
 from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.envs.wrappers.action_chunks import ActionChunks
 from duobench.envs.wrappers.base import DuoWrapper
