@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.config import ACTION_MODES, EnvConfig
+from duobench.envs.action_modes import ACTION_MODES
+from duobench.envs.config import EnvConfig
 from duobench.envs.make import make_env
 from duobench.errors import DuoBenchError, LayoutError, OptionError, UnknownNameError
 from duobench.tasks import Task, catalog

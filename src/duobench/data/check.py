@@ -80,7 +80,7 @@ def _checker() -> Callable[[Path], list[Problem]]:
 def _beginning(recording: Recording, environment: Callable[..., gym.Env]) -> list[str]:
     """What is wrong with the layout and the first state."""
     info = recording.info
-    env = environment(info.task, action_mode=action_mode(info))
+    env = environment(info.task, action_mode=action_mode(info).name)
     options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
     _, seen = env.reset(seed=info.seed, options=options)
     if seen["layout"] != info.layout:

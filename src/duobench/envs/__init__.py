@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
-    from duobench.envs.config import ACTION_MODES as ACTION_MODES
+    from duobench.envs.action_modes import ACTION_MODES as ACTION_MODES
     from duobench.envs.config import EnvConfig as EnvConfig
     from duobench.envs.duo_env import DuoEnv as DuoEnv
     from duobench.envs.duo_env import ResetNeededError as ResetNeededError

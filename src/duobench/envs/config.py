@@ -7,6 +7,7 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from duobench.envs import action_modes
 from duobench.errors import OptionError, check_known
 from duobench.randomness import EVAL, SPLITS
 from duobench.scene.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
@@ -14,8 +15,6 @@ from duobench.scene.look import Look
 from duobench.scene.looks import DEFAULT, as_look
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
-ACTION_MODES = ("joint", "joint_relative", "cartesian", "cartesian_relative")
-"""What the numbers of an action may mean, by name."""
 RENDER_MODES = ("rgb_array",)
 IMAGE_SIZE = (224, 224)
 """Default height and width of an image in an observation, in pixels."""
@@ -34,7 +33,7 @@ class EnvConfig:
     """Cameras that the observation shows."""
     image_size: tuple[int, int] = IMAGE_SIZE
     """Height and width of their images in pixels; at most 720 x 1280."""
-    action_mode: str = "joint"
+    action_mode: str = action_modes.JOINT.name
     """One of `ACTION_MODES`."""
     binary_gripper: bool = False
     """Whether openings are rounded to open or closed."""
@@ -55,7 +54,7 @@ class EnvConfig:
 
     def __post_init__(self) -> None:
         """Reject invalid values; give looser ones, see `from_options`, the form of their field."""
-        check_known("action mode", self.action_mode, ACTION_MODES)
+        action_modes.get(self.action_mode)
         check_known("split", self.split, SPLITS)
         if self.render_mode is not None:
             check_known("render mode", self.render_mode, RENDER_MODES)

@@ -51,6 +51,9 @@ class DuoEnv(gym.Env[Observation, Any]):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(CONTROL_HZ)}  # noqa: RUF012 - Gymnasium's way to declare it
 
+    action_mode = "joint"
+    """Name of what an action means; `env.get_wrapper_attr` finds that of the outermost wrapper."""
+
     def __init__(self, backend: DuoBackend, task: Task) -> None:
         """Drive two arms.
 

@@ -27,6 +27,7 @@ from duobench.data.parquet import to_arrow, to_bytes
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import action_mode
+from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError
 from duobench.files import encode, locked, write
 from duobench.randomness import SUITE_VERSION
@@ -143,10 +144,10 @@ def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
     """Reject now what would stop the export later."""
     mode = action_mode(recording.info)
-    if mode.endswith("_relative") and options.action is ActionSource.GIVEN:
+    if options.action is ActionSource.GIVEN and mode not in (JOINT, CARTESIAN):
         raise DataError(
-            f"{path}: actions of mode {mode!r} are relative to what was commanded "
-            f"before and name no targets; export {ActionSource.SENT.value!r} actions."
+            f"{path}: actions of mode {mode.name!r} name no targets of joints or tools; export "
+            f"{ActionSource.SENT.value!r} actions."
         )
 
 
