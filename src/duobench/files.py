@@ -201,14 +201,14 @@ def decode(text: bytes | str, kind: type[T], schema: int, older: Collection[int]
         raise FileError(str(error)) from error
 
 
-def read(path: Path, kind: type[T], schema: int) -> T:
+def read(path: Path, kind: type[T], schema: int, older: Collection[int] = ()) -> T:
     """A data class from a file that `encode` filled.
 
     Raises:
         FileError: See `decode`; the message names file and field.
     """
     try:
-        return decode(path.read_bytes(), kind, schema)
+        return decode(path.read_bytes(), kind, schema, older)
     except (FileError, OSError) as error:
         reason = f"{error.strerror}." if isinstance(error, OSError) else error
         raise FileError(f"Cannot read {path}: {reason}") from error

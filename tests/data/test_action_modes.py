@@ -80,21 +80,25 @@ def test_a_recording_of_a_mode_that_is_not_here_says_so(tmp_path: Path, degrees:
 
 
 @pytest.mark.parametrize("mode", [*action_modes.ACTION_MODES])
-def test_recordings_of_schema_1_are_read(tmp_path: Path, mode: str) -> None:
+def test_data_sets_of_schema_1_are_read_and_continued(tmp_path: Path, mode: str) -> None:
     now = recorded(tmp_path, steps=0, action_mode=mode)
-    (path,) = DataSet.open(tmp_path).episodes()
+    data = DataSet.open(tmp_path)
+    (path,) = data.episodes()
     table = pq.read_table(path)
     said = json.loads(table.schema.metadata[INFO_KEY])
-    assert (said["schema"], said.pop("action_mode")) == (2, mode)
-    older = table.replace_schema_metadata({INFO_KEY: json.dumps(said | {"schema": 1})})
+    assert (said.pop("schema"), said.pop("action_mode")) == (2, mode)
+    described = json.loads(data.description.read_text()) | {"schema": 1}
+    data.description.write_text(json.dumps(described))
+    older = table.replace_schema_metadata({INFO_KEY: json.dumps({"schema": 1, **said})})
     pq.write_table(older, path)
+
+    recorder(tmp_path, action_mode=mode).close()
     read = Recording.read(path)
-    assert action_mode(read.info).name == mode
     assert read.info.action_mode is None
+    assert action_mode(read.info).name == mode
     assert np.array_equal(read.state, now.state)
-    pq.write_table(
-        table.replace_schema_metadata({INFO_KEY: json.dumps(said | {"schema": 3})}), path
-    )
+    later = table.replace_schema_metadata({INFO_KEY: json.dumps({"schema": 3, **said})})
+    pq.write_table(later, path)
     with pytest.raises(DataError, match="Schema 3; this version reads 2"):
         Recording.read(path)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from duobench.data import stream
 from duobench.data.recording import Recording
-from duobench.data.schema import SCHEMA, EpisodeInfo
+from duobench.data.schema import OLDER_SCHEMAS, SCHEMA, EpisodeInfo
 from duobench.errors import DataError, check_known
 from duobench.files import TEMPORARY_SUFFIX, encode, lock, make_folder, read, write, writing
 from duobench.randomness import SUITE_VERSION
@@ -87,7 +87,7 @@ class DataSet:
         Raises:
             DataError: It cannot be read, or is of another version.
         """
-        return read(self.description, Description, SCHEMA)
+        return read(self.description, Description, SCHEMA, OLDER_SCHEMAS)
 
     def episode(self, task: str, name: str) -> Path:
         """File of an episode."""
