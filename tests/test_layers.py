@@ -16,7 +16,7 @@ import duobench
 # itself; rooms of one line are siblings, which never import each other.
 FLOORS = (
     ("errors",),
-    ("types", "randomness", "files", "references", "versions", "pages", "installing"),
+    ("types", "randomness", "files", "references", "versions", "pages", "installing", "checks"),
     ("spatial", "backend"),
     ("objects",),
     ("scene",),

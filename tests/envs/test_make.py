@@ -176,6 +176,27 @@ def test_configuration_survives_its_text_and_makes_the_same_environment(
     assert env.get_wrapper_attr("config") == config
 
 
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"cameras": "head"},
+        {"cameras": ["head"]},
+        {"image_size": 224},
+        {"image_size": [224, 224]},
+        {"render_size": (np.int64(48), 64)},
+        {"binary_gripper": 1},
+        {"chunk": np.int64(3)},
+        {"look": {}},
+    ],
+    ids=str,
+)
+def test_a_configuration_holds_plain_values_only(fields: dict[str, Any]) -> None:
+    with pytest.raises(OptionError):
+        EnvConfig(**fields)
+    config = EnvConfig.from_options(fields)
+    assert msgspec.json.decode(msgspec.json.encode(config), type=EnvConfig) == config
+
+
 def test_configuration_is_found_through_foreign_wrappers() -> None:
     env = gym.Wrapper(gym.Wrapper(make_env(TASK, cameras=False, chunk=2)))
     assert env.get_wrapper_attr("config") == EnvConfig(cameras=(), chunk=2)

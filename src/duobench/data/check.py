@@ -16,7 +16,8 @@ from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, action_mode
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.make import make_env
-from duobench.envs.sim_env import LAYOUT, SPLIT, sim_of
+from duobench.envs.reset_options import LAYOUT, SPLIT
+from duobench.envs.sim_env import sim_of
 from duobench.errors import DuoBenchError
 from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
