@@ -16,7 +16,8 @@ import duobench
 # itself; rooms of one line are siblings, which never import each other.
 FLOORS = (
     ("errors",),
-    ("types", "randomness", "files", "references", "versions", "pages", "installing", "checks"),
+    ("types", "randomness", "files", "references", "versions", "pages", "installing"),
+    ("checks", "lerobot_keys"),
     ("spatial", "backend"),
     ("objects",),
     ("scene",),
@@ -24,13 +25,13 @@ FLOORS = (
     ("stages",),
     ("tasks",),
     ("envs",),
-    ("experts", "data", "policy", "hardware", "fabrication"),
+    ("experts", "data", "policy", "hardware", "fabrication", "training"),
     ("evaluation", "teleop", "interop"),
     ("cli",),
     ("__main__",),
 )
 RANK = {room: rank for rank, rooms in enumerate(FLOORS) for room in rooms}
-BASE = tuple(room for rooms in FLOORS[:3] for room in rooms)
+BASE = tuple(room for rooms in FLOORS[:4] for room in rooms)
 
 # Modules that a room may not name, apart from what the floors already say.
 EVERYWHERE = (
@@ -61,6 +62,7 @@ FORBIDDEN = {
     "envs": ("http", "pathlib", "requests", "shutil", "socket", "tempfile", "urllib", "websockets"),
     "experts": ("mujoco", *GYMNASIUM),
     "policy": ("mujoco",),
+    "training": ("mujoco", *GYMNASIUM),
 }
 
 
