@@ -110,22 +110,6 @@ def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(tmp_path: Path) -
     assert np.abs(rows.sent[0] - wanted)[:7].max() > 0.005
 
 
-@pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])
-def test_every_action_mode_can_be_recorded(tmp_path: Path, mode: str) -> None:
-    env = recorder(tmp_path, action_mode=mode)
-    _, info = env.reset(seed=0)
-    zero = np.zeros(env.action_space.shape)
-    if mode == "joint":
-        zero = info["sent"]
-    if mode == "cartesian":
-        pose = env.reset(seed=0)[0]["tcp_pose"].reshape(2, 7)
-        zero = np.concatenate([[*row, 1.0] for row in pose])
-    env.step(zero)
-    env.close()
-    rows = Recording.read(DataSet.open(tmp_path).episodes()[-1])
-    assert len(rows.info.action_names) == rows.action.shape[1] == len(zero)
-
-
 def test_discarded_episodes_leave_nothing(tmp_path: Path) -> None:
     env = recorder(tmp_path)
     play(env, steps=20)

@@ -93,13 +93,10 @@ class EnvConfig:
         known = [field.name for field in fields(EnvConfig)]
         for name in options:
             check_known("option", name, known)
-        return EnvConfig(
-            **{name: _FORMS.get(name, _as_given)(value) for name, value in options.items()}
-        )
-
-
-def _as_given(value: Any) -> Any:
-    return value
+        values = dict(options)
+        for name in _FORMS.keys() & values.keys():
+            values[name] = _FORMS[name](values[name])
+        return EnvConfig(**values)
 
 
 def _cameras(value: Any) -> Any:

@@ -48,13 +48,12 @@ def make(task: Task | str, **options: Any) -> gym.Env:
     """An environment; `gymnasium.make("duobench/<task>-v1")` makes the same one.
 
     Args:
-        task: Id of a task, import path "module:ATTRIBUTE", or a task.
+        task: Id of a task or of its environment, import path "module:ATTRIBUTE", or a task.
         options: `cameras` (True, False or names), `image_size` (224, or height and width),
             `action_mode` ("joint", "joint_relative", "cartesian", "cartesian_relative"),
             `binary_gripper`, `chunk` (actions in one step), `horizon`, `split` ("eval", or "train"
             for demonstrations), `look` ("wood_table", "random:7", ...), `render_mode`
-            ("rgb_array"), `render_size`; see
-            `duobench.envs.config.EnvConfig`.
+            ("rgb_array"), `render_size`; see `duobench.envs.config.EnvConfig`.
 
     Returns:
         The environment; without options, that of the evaluation protocol.
@@ -66,8 +65,8 @@ def make(task: Task | str, **options: Any) -> gym.Env:
     cameras = options.get("cameras")
     if isinstance(cameras, Iterable) and not isinstance(cameras, str):
         options["cameras"] = tuple(cameras)  # the spec keeps and copies it, so no generator
-    if isinstance(task, str) and env_id(task) in gym.registry:
-        return gym.make(env_id(task), **options)
+    if isinstance(task, str) and (known := env_id(catalog.plain(task))) in gym.registry:
+        return gym.make(known, **options)
     return gym.make(_spec(task), **options)
 
 

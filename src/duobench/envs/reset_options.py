@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from duobench.checks import whole
 from duobench.errors import OptionError, check_known
 
 LAYOUT, LAYOUT_SEED, SPLIT, LOOK = "layout", "layout_seed", "split", "look"
+OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK)
 """Options of a reset in simulation; see `SimEnv`."""
-_OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK)
 
 
 def checked_seed(seed: Any) -> int | None:
@@ -27,25 +27,20 @@ def checked_seed(seed: Any) -> int | None:
     return number
 
 
-def checked_reset_options(options: Any) -> dict[str, Any]:
+def checked_reset_options(options: Any, known: Collection[str] | None = None) -> dict[str, Any]:
     """The options of a reset as a new dict.
 
-    Raises:
-        OptionError: They are no mapping.
-    """
-    if options is not None and not isinstance(options, Mapping):
-        raise OptionError(f"The options of a reset are a dict, got {options!r}.")
-    return dict(options or {})
-
-
-def checked_sim_options(options: Any) -> dict[str, Any]:
-    """The options of a reset in simulation as a new dict.
+    Args:
+        options: What was given.
+        known: Names of all options; None leaves unknown ones to others.
 
     Raises:
         OptionError: They are no mapping.
         UnknownNameError: There is no such option; near misses are listed.
     """
-    options = checked_reset_options(options)
-    for name in options:
-        check_known("option of a reset", name, _OF_SIMULATION)
-    return options
+    if options is not None and not isinstance(options, Mapping):
+        raise OptionError(f"The options of a reset are a dict, got {options!r}.")
+    if known is not None:
+        for name in options or ():
+            check_known("option of a reset", name, known)
+    return dict(options or {})

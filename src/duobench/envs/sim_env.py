@@ -16,9 +16,10 @@ from duobench.envs.reset_options import (
     LAYOUT,
     LAYOUT_SEED,
     LOOK,
+    OF_SIMULATION,
     SPLIT,
+    checked_reset_options,
     checked_seed,
-    checked_sim_options,
 )
 from duobench.envs.sim_judge import SimJudge
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
@@ -110,7 +111,7 @@ class SimEnv(DuoEnv):
         return SimJudge(self.definition, self.simulation, lambda: self.layout)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
-        options = checked_sim_options(options)
+        options = checked_reset_options(options, OF_SIMULATION)
         look = options.get(LOOK)
         self._arms.set_look(self._usual_look if look is None else as_look(look))
         tried: list[Mapping[str, Any]] = []

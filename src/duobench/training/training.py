@@ -15,6 +15,7 @@ from typing import Any
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
 from duobench.installing import install_extra
 from duobench.lerobot_keys import ACTION, DOMAIN, LAST
+from duobench.tasks import catalog
 from duobench.training.recipes import RECIPES, SMALL, Recipe, Setting
 from duobench.types import FLAT_SIZE
 
@@ -75,7 +76,7 @@ def plan(
     learned = _tasks(recipe, kind, source, tasks)
     rows = None
     if tasks:
-        rows = [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+        rows = [row for row, task in enumerate(source.episodes() or []) if task in learned]
     settings = _data_settings(recipe, source, rows)
     out = out.absolute()
     last = out / LAST
@@ -179,6 +180,7 @@ def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) ->
             )
         return ()
     there = tuple(dict.fromkeys(episodes))
+    wanted = [catalog.plain(task) for task in wanted]
     for task in wanted:
         check_known(f"task in {source.path}", task, there)
     learned = tuple(wanted) or there

@@ -7,7 +7,13 @@ from typing import Any
 import gymnasium as gym
 
 from duobench.envs.duo_env import Info, Observation
-from duobench.envs.reset_options import LAYOUT, LAYOUT_SEED, SPLIT, checked_sim_options
+from duobench.envs.reset_options import (
+    LAYOUT,
+    LAYOUT_SEED,
+    OF_SIMULATION,
+    SPLIT,
+    checked_reset_options,
+)
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.randomness import EVAL, check_split
 
@@ -55,7 +61,7 @@ class RandomizedReset(DuoWrapper):
             UnknownNameError: There is no such option or split.
             OptionError: The seed is no whole number from 0 on, or the options are no dict.
         """
-        options = checked_sim_options(options)
+        options = checked_reset_options(options, OF_SIMULATION)
         used = split = None
         if options.get(LAYOUT) is None:
             used = options.get(LAYOUT_SEED)

@@ -64,14 +64,7 @@ class TaskStages(DuoWrapper):
             TypeError: There is neither a judge nor a simulation.
         """
         super().__init__(env)
-        if judge is None:
-            if not hasattr(self.base, "make_judge"):
-                raise TypeError(
-                    "Expected a judge or a simulated environment, got "
-                    f"{type(self.base).__name__} without a judge."
-                )
-            judge = self.base.make_judge()
-        self.judge: Judge = judge
+        self.judge = judge or _judge_of(self.base)
         """Who says which stage is reached."""
         self._max_stage = self.base.definition.max_stage
         self._subinstructions: dict[int, str] = {}
@@ -124,3 +117,12 @@ class TaskStages(DuoWrapper):
         info["current_subinstruction"] = self._subinstructions[min(stage, self._max_stage - 1)]
         info["stage_to_subinstructions"] = self._subinstructions.copy()
         return success
+
+
+def _judge_of(base: Any) -> Judge:
+    """The judge that a simulated environment makes."""
+    if not hasattr(base, "make_judge"):
+        raise TypeError(
+            f"Expected a simulated environment or a judge, got {type(base).__name__} without one."
+        )
+    return base.make_judge()
