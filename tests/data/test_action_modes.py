@@ -97,10 +97,6 @@ def test_data_sets_of_schema_1_are_read_and_continued(tmp_path: Path, mode: str)
     assert read.info.action_mode is None
     assert action_mode(read.info).name == mode
     assert np.array_equal(read.state, now.state)
-    later = table.replace_schema_metadata({INFO_KEY: json.dumps({"schema": 3, **said})})
-    pq.write_table(later, path)
-    with pytest.raises(DataError, match="Schema 3; this version reads 2"):
-        Recording.read(path)
 
 
 def test_the_mode_is_found_through_wrappers_that_are_not_ours(tmp_path: Path) -> None:
