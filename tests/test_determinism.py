@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.registration import env_id
+from duobench.envs.ids import env_id
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.files import decode
 from duobench.randomness import episode_seed

@@ -5,10 +5,9 @@ Gymnasium is not installed, as on a policy's server, there is `duobench.policy` 
 """
 
 from duobench.errors import DuoBenchError
+from duobench.versions import __version__
 
 __all__ = ["DuoBenchError", "__version__", "make", "register"]
-
-__version__ = "1.0.0rc1"
 
 try:
     from duobench.envs.registration import make, register, register_catalog

@@ -7,7 +7,7 @@ import fcntl
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
@@ -169,8 +169,14 @@ def encode(value: DataclassInstance, schema: int) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def decode(text: bytes | str, kind: type[T], schema: int) -> T:
+def decode(text: bytes | str, kind: type[T], schema: int, older: Collection[int] = ()) -> T:
     """A data class from the text that `encode` gave.
+
+    Args:
+        text: The text.
+        kind: The data class.
+        schema: The schema that is written.
+        older: Earlier ones that are read too: fields that they lack have defaults.
 
     Raises:
         FileError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
@@ -183,7 +189,7 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
     if not isinstance(document, dict):
         raise FileError(f"A JSON object is expected, not a {type(document).__name__}.")
     actual = document.pop("schema", None)
-    if actual != schema or isinstance(actual, bool):
+    if actual not in (schema, *older) or isinstance(actual, bool):
         raise FileError(f"Schema {actual!r}; this version reads {schema}.")
     if unknown := sorted(document.keys() - {field.name for field in fields(kind)}):
         raise FileError(f"Unknown fields: {', '.join(unknown)}.")
@@ -195,14 +201,14 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
         raise FileError(str(error)) from error
 
 
-def read(path: Path, kind: type[T], schema: int) -> T:
+def read(path: Path, kind: type[T], schema: int, older: Collection[int] = ()) -> T:
     """A data class from a file that `encode` filled.
 
     Raises:
         FileError: See `decode`; the message names file and field.
     """
     try:
-        return decode(path.read_bytes(), kind, schema)
+        return decode(path.read_bytes(), kind, schema, older)
     except (FileError, OSError) as error:
         reason = f"{error.strerror}." if isinstance(error, OSError) else error
         raise FileError(f"Cannot read {path}: {reason}") from error

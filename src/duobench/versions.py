@@ -1,12 +1,12 @@
-"""Versions of what a score depends on; importing this loads nothing of it."""
+"""The version of this package, and those of what a score depends on, of which nothing is loaded."""
 
 from __future__ import annotations
 
 import platform
 from importlib.metadata import version
 
-from duobench import __version__
-
+__version__ = "1.0.0rc1"
+"""Version of the software; a build reads it from this line."""
 _PACKAGES = ("mujoco", "numpy", "mink")
 """The engine, the arithmetic, and the inverse kinematics."""
 

@@ -91,10 +91,10 @@ def test_foreign_and_newer_files_are_refused(
     (good,) = DataSet.open(example[0]).episodes()
     table = pq.read_table(good)
     text = table.schema.metadata[INFO_KEY]
-    newer = text.replace(b'"schema": 1', b'"schema": 2')
+    newer = text.replace(b'"schema": 2', b'"schema": 3')
     assert newer != text
     pq.write_table(table.replace_schema_metadata({INFO_KEY: newer}), path)
-    with pytest.raises(DataError, match="Schema 2; this version reads 1"):
+    with pytest.raises(DataError, match="Schema 3; this version reads 2"):
         Recording.read(path)
     pq.write_table(table.drop_columns(["sent"]), path)
     with pytest.raises(DataError, match="missing: sent"):

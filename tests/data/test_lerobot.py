@@ -352,7 +352,7 @@ def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path
 def test_relative_actions_name_no_targets(tmp_path: Path) -> None:
     data = moving(tmp_path / "data", "cartesian_relative")
     options = ExportOptions(cameras=(), action=ActionSource.GIVEN)
-    with pytest.raises(DataError, match="relative to what was commanded"):
+    with pytest.raises(DataError, match="'cartesian_relative' name no targets"):
         export_lerobot(data, tmp_path / "out", options, workers=0)
 
 

@@ -9,7 +9,7 @@ from duobench.cli import main
 from duobench.policy.lerobot.address import Address, parse
 from duobench.policy.lerobot.checkpoint import LAST
 from tests.docs.markdown import ROOT, blocks
-from tests.policy.lerobot.test_training import export
+from tests.training.test_training import export
 
 PAGE = ROOT / "docs" / "lerobot_policies.md"
 

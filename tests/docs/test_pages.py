@@ -20,8 +20,9 @@ from duobench.cli.replay import replay
 from duobench.cli.train import train
 from duobench.data.schema import SCHEMA
 from duobench.envs import spaces
-from duobench.envs.config import ACTION_MODES, IMAGE_SIZE
-from duobench.envs.registration import VERSION
+from duobench.envs.action_modes import ACTION_MODES
+from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.ids import VERSION
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.report import SUMMARY_SCHEMA
@@ -142,7 +143,7 @@ def test_names_of_numbers_are_those_of_the_code(name: str) -> None:
 
 def test_action_modes_have_their_size() -> None:
     sizes = {row["mode"]: int(row["size"]) for row in table(FRAMES, "mode")}
-    assert tuple(sizes) == ACTION_MODES
+    assert tuple(sizes) == tuple(ACTION_MODES)
     for mode, size in sizes.items():
         env = duobench.make("bin_sort", cameras=False, action_mode=mode)
         assert env.action_space.shape == (size,), mode

@@ -217,7 +217,7 @@ def test_a_layout_is_reported_as_plain_data_and_can_be_given_back(env: SimEnv) -
     _, info = env.reset(options={"layout": drawn(5)})
     first = env.state_hash()
     assert info["layout"].keys() == {"poses", "variants"}
-    _, again = env.reset(options={"layout": info["layout"], "unknown key": 1})
+    _, again = env.reset(options={"layout": info["layout"]})
     assert env.state_hash() == first
     assert again["layout"] == info["layout"]
 

@@ -15,8 +15,9 @@ from gymnasium.envs.registration import EnvSpec
 
 import duobench
 from duobench.envs import ActionChunks, ResetNeededError
-from duobench.envs.registration import env_id
+from duobench.envs.ids import env_id
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
+from duobench.evaluation.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from tests.envs.tools import TASK, sim_of
@@ -48,6 +49,16 @@ def test_ids_are_strings_until_an_environment_is_made() -> None:
         assert isinstance(spec.entry_point, str)
         assert not spec.nondeterministic
         assert spec.to_json()
+
+
+def test_a_task_is_named_by_each_spelling_of_its_id(mine: Task) -> None:
+    duobench.register(mine)
+    for name in (TASK, mine.id):
+        for spelling in (name, env_id(name), f"duobench:{env_id(name)}"):
+            env = duobench.make(spelling, cameras=False)
+            assert env.spec is not None
+            assert (env.get_wrapper_attr("task"), env.spec.id) == (name, env_id(name))
+    assert {task.reference for task in find_tasks([env_id(TASK)])} == {TASK}
 
 
 def test_an_environment_knows_how_to_be_made_again() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import gymnasium as gym
@@ -15,7 +16,13 @@ import duobench
 from duobench.envs import RandomizedReset, TaskStages, TimeLimit
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import ActionError, LayoutError, UnknownNameError
+from duobench.errors import (
+    ActionError,
+    DuoBenchError,
+    LayoutError,
+    OptionError,
+    UnknownNameError,
+)
 from duobench.sim import placement
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
@@ -130,17 +137,49 @@ def test_an_unknown_split_is_refused(env: gym.Env) -> None:
             call()
 
 
-def test_unknown_option_keys_are_left_alone(env: gym.Env) -> None:
-    env.reset(seed=7)
-    first = state_hash(env)
-    env.reset(seed=7, options={"somebody_elses": True})
-    assert state_hash(env) == first
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"lok": "dark"}, UnknownNameError, "option of a reset 'lok'.*Did you mean 'look'"),
+        ({"splitt": "train"}, UnknownNameError, "'splitt'.*Did you mean 'split'"),
+        ({"layouts": {}}, UnknownNameError, "'layouts'.*Did you mean 'layout'"),
+        ({3: 4}, UnknownNameError, "Known: layout, layout_seed, look, split"),
+        ({"look": 5}, OptionError, "A look is a name, a Look or its JSON form; got 5"),
+        ({"split": 1}, UnknownNameError, "split 1"),
+        ({"layout_seed": "7"}, OptionError, "A seed is a whole number from 0 on, got '7'"),
+    ],
+    ids=str,
+)
+def test_options_that_are_none_are_refused(
+    env: gym.Env, options: dict[str, object], error: type[DuoBenchError], words: str
+) -> None:
+    for one in (env, sim_of(env)):
+        with pytest.raises(error, match=words):
+            one.reset(seed=7, options=options)
+
+
+def test_a_misspelt_option_takes_no_seed_from_the_environment(env: gym.Env) -> None:
+    seeds = []
+    for options in ({}, {"lok": "dark"}):
+        env.reset(seed=3)
+        with suppress(UnknownNameError):
+            env.reset(options=options)
+        seeds.append(env.reset()[1]["seed"])
+    env.reset(seed=3)
+    assert env.reset()[1]["seed"] == seeds[1] != seeds[0]
+
+
+def test_a_seed_of_the_layout_can_be_given(env: gym.Env) -> None:
+    _, info = env.reset(seed=7)
+    _, again = env.reset(seed=8, options={"layout_seed": np.int64(7)})
+    assert (again["seed"], type(again["seed"])) == (7, int)
+    assert again["layout"] == info["layout"]
 
 
 def test_the_callers_options_are_not_changed(env: gym.Env) -> None:
-    options: dict[str, object] = {"somebody_elses": True}
+    options: dict[str, object] = {"look": "default"}
     env.reset(seed=7, options=options)
-    assert options == {"somebody_elses": True}
+    assert options == {"look": "default"}
 
 
 def test_a_failed_reset_leaves_no_episode(env: gym.Env) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from duobench.envs.ids import NAMESPACE, env_id
 from duobench.errors import DuoBenchError, ImportPathError, LayoutError, UnknownNameError
 from duobench.tasks import catalog
 
@@ -15,9 +16,18 @@ def test_a_task_is_found_by_id_and_by_path() -> None:
     assert catalog.get("bin_sort") is catalog.get("duobench.tasks.bin_sort:TASK")
 
 
+@pytest.mark.parametrize("name", catalog.names())
+def test_the_id_of_an_environment_names_its_task_too(name: str) -> None:
+    for spelling in (name, env_id(name), f"{NAMESPACE}:{env_id(name)}"):
+        assert catalog.plain(spelling) == name
+    assert catalog.plain("mine:TASK") == "mine:TASK"
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [
+        ("duobench/bin-sort-v1", "task 'bin-sort'.*Did you mean 'bin_sort'"),
+        ("duobench/bin_sort-v2", "task 'duobench/bin_sort-v2'.*Known: .*bin_sort"),
         ("bin-sort", "task 'bin-sort'.*Did you mean 'bin_sort'"),
         ("no_such_module:TASK", "no module named 'no_such_module'.*PYTHONPATH"),
         ("no_such.module:TASK", "no module named 'no_such'"),

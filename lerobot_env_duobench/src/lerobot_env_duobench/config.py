@@ -12,13 +12,12 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
 
+from duobench.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS
 from lerobot_env_duobench.episodes import make
 
 ALL = "all"
-STATE = "observation.state"
-ACTION = "action"
 
 
 @EnvConfig.register_subclass("duobench")
@@ -52,7 +51,7 @@ class DuoBenchEnv(EnvConfig):
         }
         self.features_map = {ACTION: ACTION, "agent_pos": STATE}
         for camera in self.cameras:
-            key = f"observation.images.{camera}"
+            key = f"{IMAGE_PREFIX}{camera}"
             self.features[key] = PolicyFeature(FeatureType.VISUAL, size)
             self.features_map[key] = key
 
@@ -100,7 +99,7 @@ class DuoBenchEnv(EnvConfig):
             )
         # A process of the fork server would import torch and LeRobot again, for each task.
         server = multiprocessing.get_context("forkserver")
-        server.set_forkserver_preload(["lerobot_env_duobench", "duobench.envs.protocol"])
+        server.set_forkserver_preload(["lerobot_env_duobench", "duobench.envs.make"])
         env = one()
         spaces = env.observation_space, env.action_space, env.metadata
         env.close()

@@ -2,7 +2,7 @@
 
 from lerobot.processor import converters
 
-from duobench.policy.lerobot.recipes import DOMAIN
+from duobench.lerobot_keys import DOMAIN
 
 
 def pass_domains_on() -> None:

@@ -40,13 +40,14 @@ def train(
         only_print: Print the command and do not run it.
     """
     from duobench.cli.advice import AdvisedError
+    from duobench.data.dataset import DESCRIPTION
     from duobench.errors import DataError
-    from duobench.policy.lerobot import training
+    from duobench.training import training
 
     try:
         planned = training.plan(policy, data, out, tasks=tasks, steps=steps, small=small)
     except DataError as error:
-        if not training.holds_recordings(data):
+        if not (data / DESCRIPTION).exists():
             raise
         export = f"duobench export lerobot {data} --out {data}-lerobot"
         raise AdvisedError(f"{error} The command: {export}") from error

@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 import tyro
 
-from duobench import __version__
 from duobench.cli import data, export
 from duobench.cli.console import console
 from duobench.cli.doctor import doctor
@@ -21,6 +20,7 @@ from duobench.cli.report import report
 from duobench.cli.serve import serve
 from duobench.cli.spelling import check_spelling
 from duobench.cli.train import train
+from duobench.versions import __version__
 
 DESCRIPTION = (
     "A benchmark for two-armed manipulation on the Franka FR3 Duo. "

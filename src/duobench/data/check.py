@@ -15,8 +15,9 @@ from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, action_mode
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.protocol import make_env
-from duobench.envs.sim_env import LAYOUT, SPLIT, sim_of
+from duobench.envs.make import make_env
+from duobench.envs.reset_options import LAYOUT, SPLIT
+from duobench.envs.sim_env import sim_of
 from duobench.errors import DuoBenchError
 from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
@@ -82,7 +83,7 @@ def _checker() -> Callable[[Path], list[Problem]]:
 def _beginning(recording: Recording, environment: Callable[..., gym.Env]) -> list[str]:
     """What is wrong with the layout and the first state."""
     info = recording.info
-    env = environment(info.task, action_mode=action_mode(info))
+    env = environment(info.task, action_mode=action_mode(info).name)
     options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
     _, seen = env.reset(seed=info.seed, options=options)
     if seen["layout"] != info.layout:

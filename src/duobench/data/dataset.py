@@ -10,10 +10,11 @@ from pathlib import Path
 
 from duobench.data import stream
 from duobench.data.recording import Recording
-from duobench.data.schema import SCHEMA, EpisodeInfo
+from duobench.data.schema import OLDER_SCHEMAS, SCHEMA, EpisodeInfo
 from duobench.errors import DataError, check_known
 from duobench.files import TEMPORARY_SUFFIX, encode, lock, make_folder, read, write, writing
 from duobench.randomness import SUITE_VERSION
+from duobench.tasks import catalog
 from duobench.versions import package_versions
 
 DESCRIPTION = "dataset.json"
@@ -87,7 +88,7 @@ class DataSet:
         Raises:
             DataError: It cannot be read, or is of another version.
         """
-        return read(self.description, Description, SCHEMA)
+        return read(self.description, Description, SCHEMA, OLDER_SCHEMAS)
 
     def episode(self, task: str, name: str) -> Path:
         """File of an episode."""
@@ -107,10 +108,10 @@ class DataSet:
         Raises:
             UnknownNameError: There is no episode of a task.
         """
-        found = self.tasks
-        for task in tasks:
+        found, wanted = self.tasks, {catalog.plain(task) for task in tasks}
+        for task in wanted:
             check_known("task in the data set", task, found)
-        return [path for path in self.episodes() if not tasks or path.parent.name in tasks]
+        return [path for path in self.episodes() if not wanted or path.parent.name in wanted]
 
     def partials(self) -> list[Path]:
         """Files of episodes that are being recorded, or whose recording was killed."""

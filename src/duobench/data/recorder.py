@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 
 from duobench.backend import DuoLimits
 from duobench.data.dataset import DataSet
-from duobench.data.schema import ACTION_NAMES, Actor, EpisodeInfo, Outcome
+from duobench.data.schema import Actor, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeStream, outcome_of
-from duobench.envs import spaces
+from duobench.envs import action_modes, spaces
+from duobench.envs.action_modes import ActionMode
 from duobench.envs.duo_env import DuoEnv, Info, Observation
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
@@ -79,13 +80,13 @@ class Recorder(DuoWrapper):
         self._intended: Array | None = None
         self._keep = keep
         self._stream: EpisodeStream | None = None
-        spaces = getattr(env.observation_space, "spaces", {})
-        if missing := [name for name in OBSERVED if name not in spaces]:
+        observed = getattr(env.observation_space, "spaces", {})
+        if missing := [name for name in OBSERVED if name not in observed]:
             raise DataError(
                 f"The observation lacks {', '.join(missing)}; put the recorder inside wrappers "
                 "that change the observation."
             )
-        self._names = _action_names(env.action_space, self.base.backend.limits)
+        self._mode = _action_mode(env, self.base.backend.limits)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -114,9 +115,10 @@ class Recorder(DuoWrapper):
             versions=package_versions(),
             actor=self.actor,
             first_hash=state and state.hash,
-            action_names=self._names,
+            action_names=self._mode.names,
+            action_mode=self._mode.name,
         )
-        sizes = {"action": len(self._names), "state": len(self._physics())}
+        sizes = {"action": len(self._mode.names), "state": len(self._physics())}
         self._stream = self.data.new_stream(described, sizes, self.next_name)
         self.next_name = self._intended = None
         self._see(self._stream, observation, info)
@@ -168,7 +170,7 @@ class Recorder(DuoWrapper):
         Raises:
             ActionError: It has another shape than an action, or holds NaN or infinity.
         """
-        self._intended = spaces.checked_action(action, self._names)
+        self._intended = spaces.checked_action(action, self._mode.names)
 
     def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
         """Continue from a saved state, unrecorded; the recording of the running episode ends here.
@@ -238,18 +240,12 @@ def _simulated(base: DuoEnv) -> SimEnv | None:
     return cast("SimEnv", base) if hasattr(base, "simulation") else None
 
 
-def _action_names(space: gym.Space[Any], limits: DuoLimits) -> tuple[str, ...]:
-    """Names of the numbers of an action, by the space that it comes from."""
-    known = {
-        "joint": spaces.joint_actions(limits),
-        "joint_relative": spaces.relative_joint_actions(limits),
-        "cartesian": spaces.pose_actions(),
-        "cartesian_relative": spaces.relative_pose_actions(),
-    }
-    for mode, actions in known.items():
-        if space == actions:
-            return ACTION_NAMES[mode]
-    raise DataError(
-        f"The recorder takes single actions of the modes {', '.join(known)}, not {space}: put it "
-        "inside wrappers that scale or chunk actions."
-    )
+def _action_mode(env: gym.Env, limits: DuoLimits) -> ActionMode:
+    """What an action means here, if the environment takes single ones as its mode has them."""
+    mode = action_modes.get(env.get_wrapper_attr("action_mode"))
+    if env.action_space != mode.space(limits):
+        raise DataError(
+            f"The recorder takes single actions as the mode {mode.name!r} has them, not "
+            f"{env.action_space}: put it inside wrappers that scale or chunk actions."
+        )
+    return mode

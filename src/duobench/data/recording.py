@@ -14,7 +14,14 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from duobench.data.parquet import to_arrow, to_bytes, to_numpy
-from duobench.data.schema import COLUMNS, INFO_KEY, SCHEMA, Column, EpisodeInfo
+from duobench.data.schema import (
+    COLUMNS,
+    INFO_KEY,
+    OLDER_SCHEMAS,
+    SCHEMA,
+    Column,
+    EpisodeInfo,
+)
 from duobench.errors import DataError, FileError
 from duobench.files import decode, encode, write
 from duobench.types import Array
@@ -170,7 +177,7 @@ def _info_of(schema: pa.Schema) -> EpisodeInfo:
     if text is None:
         raise DataError("It is no recording of DuoBench: its metadata lacks the episode.")
     try:
-        return decode(text, EpisodeInfo, SCHEMA)
+        return decode(text, EpisodeInfo, SCHEMA, OLDER_SCHEMAS)
     except FileError as error:
         raise DataError(f"The metadata of the episode is invalid: {error}") from error
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from duobench.data.recording import Recording
 from duobench.envs.config import EnvConfig
-from duobench.envs.protocol import make_env
-from duobench.envs.sim_env import LAYOUT, sim_of
+from duobench.envs.make import make_env
+from duobench.envs.reset_options import LAYOUT
+from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, BackendError, DataError, DuoBenchError
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog

@@ -14,13 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
+from duobench.envs import action_modes
+from duobench.envs.action_modes import ActionMode
 from duobench.envs.config import EnvConfig
-from duobench.envs.spaces import JOINT_NAMES, POSE_NAMES, SHIFT_NAMES
+from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError
 from duobench.types import CONTROL_HZ
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
+OLDER_SCHEMAS = (1,)
+"""Versions that are read too: schema 1 did not say the action mode."""
 INFO_KEY = b"duobench.episode"
 """Key of the file's metadata under which `EpisodeInfo` stands as JSON."""
 
@@ -134,6 +138,8 @@ class EpisodeInfo:
     """What the numbers of `agent_pos` and `sent` are."""
     action_names: tuple[str, ...] = JOINT_NAMES
     """What the numbers of `action` are."""
+    action_mode: str | None = None
+    """Name of what they mean; None in schema 1, where `action_names` say it."""
 
     @property
     def is_real(self) -> bool:
@@ -141,22 +147,16 @@ class EpisodeInfo:
         return self.first_hash is None
 
 
-ACTION_NAMES = {
-    "joint": JOINT_NAMES,
-    "joint_relative": tuple(f"{name}_change" for name in JOINT_NAMES),
-    "cartesian": POSE_NAMES,
-    "cartesian_relative": SHIFT_NAMES,
-}
-"""Names of the numbers of an action in each of `envs.config.ACTION_MODES`."""
-
-
-def action_mode(info: EpisodeInfo) -> str:
-    """What the numbers of an episode's actions mean; one of `envs.config.ACTION_MODES`.
+def action_mode(info: EpisodeInfo) -> ActionMode:
+    """What the numbers of an episode's actions mean.
 
     Raises:
-        DataError: They have other names.
+        UnknownNameError: There is no such action mode here.
+        DataError: The recording names none, and its numbers have other names than those of any.
     """
-    for mode, names in ACTION_NAMES.items():
-        if info.action_names == names:
+    if info.action_mode is not None:
+        return action_modes.get(info.action_mode)
+    for mode in action_modes.ACTION_MODES.values():
+        if info.action_names == mode.names:
             return mode
     raise DataError(f"Actions of numbers {', '.join(info.action_names)} are not known.")

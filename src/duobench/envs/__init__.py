@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
-    from duobench.envs.config import ACTION_MODES as ACTION_MODES
+    from duobench.envs.action_modes import ACTION_MODES as ACTION_MODES
     from duobench.envs.config import EnvConfig as EnvConfig
     from duobench.envs.duo_env import DuoEnv as DuoEnv
     from duobench.envs.duo_env import ResetNeededError as ResetNeededError
     from duobench.envs.duo_env import base_of as base_of
     from duobench.envs.episode_state import EpisodeState as EpisodeState
     from duobench.envs.episode_state import StateError as StateError
-    from duobench.envs.protocol import make_env as make_env
-    from duobench.envs.registration import env_id as env_id
+    from duobench.envs.ids import env_id as env_id
+    from duobench.envs.make import make_env as make_env
     from duobench.envs.registration import make as make
     from duobench.envs.registration import register as register
     from duobench.envs.sim_env import SimEnv as SimEnv

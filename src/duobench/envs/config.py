@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import Any
 
+from duobench import checks
+from duobench.envs import action_modes
 from duobench.errors import OptionError, check_known
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
@@ -14,8 +16,6 @@ from duobench.randomness import EVAL, SPLITS
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
-ACTION_MODES = ("joint", "joint_relative", "cartesian", "cartesian_relative")
-"""What the numbers of an action may mean, by name."""
 RENDER_MODES = ("rgb_array",)
 IMAGE_SIZE = (224, 224)
 """Default height and width of an image in an observation, in pixels."""
@@ -34,7 +34,7 @@ class EnvConfig:
     """Cameras that the observation shows."""
     image_size: tuple[int, int] = IMAGE_SIZE
     """Height and width of their images in pixels; at most 720 x 1280."""
-    action_mode: str = "joint"
+    action_mode: str = action_modes.JOINT.name
     """One of `ACTION_MODES`."""
     binary_gripper: bool = False
     """Whether openings are rounded to open or closed."""
@@ -54,27 +54,28 @@ class EnvConfig:
     """How images look: a name of `duobench.looks.catalog.look`, or a look of one's own."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values; give looser ones, see `from_options`, the form of their field."""
-        check_known("action mode", self.action_mode, ACTION_MODES)
+        """Reject invalid values."""
+        action_modes.get(self.action_mode)
         check_known("split", self.split, SPLITS)
         if self.render_mode is not None:
             check_known("render mode", self.render_mode, RENDER_MODES)
-        if not isinstance(self.binary_gripper, Hashable) or self.binary_gripper not in (0, 1):
+        if not isinstance(self.binary_gripper, bool):
             raise OptionError(f"binary_gripper is True or False, got {self.binary_gripper!r}.")
         if self.control_rate_hz != CONTROL_HZ:
             raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")
-        look = as_look(self.look)
-        values = {
-            "cameras": _cameras(self.cameras),
-            "image_size": _size("image_size", self.image_size),
-            "render_size": _size("render_size", self.render_size),
-            "binary_gripper": bool(self.binary_gripper),
-            "chunk": _count("chunk", self.chunk),
-            "horizon": _count("horizon", self.horizon),
-            "look": self.look if isinstance(self.look, str) else look,
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        if not isinstance(self.cameras, tuple):
+            raise OptionError(
+                f"cameras is True, False, the name of a camera or several; got {self.cameras!r}."
+            )
+        for name in self.cameras:
+            check_known("camera", name, POLICY_CAMERAS)
+        _check_size("image_size", self.image_size)
+        _check_size("render_size", self.render_size)
+        _check_count("chunk", self.chunk)
+        _check_count("horizon", self.horizon)
+        if not isinstance(self.look, Look | str):
+            raise OptionError(f"A look is a name, a Look or its JSON form; got {self.look!r}.")
+        as_look(self.look)
 
     @staticmethod
     def from_options(options: Mapping[str, Any]) -> EnvConfig:
@@ -82,8 +83,8 @@ class EnvConfig:
 
         Args:
             options: Values of the fields by name. `cameras` may also be True (all), False (none),
-                one name or any iterable of names; `image_size` one number for a square; `look`
-                the JSON form of one. Whole numbers may be NumPy's.
+                one name or any iterable of names; a size one number for a square; `look` the JSON
+                form of one. Numbers may be NumPy's, and a size a list.
 
         Raises:
             UnknownNameError: There is no such option, camera, mode, split or look.
@@ -92,75 +93,60 @@ class EnvConfig:
         known = [field.name for field in fields(EnvConfig)]
         for name in options:
             check_known("option", name, known)
-        return EnvConfig(**options)
+        values = dict(options)
+        for name in _FORMS.keys() & values.keys():
+            values[name] = _FORMS[name](values[name])
+        return EnvConfig(**values)
 
 
-def checked_seed(seed: Any) -> int | None:
-    """The seed of a reset as an integer; NumPy's integers are taken too.
-
-    Raises:
-        OptionError: It is no whole number, or negative.
-    """
-    if seed is None:
-        return None
-    number = _whole(seed)
-    if number is None or number < 0:
-        raise OptionError(f"A seed is a whole number from 0 on, got {seed!r}.")
-    return number
-
-
-def checked_reset_options(options: Any) -> dict[str, Any]:
-    """The options of a reset as a new dict.
-
-    Raises:
-        OptionError: They are no mapping.
-    """
-    if options is not None and not isinstance(options, Mapping):
-        raise OptionError(f"The options of a reset are a dict, got {options!r}.")
-    return dict(options or {})
-
-
-def _cameras(value: Any) -> tuple[str, ...]:
+def _cameras(value: Any) -> Any:
     if isinstance(value, bool):
         return POLICY_CAMERAS if value else ()
-    if not isinstance(value, Iterable):
+    if isinstance(value, str):
+        return (value,)
+    return tuple(value) if isinstance(value, Iterable) else value
+
+
+def _size(value: Any) -> Any:
+    return checks.size(value) or value
+
+
+def _number(value: Any) -> Any:
+    number = checks.whole(value)
+    return value if number is None else number
+
+
+def _flag(value: Any) -> Any:
+    return bool(value) if isinstance(value, Hashable) and value in (0, 1) else value
+
+
+def _look(value: Any) -> Any:
+    return as_look(value) if isinstance(value, Mapping) else value
+
+
+_FORMS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
+    {
+        "cameras": _cameras,
+        "image_size": _size,
+        "render_size": _size,
+        "binary_gripper": _flag,
+        "chunk": _number,
+        "horizon": _number,
+        "look": _look,
+    }
+)
+"""What gives a looser value the form of its field, and leaves anything else as it is."""
+
+
+def _check_size(name: str, value: Any) -> None:
+    is_size = isinstance(value, tuple) and all(isinstance(part, int) for part in value)
+    if not (is_size and checks.size(value)) or value[0] > NATIVE_HEIGHT or value[1] > NATIVE_WIDTH:
         raise OptionError(
-            f"cameras is True, False, the name of a camera or several; got {value!r}."
+            f"{name} is (height, width) in pixels, at most {(NATIVE_HEIGHT, NATIVE_WIDTH)}, or one "
+            f"number for a square; got {value!r}."
         )
-    names = (value,) if isinstance(value, str) else tuple(value)
-    for name in names:
-        check_known("camera", name, POLICY_CAMERAS)
-    return names
 
 
-def _size(name: str, value: Any) -> tuple[int, int]:
-    is_square = name == "image_size" and _whole(value) is not None
-    pixels = (value, value) if is_square else value
-    if isinstance(pixels, (tuple, list)):
-        match [_whole(part) for part in pixels]:
-            case [int(height), int(width)] if (
-                0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH
-            ):
-                return height, width
-    square = ", or one number for a square" if name == "image_size" else ""
-    raise OptionError(
-        f"{name} is (height, width) in pixels, at most {(NATIVE_HEIGHT, NATIVE_WIDTH)}{square}; "
-        f"got {value!r}."
-    )
-
-
-def _count(name: str, value: Any) -> int | None:
-    number = _whole(value)
-    if value is not None and (number is None or number < 1):
+def _check_count(name: str, value: Any) -> None:
+    if value is not None and not (isinstance(value, int) and checks.count(value)):
         raise OptionError(f"{name} is a positive whole number, got {value!r}.")
-    return number
-
-
-def _whole(value: Any) -> int | None:
-    """A whole number, Python's or NumPy's, as an int; None for anything else, also for a bool."""
-    if isinstance(value, bool):
-        return None
-    try:
-        return operator.index(value)
-    except TypeError:
-        return None

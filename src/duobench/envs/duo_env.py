@@ -1,7 +1,7 @@
 """The base environment: two arms, simulated or real, without reward, end or randomness.
 
 What makes it a benchmark task is wrapped around it: random resets, stages, a time limit, action
-modes, action chunks, cameras. Each wrapper works on its own; `envs.protocol` puts them together.
+modes, action chunks, cameras. Each wrapper works on its own; `envs.make` puts them together.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from duobench.backend import DuoBackend
 from duobench.envs import spaces
-from duobench.envs.config import EnvConfig, checked_reset_options, checked_seed
+from duobench.envs.config import EnvConfig
+from duobench.envs.reset_options import checked_reset_options, checked_seed
 from duobench.errors import BackendError, DuoBenchError
 from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, Array, DuoCommand
@@ -50,6 +51,9 @@ class DuoEnv(gym.Env[Observation, Any]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(CONTROL_HZ)}  # noqa: RUF012 - Gymnasium's way to declare it
+
+    action_mode = "joint"
+    """Name of what an action means; `env.get_wrapper_attr` finds that of the outermost wrapper."""
 
     def __init__(self, backend: DuoBackend, task: Task) -> None:
         """Drive two arms.

@@ -1,4 +1,4 @@
-"""Environment ids, and environments by task. Importing this loads no physics."""
+"""Environments by task, and their registration. Importing this loads no physics."""
 
 from __future__ import annotations
 
@@ -6,24 +6,14 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
-from gymnasium.envs.registration import EnvSpec, WrapperSpec
+from gymnasium.envs.registration import EnvSpec
 
+from duobench.envs.ids import ENTRY_POINT, WRAPPERS, env_id
 from duobench.errors import DuoBenchError, OptionError
 from duobench.tasks import catalog
 
 if TYPE_CHECKING:
     from duobench.tasks.task import Task
-
-NAMESPACE = "duobench"
-VERSION = 1
-"""Version of the environments' interface; that of the episodes is `randomness.SUITE_VERSION`."""
-ENTRY_POINT = "duobench.envs.protocol:make_base"
-WRAPPERS = WrapperSpec("protocol", "duobench.envs.protocol:with_wrappers", {})
-
-
-def env_id(task_id: str) -> str:
-    """Gymnasium's id of a task: `duobench/<task>-v1`."""
-    return f"{NAMESPACE}/{task_id}-v{VERSION}"
 
 
 def register_catalog() -> None:
@@ -58,13 +48,12 @@ def make(task: Task | str, **options: Any) -> gym.Env:
     """An environment; `gymnasium.make("duobench/<task>-v1")` makes the same one.
 
     Args:
-        task: Id of a task, import path "module:ATTRIBUTE", or a task.
+        task: Id of a task or of its environment, import path "module:ATTRIBUTE", or a task.
         options: `cameras` (True, False or names), `image_size` (224, or height and width),
             `action_mode` ("joint", "joint_relative", "cartesian", "cartesian_relative"),
             `binary_gripper`, `chunk` (actions in one step), `horizon`, `split` ("eval", or "train"
             for demonstrations), `look` ("wood_table", "random:7", ...), `render_mode`
-            ("rgb_array"), `render_size`; see
-            `duobench.envs.config.EnvConfig`.
+            ("rgb_array"), `render_size`; see `duobench.envs.config.EnvConfig`.
 
     Returns:
         The environment; without options, that of the evaluation protocol.
@@ -76,8 +65,8 @@ def make(task: Task | str, **options: Any) -> gym.Env:
     cameras = options.get("cameras")
     if isinstance(cameras, Iterable) and not isinstance(cameras, str):
         options["cameras"] = tuple(cameras)  # the spec keeps and copies it, so no generator
-    if isinstance(task, str) and env_id(task) in gym.registry:
-        return gym.make(env_id(task), **options)
+    if isinstance(task, str) and (known := env_id(catalog.plain(task))) in gym.registry:
+        return gym.make(known, **options)
     return gym.make(_spec(task), **options)
 
 
@@ -96,7 +85,7 @@ def _spec(task: Task | str) -> EnvSpec:
 
     # A function, because Gymnasium copies keyword arguments deeply and a task must stay one.
     def create(**options: Any) -> gym.Env:
-        from duobench.envs.protocol import make_base
+        from duobench.envs.make import make_base
 
         return make_base(task, **options)
 

@@ -9,9 +9,19 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.envs.config import RENDER_SIZE, checked_seed
+from duobench.envs.config import RENDER_SIZE
 from duobench.envs.duo_env import DuoEnv, Info, Observation, ResetNeededError, base_of
 from duobench.envs.episode_state import EpisodeState
+from duobench.envs.reset_options import (
+    LAYOUT,
+    LAYOUT_SEED,
+    LOOK,
+    OF_SIMULATION,
+    SPLIT,
+    checked_reset_options,
+    checked_seed,
+)
+from duobench.envs.sim_judge import SimJudge
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
@@ -25,8 +35,6 @@ from duobench.tasks.task import Task
 
 DEFAULT_SEED = 0
 """A reset without a layout uses the one that this seed samples."""
-LAYOUT, LAYOUT_SEED, SPLIT, LOOK = "layout", "layout_seed", "split", "look"
-"""Options of a reset."""
 
 
 class SimEnv(DuoEnv):
@@ -38,9 +46,9 @@ class SimEnv(DuoEnv):
     `layout_seed` samples one from the task's `split`, "eval" or "train". `look` is the look of this
     episode, a name, a `Look` or its JSON form; without it, the environment's. Info also holds
     `layout` (JSON form). A reset raises a LayoutError for a layout that is incomplete, overlapping
-    or out of reach, an UnknownNameError where there is no such split or look, and an OptionError
-    for a look or a seed that is none. Observation and info are taken after everything has come to
-    rest.
+    or out of reach, an UnknownNameError where there is no such option, split or look, and an
+    OptionError for a look or a seed that is none. Observation and info are taken after everything
+    has come to rest.
     """
 
     def __init__(
@@ -93,30 +101,46 @@ class SimEnv(DuoEnv):
         """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
         return self.definition.subinstructions(self.layout)
 
+    def make_judge(self) -> SimJudge:
+        """What judges episodes of this environment by the stages of its task.
+
+        Raises:
+            UnknownNameError: A stage names what is not there; near misses are listed.
+            LayoutError: The task does not place all of its objects.
+        """
+        return SimJudge(self.definition, self.simulation, lambda: self.layout)
+
     def _begin(self, options: Mapping[str, Any]) -> Info:
+        options = checked_reset_options(options, OF_SIMULATION)
         look = options.get(LOOK)
         self._arms.set_look(self._usual_look if look is None else as_look(look))
-        given = options.get(LAYOUT)
-        if given is None:
-            seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
-            given = self.definition.layouts(seed, options.get(SPLIT, EVAL))
-        else:
-            given = iter([given])
-        # Every layout takes the way through plain data, so that what info reports begins exactly
-        # the same episode when it is given back.
-        plain: dict[str, Any] = {}
-
-        def candidates() -> Iterator[Layout]:
-            for layout in given:
-                data = layout.to_json() if isinstance(layout, Layout) else layout
-                candidate = Layout.from_json(data)
-                plain.update(data)
-                self._instruction = self._instruct(candidate)
-                yield candidate
-
-        self._layout = placement.first_valid(self.simulation, candidates(), self.task)
+        tried: list[Mapping[str, Any]] = []
+        candidates = self._candidates(options, tried)
+        self._layout = placement.first_valid(self.simulation, candidates, self.task)
+        self._instruction = self._instruct(self._layout)
         self.simulation.settle()
-        return {LAYOUT: _as_floats(plain)}
+        return {LAYOUT: _as_floats(tried[-1])}
+
+    def _candidates(
+        self, options: Mapping[str, Any], tried: list[Mapping[str, Any]]
+    ) -> Iterator[Layout]:
+        """The layouts that a reset may begin with; the JSON form of each is appended to `tried`.
+
+        A sampled one takes the way through its JSON form too: a rotation that is written as a
+        quaternion differs from the sampled one in its last bit, and what info reports must begin
+        exactly the same episode.
+        """
+        given = options.get(LAYOUT)
+        if given is not None:
+            tried.append(given.to_json() if isinstance(given, Layout) else given)
+            layout = Layout.from_json(tried[-1])
+            self._instruct(layout)
+            yield layout
+            return
+        seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
+        for sampled in self.definition.layouts(seed, options.get(SPLIT, EVAL)):
+            tried.append(sampled.to_json())
+            yield Layout.from_json(tried[-1])
 
     def _instruct(self, layout: Layout) -> str:
         """The instruction for a layout, whose variants must be complete."""

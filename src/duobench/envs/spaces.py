@@ -65,12 +65,12 @@ def relative_joint_actions(limits: DuoLimits) -> gym.spaces.Box:
     return box(low, high)
 
 
-def pose_actions() -> gym.spaces.Box:
+def pose_actions(_limits: DuoLimits) -> gym.spaces.Box:
     """Absolute tool poses x y z qx qy qz qw in the table frame, and openings."""
     return _tool_actions([*[WORKSPACE] * 3, *[1.0] * 4])
 
 
-def relative_pose_actions() -> gym.spaces.Box:
+def relative_pose_actions(_limits: DuoLimits) -> gym.spaces.Box:
     """Tool displacements: translation, rotation vector; the openings stay absolute."""
     return _tool_actions([*[MAX_SHIFT] * 3, *[MAX_TURN] * 3])
 

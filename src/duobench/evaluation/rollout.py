@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.envs.duo_env import base_of
-from duobench.envs.sim_env import SPLIT
+from duobench.envs.reset_options import SPLIT
 from duobench.policy.compatibility import check_fits
 from duobench.policy.protocol import Policy, as_chunk
 from duobench.randomness import EVAL, policy_seed

@@ -141,7 +141,7 @@ def find_tasks(paths: Sequence[str]) -> tuple[TaskInfo, ...]:
         ImportPathError: If its module cannot be imported.
         EvaluationError: If the task can have no records.
     """
-    return tuple(_described(path) for path in paths or catalog.names())
+    return tuple(_described(catalog.plain(path)) for path in paths or catalog.names())
 
 
 def _described(path: str) -> TaskInfo:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -11,6 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duobench import checks
 from duobench.errors import PolicyError, printable
 from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, real_array
 
@@ -61,8 +61,6 @@ class PolicyMetadata:
                 ) from error
         if not self.control_rate_hz > 0:
             raise PolicyError(f"A control rate is positive, got {self.control_rate_hz} Hz.")
-        if self.image_size is not None:
-            object.__setattr__(self, "image_size", _checked_size(self.image_size))
         for name in ("name", "action_mode", "version", "dtype", "device"):
             kinds = str if name in {"name", "action_mode"} else str | None
             value = getattr(self, name)
@@ -70,17 +68,26 @@ class PolicyMetadata:
                 raise PolicyError(f"The {name} of a policy is printable text, got {value!a}.")
         if not all(isinstance(camera, str) for camera in self.cameras):
             raise PolicyError(f"The cameras of a policy are names, got {self.cameras!r}.")
-        if self.horizon is not None and not self.horizon >= 1:
-            raise PolicyError(f"A horizon is at least 1 action, got {self.horizon!r}.")
+
+
+def _image_size(size: Any) -> tuple[int, int] | None:
+    pixels = checks.size(size)
+    if size is not None and pixels is None:
+        raise ValueError("it is (height, width) in pixels, or one number for a square")
+    return pixels
 
 
 def _horizon(actions: Any) -> int | None:
-    return None if actions is None else int(operator.index(actions))
+    number = checks.count(actions)
+    if actions is not None and number is None:
+        raise ValueError("it is at least 1 action")
+    return number
 
 
 _CONVERSIONS: Mapping[str, Callable[[Any], object]] = MappingProxyType(
     {
         "cameras": tuple,
+        "image_size": _image_size,
         "control_rate_hz": float,
         "horizon": _horizon,
         "seeded": bool,
@@ -88,19 +95,6 @@ _CONVERSIONS: Mapping[str, Callable[[Any], object]] = MappingProxyType(
     }
 )
 """What makes plain values of what is given, which records and messages hold."""
-
-
-def _checked_size(size: Any) -> tuple[int, int]:
-    try:
-        sides = (size, size) if type(size) is int or isinstance(size, np.integer) else size
-        height, width = map(operator.index, sides)
-    except (TypeError, ValueError):
-        height = width = 0
-    if height < 1 or width < 1:
-        raise PolicyError(
-            f"An image size is (height, width) in pixels, or one number for a square, got {size!r}."
-        )
-    return height, width
 
 
 @runtime_checkable

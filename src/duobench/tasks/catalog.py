@@ -5,6 +5,7 @@ Importing this module loads no task and no physics, so that ids can be registere
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -34,16 +35,27 @@ HORIZONS: Mapping[str, int] = MappingProxyType(
 before a task is loaded. The tasks say the same."""
 
 
+_ENV_ID = re.compile(r"(?:duobench:)?duobench/([^:]+)-v1")
+"""The id of an environment, as Gymnasium takes it, with or without the module that registers it."""
+
+
 def names() -> tuple[str, ...]:
     """Every task id, in the order of the paper's categories."""
     return tuple(HORIZONS)
+
+
+def plain(name: str) -> str:
+    """A task's id or import path; of the id of its environment, the part that names the task."""
+    found = _ENV_ID.fullmatch(name)
+    return found[1] if found else name
 
 
 def get(task: Task | str) -> Task:
     """A task.
 
     Args:
-        task: Its id, its import path `module:attribute` where it lives elsewhere, or itself.
+        task: Its id, also as the id of its environment; its import path `module:attribute` where
+            it lives elsewhere; or itself.
 
     Raises:
         UnknownNameError: There is no such task.
@@ -51,6 +63,7 @@ def get(task: Task | str) -> Task:
     """
     if not isinstance(task, str):
         return task
+    task = plain(task)
     if ":" not in task:
         check_known("task", task, HORIZONS)
 

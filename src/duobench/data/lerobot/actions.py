@@ -10,11 +10,10 @@ import numpy as np
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
 from duobench.data.schema import action_mode
+from duobench.envs.action_modes import JOINT
 from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, FLAT_SIZE, SIDE_SIZE, SIDES, Array, DuoCommand
-
-JOINT = "joint"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

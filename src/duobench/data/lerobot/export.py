@@ -18,7 +18,7 @@ from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual, joint_targets
-from duobench.data.lerobot.features import ACTION, COLUMNS, DOMAINS, STATE, schema
+from duobench.data.lerobot.features import COLUMNS, schema
 from duobench.data.lerobot.folder import SCHEMA, EpisodeFacts, Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
@@ -27,8 +27,10 @@ from duobench.data.parquet import to_arrow, to_bytes
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import action_mode
+from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError
 from duobench.files import encode, locked, write
+from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, STATE
 from duobench.randomness import SUITE_VERSION
 from duobench.sim import rendering
 from duobench.types import CONTROL_HZ, Array
@@ -143,10 +145,10 @@ def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
     """Reject now what would stop the export later."""
     mode = action_mode(recording.info)
-    if mode.endswith("_relative") and options.action is ActionSource.GIVEN:
+    if options.action is ActionSource.GIVEN and mode not in (JOINT, CARTESIAN):
         raise DataError(
-            f"{path}: actions of mode {mode!r} are relative to what was commanded "
-            f"before and name no targets; export {ActionSource.SENT.value!r} actions."
+            f"{path}: actions of mode {mode.name!r} name no targets of joints or tools; export "
+            f"{ActionSource.SENT.value!r} actions."
         )
 
 
@@ -209,7 +211,7 @@ def _rows(
         "next.done": number == length - 1,
         "next.success": recording.success[1:],
         "stage": recording.stage[offset : offset + length],
-        "domain": np.full(length, DOMAINS.index("sim")),
+        DOMAIN: np.full(length, DOMAINS.index("sim")),
         "timestamp": (number / CONTROL_HZ).astype(np.float32),
         "frame_index": number,
         "episode_index": np.full(length, index),

@@ -10,11 +10,7 @@ import pyarrow as pa
 
 from duobench.data.lerobot import video
 from duobench.envs.spaces import JOINT_NAMES
-
-STATE, ACTION = "observation.state", "action"
-IMAGE_PREFIX = "observation.images."
-DOMAINS = ("sim", "real")
-"""What the numbers 0 and 1 of the column `domain` stand for, for mixed training."""
+from duobench.lerobot_keys import ACTION, DOMAIN, IMAGE_PREFIX, STATE
 
 _VECTORS = (STATE, ACTION)
 _SCALARS = {
@@ -22,7 +18,7 @@ _SCALARS = {
     "next.done": "bool",
     "next.success": "bool",
     "stage": "int64",
-    "domain": "int64",
+    DOMAIN: "int64",
     # LeRobot's own, in its order:
     "timestamp": "float32",
     "frame_index": "int64",

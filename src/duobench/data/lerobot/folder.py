@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from duobench.data.lerobot.actions import Residual
-from duobench.data.lerobot.features import DOMAINS, image_key
+from duobench.data.lerobot.features import image_key
 from duobench.data.lerobot.options import ExportOptions
 from duobench.errors import DataError, FileError
 from duobench.files import TEMPORARY_SUFFIX, encode, read, remove_temporary, write
+from duobench.lerobot_keys import DOMAINS
 
 SCHEMA = 1
 """Version of `Export` and `EpisodeFacts`."""

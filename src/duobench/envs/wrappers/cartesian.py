@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium as gym
 
 from duobench.envs import spaces
+from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.duo_env import Transition
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import ActionError
@@ -27,12 +28,14 @@ class CartesianActions(DuoWrapper):
     joint ranges and velocity limits; a pose that is far away is reached after several steps.
     """
 
+    action_mode = CARTESIAN.name
+
     def __init__(self, env: gym.Env) -> None:
         """Wrap an environment that takes joint targets."""
         super().__init__(env)
         self.kinematics = Kinematics()
         """The solver, for wrappers outside this one."""
-        self.action_space = spaces.pose_actions()
+        self.action_space = CARTESIAN.space(self.base.backend.limits)
 
     def check_action(self, action: Any) -> Array:
         """The action as 16 float64 numbers, without executing it.
@@ -40,7 +43,7 @@ class CartesianActions(DuoWrapper):
         Raises:
             ActionError: It has another shape, holds NaN or infinity, or a quaternion is zero.
         """
-        numbers = spaces.checked_action(action, spaces.POSE_NAMES)
+        numbers = spaces.checked_action(action, CARTESIAN.names)
         for side in SIDES:
             start = side.index * SIDE_SIZE
             quaternion = numbers[start + 3 : start + 7]

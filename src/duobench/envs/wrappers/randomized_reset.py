@@ -6,9 +6,14 @@ from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs.config import checked_reset_options, checked_seed
 from duobench.envs.duo_env import Info, Observation
-from duobench.envs.sim_env import LAYOUT, LAYOUT_SEED, SPLIT, sim_of
+from duobench.envs.reset_options import (
+    LAYOUT,
+    LAYOUT_SEED,
+    OF_SIMULATION,
+    SPLIT,
+    checked_reset_options,
+)
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.randomness import EVAL, check_split
 
@@ -20,7 +25,8 @@ class RandomizedReset(DuoWrapper):
     """Samples a layout of the task, a pure function of (task, suite version, split, seed).
 
     Without a seed the next one comes from the environment's own generator, so that a seeded reset
-    decides all episodes after it. A layout that is given in the options is used as it is.
+    decides all episodes after it. The options of `SimEnv` may give the seed of the layout, or the
+    layout itself.
     """
 
     def __init__(self, env: gym.Env, split: str = EVAL) -> None:
@@ -36,6 +42,8 @@ class RandomizedReset(DuoWrapper):
             UnknownNameError: There is no such split.
         """
         super().__init__(env)
+        from duobench.envs.sim_env import sim_of
+
         sim_of(env)  # only a simulation lays its objects out
         check_split(split)
         self._split = split
@@ -50,15 +58,17 @@ class RandomizedReset(DuoWrapper):
 
         Raises:
             LayoutError: No valid layout was found, or the given one is none.
-            UnknownNameError: There is no such split.
+            UnknownNameError: There is no such option or split.
             OptionError: The seed is no whole number from 0 on, or the options are no dict.
         """
-        options, seed = checked_reset_options(options), checked_seed(seed)
+        options = checked_reset_options(options, OF_SIMULATION)
         used = split = None
         if options.get(LAYOUT) is None:
-            used = int(self.np_random.integers(SEEDS)) if seed is None else seed
+            used = options.get(LAYOUT_SEED)
+            if used is None:
+                used = self.np_random.integers(SEEDS) if seed is None else seed
             options[LAYOUT_SEED] = used
             split = options.setdefault(SPLIT, self._split)
         observation, info = self.env.reset(seed=seed, options=options)
-        info["seed"], info[SPLIT] = used, split
+        info["seed"], info[SPLIT] = None if used is None else int(used), split
         return observation, info

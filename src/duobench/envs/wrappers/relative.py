@@ -9,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.envs import spaces
+from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
@@ -32,10 +33,12 @@ class RelativeJointActions(DuoWrapper):
     is clipped there, and the next displacement starts from the clipped one.
     """
 
+    action_mode = JOINT_RELATIVE.name
+
     def __init__(self, env: gym.Env) -> None:
         """Wrap an environment that takes joint targets."""
         super().__init__(env)
-        self.action_space = spaces.relative_joint_actions(self.base.backend.limits)
+        self.action_space = JOINT_RELATIVE.space(self.base.backend.limits)
 
     def check_action(self, action: Any) -> Array:
         """The action as 16 float64 numbers, without executing it.
@@ -43,7 +46,7 @@ class RelativeJointActions(DuoWrapper):
         Raises:
             ActionError: It has another shape, or holds NaN or infinity.
         """
-        return spaces.checked_action(action, spaces.JOINT_NAMES)
+        return spaces.checked_action(action, JOINT_RELATIVE.names)
 
     def step(self, action: Any) -> Transition:
         """Advance one control step.
@@ -72,6 +75,8 @@ class RelativeCartesianActions(DuoWrapper):
     commanded to be, so that pushing against a limit stores nothing up.
     """
 
+    action_mode = CARTESIAN_RELATIVE.name
+
     def __init__(self, env: gym.Env) -> None:
         """Wrap an environment with `CartesianActions` inside.
 
@@ -80,7 +85,7 @@ class RelativeCartesianActions(DuoWrapper):
         """
         super().__init__(env)
         self._kinematics: Kinematics = env.get_wrapper_attr("kinematics")
-        self.action_space = spaces.relative_pose_actions()
+        self.action_space = CARTESIAN_RELATIVE.space(self.base.backend.limits)
         self._targets: dict[Side, SE3] = {}
 
     def reset(
@@ -112,7 +117,7 @@ class RelativeCartesianActions(DuoWrapper):
         Raises:
             ActionError: It has another shape, or holds NaN or infinity.
         """
-        return spaces.checked_action(action, spaces.SHIFT_NAMES)
+        return spaces.checked_action(action, CARTESIAN_RELATIVE.names)
 
     def step(self, action: Any) -> Transition:
         """Advance one control step.

@@ -9,9 +9,8 @@ import gymnasium as gym
 
 from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState, required
-from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.envs.wrappers.base import DuoWrapper
-from duobench.stages.progress import Progress, ProgressState, check_names
+from duobench.stages.progress import ProgressState
 
 
 class Judge(Protocol):
@@ -44,55 +43,6 @@ class Judge(Protocol):
         ...
 
 
-class SimJudge:
-    """Judges by the task's constraints, from the state of the simulation."""
-
-    def __init__(self, env: SimEnv) -> None:
-        """Check that the simulation and its layouts have everything that the stages name.
-
-        Args:
-            env: The simulated environment.
-
-        Raises:
-            UnknownNameError: A stage names what is not there; near misses are listed.
-            LayoutError: The task does not place all of its objects.
-        """
-        self._env = env
-        task = env.definition
-        layout = next(task.layouts(0))
-        task.instruct(layout)
-        task.subinstructions(layout)
-        options = {name: choice.options for name, choice in task.variants.items()}
-        check_names(task.stages, env.simulation, layout.variants, options)
-        self._progress = Progress(task.stages)
-
-    def begin(self) -> None:
-        """Begin at stage 0, and remember where everything is."""
-        self._progress.reset(self._env.simulation, self._env.layout.variants)
-
-    def judge(self) -> None:
-        """Evaluate the stage rule."""
-        self._progress.update(self._env.simulation)
-
-    @property
-    def stage(self) -> int:
-        """The highest stage so far."""
-        return self._progress.stage
-
-    @property
-    def final_holds(self) -> bool:
-        """Whether the last stage's constraints hold right now."""
-        return self._progress.final_holds
-
-    def get_state(self) -> ProgressState:
-        """Stage and memories."""
-        return self._progress.get_state()
-
-    def set_state(self, state: ProgressState) -> None:
-        """Continue from a state."""
-        self._progress.set_state(state, self._env.layout.variants)
-
-
 class TaskStages(DuoWrapper):
     """Has every control step judged.
 
@@ -114,7 +64,7 @@ class TaskStages(DuoWrapper):
             TypeError: There is neither a judge nor a simulation.
         """
         super().__init__(env)
-        self.judge = judge or SimJudge(sim_of(env))
+        self.judge = judge or _judge_of(self.base)
         """Who says which stage is reached."""
         self._max_stage = self.base.definition.max_stage
         self._subinstructions: dict[int, str] = {}
@@ -167,3 +117,12 @@ class TaskStages(DuoWrapper):
         info["current_subinstruction"] = self._subinstructions[min(stage, self._max_stage - 1)]
         info["stage_to_subinstructions"] = self._subinstructions.copy()
         return success
+
+
+def _judge_of(base: Any) -> Judge:
+    """The judge that a simulated environment makes."""
+    if not hasattr(base, "make_judge"):
+        raise TypeError(
+            f"Expected a simulated environment or a judge, got {type(base).__name__} without one."
+        )
+    return base.make_judge()

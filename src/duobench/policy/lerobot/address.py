@@ -9,8 +9,6 @@ from duobench.errors import PolicyError, check_known
 
 SCHEME = "lerobot"
 """What the name of such a policy begins with: `lerobot:PATH_OR_ID`."""
-EXECUTED = 30
-"""Actions executed of each chunk [paper]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -20,7 +18,7 @@ class Address:
     checkpoint: str
     """Folder of a checkpoint, or its id on the Hub."""
     steps: int | None = None
-    """Actions executed of each chunk; None takes `EXECUTED`, or all where there are fewer."""
+    """Actions executed of each chunk; None takes the usual 30, or all that there are."""
     device: str | None = None
     """What the model runs on, as torch names it; None takes the best that is there."""
     dtype: str | None = None

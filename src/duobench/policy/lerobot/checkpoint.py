@@ -6,13 +6,12 @@ import hashlib
 from pathlib import Path
 
 from duobench.errors import PolicyError
+from duobench.lerobot_keys import LAST
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")
 ADAPTER = "adapter_config.json"
 """What low-rank adapters are saved with, in place of the weights."""
-LAST = "checkpoints/last/pretrained_model"
-"""Where the newest checkpoint lies in the folder of a training."""
 _NOT_THE_POLICY = ("train_config.json",)
 """Files that change nothing about what the policy does."""
 

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from duobench.errors import PolicyError
+from duobench.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
 from duobench.types import FLAT_SIZE, POLICY_CAMERAS
 
-STATE, ACTION = "observation.state", "action"
-IMAGE_PREFIX = "observation.images."
 _EMPTY = f"{IMAGE_PREFIX}empty_camera_"
 """Placeholders that a model fills itself."""
 CHUNKED = ("act", "pi0", "pi05", "smolvla", "xvla")

@@ -22,10 +22,11 @@ from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports
 )
 
 from duobench.errors import PolicyError
+from duobench.lerobot_keys import EXECUTED, IMAGE_PREFIX, STATE
 from duobench.policy.batch import Chunk, Observation, Session
 from duobench.policy.lerobot import checkpoint
-from duobench.policy.lerobot.address import EXECUTED, SCHEME, parse
-from duobench.policy.lerobot.features import DIFFUSION, IMAGE_PREFIX, STATE, horizon, inputs
+from duobench.policy.lerobot.address import SCHEME, parse
+from duobench.policy.lerobot.features import DIFFUSION, horizon, inputs
 from duobench.policy.lerobot.noise import EpisodeNoise
 from duobench.policy.lerobot.weights import check_loaded
 from duobench.policy.protocol import PolicyMetadata

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.envs import action_modes
 from duobench.errors import ServingError, UnknownNameError, check_known
 from duobench.policy.batch import Chunk, Observation
 from duobench.policy.protocol import PolicyMetadata, as_chunk, dimensions
@@ -29,8 +30,6 @@ _PARTS: tuple[str, ...] = ("left_arm", "left_gripper", "right_arm", "right_gripp
 """Parts of a state and of an action, in our order."""
 _POSES: tuple[str, ...] = ("left_pose", "right_pose")
 """Further parts of a state: tool poses, x y z qx qy qz qw."""
-_ARM_SIZES = {"cartesian_relative": 6}
-"""Numbers of an arm in an action, where they are not 7."""
 _RATIO = 9 / 16
 """Height over width of what a camera sees."""
 
@@ -47,7 +46,8 @@ class ActionLayout:
     """The environment's action mode that they are meant for."""
 
     def __post_init__(self) -> None:
-        """Reject an order that is not one of all parts."""
+        """Reject an unknown mode, and an order that is not one of all parts."""
+        action_modes.get(self.mode)
         if sorted(self.order) != sorted(_PARTS):
             _check_names("part of an action", self.order, _PARTS)
             raise ServingError(
@@ -127,7 +127,7 @@ class Layout:
     @property
     def action_sizes(self) -> dict[str, int]:
         """How many numbers each part of an action has, in the server's order."""
-        arm = _ARM_SIZES.get(self.actions.mode, ARM_JOINTS)
+        arm = action_modes.get(self.actions.mode).arm_size
         return {part: 1 if part.endswith("gripper") else arm for part in self.actions.order}
 
     @property

@@ -14,7 +14,6 @@ from typing import Any
 import msgspec
 from websockets.sync.client import ClientConnection
 
-from duobench import __version__
 from duobench.errors import DuoBenchError, MachineryError, MessageError, ServingError, printable
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.protocol import PolicyMetadata, dimensions
@@ -24,6 +23,7 @@ from duobench.policy.serving.dialect import actions_of
 from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.vla_eval_specs import Declared, contradictions
 from duobench.policy.serving.websocket import WebSocketPolicy
+from duobench.versions import __version__
 
 _LONGEST_NAME = 80
 """Characters of a server's name and version that are kept."""

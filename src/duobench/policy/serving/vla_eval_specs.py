@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from duobench.envs import action_modes
 from duobench.policy.serving.layout import Layout
 
 MODES: Mapping[tuple[str, str], str] = MappingProxyType(
@@ -42,7 +43,7 @@ _ARM: Mapping[str, tuple[Spec, ...]] = MappingProxyType(
         ),
     }
 )
-"""Components of an arm's action, by the environment's action mode."""
+"""Components of an arm's action, by the environment's action mode; of another one, raw numbers."""
 _GRIPPER = {"open_is_one": "continuous_01", "closed_is_one": "binary_close_01"}
 _FORMATS = frozenset(
     {spec["format"] for specs in _ARM.values() for spec in specs}
@@ -87,7 +88,9 @@ def action_spec(layout: Layout) -> dict[str, Spec]:
             form = _GRIPPER[layout.gripper]
             specs[part] = {"name": what, "dims": 1, "format": form, "range": [0.0, 1.0]}
         else:
-            for spec in _ARM.get(layout.actions.mode, ()):
+            size = action_modes.get(layout.actions.mode).arm_size
+            unnamed = {"name": what, "dims": size, "format": _RAW}
+            for spec in _ARM.get(layout.actions.mode, (unnamed,)):
                 specs[f"{side}_{spec['name']}"] = dict(spec)
     return specs
 

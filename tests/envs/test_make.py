@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.config import ACTION_MODES, EnvConfig
-from duobench.envs.protocol import make_env
+from duobench.envs.action_modes import ACTION_MODES
+from duobench.envs.config import EnvConfig
+from duobench.envs.make import make_env
 from duobench.errors import DuoBenchError, LayoutError, OptionError, UnknownNameError
 from duobench.tasks import Task, catalog
 from tests.envs.tools import TASK, sim_of
@@ -173,6 +174,27 @@ def test_configuration_survives_its_text_and_makes_the_same_environment(
     assert msgspec.json.decode(text, type=EnvConfig) == config
     env = make_env(TASK, **asdict(config))
     assert env.get_wrapper_attr("config") == config
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"cameras": "head"},
+        {"cameras": ["head"]},
+        {"image_size": 224},
+        {"image_size": [224, 224]},
+        {"render_size": (np.int64(48), 64)},
+        {"binary_gripper": 1},
+        {"chunk": np.int64(3)},
+        {"look": {}},
+    ],
+    ids=str,
+)
+def test_a_configuration_holds_plain_values_only(fields: dict[str, Any]) -> None:
+    with pytest.raises(OptionError):
+        EnvConfig(**fields)
+    config = EnvConfig.from_options(fields)
+    assert msgspec.json.decode(msgspec.json.encode(config), type=EnvConfig) == config
 
 
 def test_configuration_is_found_through_foreign_wrappers() -> None:

@@ -11,18 +11,18 @@ from typing import Any
 
 import gymnasium as gym
 
+from duobench.envs import action_modes
 from duobench.envs.config import EnvConfig
-from duobench.envs.registration import WRAPPERS
+from duobench.envs.ids import WRAPPERS
 from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.envs.wrappers.action_chunks import ActionChunks
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.envs.wrappers.binary_gripper import BinaryGripper
 from duobench.envs.wrappers.cameras import Cameras
-from duobench.envs.wrappers.cartesian import CartesianActions
 from duobench.envs.wrappers.randomized_reset import RandomizedReset
-from duobench.envs.wrappers.relative import RelativeCartesianActions, RelativeJointActions
 from duobench.envs.wrappers.task_stages import TaskStages
 from duobench.envs.wrappers.time_limit import TimeLimit
+from duobench.references import load
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 
@@ -87,12 +87,8 @@ def _stack(env: gym.Env, config: EnvConfig, horizon: int | None) -> DuoWrapper:
     stack: DuoWrapper = TaskStages(RandomizedReset(env, config.split))
     if horizon is not None:
         stack = TimeLimit(stack, horizon)
-    if config.action_mode == "joint_relative":
-        stack = RelativeJointActions(stack)
-    elif config.action_mode != "joint":
-        stack = CartesianActions(stack)
-    if config.action_mode == "cartesian_relative":
-        stack = RelativeCartesianActions(stack)
+    for path in action_modes.get(config.action_mode).wrappers:
+        stack = load(path, "wrapper", callable)(stack)
     if config.binary_gripper:
         stack = BinaryGripper(stack)
     if config.chunk is not None:

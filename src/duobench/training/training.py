@@ -14,16 +14,14 @@ from typing import Any
 
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
 from duobench.installing import install_extra
-from duobench.policy.lerobot.checkpoint import LAST
-from duobench.policy.lerobot.features import ACTION
-from duobench.policy.lerobot.recipes import DOMAIN, RECIPES, SMALL, Recipe, Setting
+from duobench.lerobot_keys import ACTION, DOMAIN, LAST
+from duobench.tasks import catalog
+from duobench.training.recipes import RECIPES, SMALL, Recipe, Setting
 from duobench.types import FLAT_SIZE
 
 PROGRAM = "lerobot-train"
 PLUGIN = "lerobot_env_duobench"
 """Distribution that lets the column `domain` reach X-VLA."""
-_RECORDED = "dataset.json"
-"""What makes a folder a data set of recordings, which LeRobot cannot read."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -78,7 +76,7 @@ def plan(
     learned = _tasks(recipe, kind, source, tasks)
     rows = None
     if tasks:
-        rows = [row for row, task in enumerate(source.episodes() or []) if task in tasks]
+        rows = [row for row, task in enumerate(source.episodes() or []) if task in learned]
     settings = _data_settings(recipe, source, rows)
     out = out.absolute()
     last = out / LAST
@@ -100,11 +98,6 @@ def plan(
     return Training(settings=tuple(settings), checkpoint=last, tasks=learned)
 
 
-def holds_recordings(data: Path) -> bool:
-    """Whether a folder is a data set that was not exported yet."""
-    return (data / _RECORDED).exists()
-
-
 def program() -> Path:
     """Where `lerobot-train` is.
 
@@ -123,11 +116,12 @@ class _Source:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        if holds_recordings(path):
-            raise DataError(f"{path} holds recordings, which LeRobot cannot read; export them.")
         info = self._read("meta/info.json")
         if info is None:
-            raise DataError(f"{path} holds no data set of LeRobot: there is no meta/info.json.")
+            raise DataError(
+                f"{path} holds no data set of LeRobot: there is no meta/info.json. Recordings must "
+                "be exported first."
+            )
         if info.get("codebase_version") != "v3.0":
             raise DataError(
                 f"{path} has LeRobot's format {info.get('codebase_version')}; v3.0 is needed."
@@ -186,6 +180,7 @@ def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) ->
             )
         return ()
     there = tuple(dict.fromkeys(episodes))
+    wanted = [catalog.plain(task) for task in wanted]
     for task in wanted:
         check_known(f"task in {source.path}", task, there)
     learned = tuple(wanted) or there

@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
-from duobench.policy.lerobot.address import EXECUTED
-
-DOMAIN = "domain"
-"""Column of an export that says where a row is from: 0 simulation, 1 real robot."""
+from duobench.lerobot_keys import EXECUTED
 
 
 class Setting(NamedTuple):

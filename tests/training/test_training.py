@@ -5,8 +5,8 @@ import pytest
 
 from duobench.cli import main
 from duobench.errors import DuoBenchError
-from duobench.policy.lerobot import training
-from duobench.policy.lerobot.recipes import RECIPES, SMALL
+from duobench.training import training
+from duobench.training.recipes import RECIPES, SMALL
 
 TASKS = ("bin_sort", "ball_maze", "bin_sort")
 

@@ -1,0 +1,46 @@
+"""The options of a reset: their names, and the check that they are some."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from duobench.checks import whole
+from duobench.errors import OptionError, check_known
+
+LAYOUT, LAYOUT_SEED, SPLIT, LOOK = "layout", "layout_seed", "split", "look"
+OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK)
+"""Options of a reset in simulation; see `SimEnv`."""
+
+
+def checked_seed(seed: Any) -> int | None:
+    """The seed of a reset as an integer; NumPy's integers are taken too.
+
+    Raises:
+        OptionError: It is no whole number, or negative.
+    """
+    if seed is None:
+        return None
+    number = whole(seed)
+    if number is None or number < 0:
+        raise OptionError(f"A seed is a whole number from 0 on, got {seed!r}.")
+    return number
+
+
+def checked_reset_options(options: Any, known: Collection[str] | None = None) -> dict[str, Any]:
+    """The options of a reset as a new dict.
+
+    Args:
+        options: What was given.
+        known: Names of all options; None leaves unknown ones to others.
+
+    Raises:
+        OptionError: They are no mapping.
+        UnknownNameError: There is no such option; near misses are listed.
+    """
+    if options is not None and not isinstance(options, Mapping):
+        raise OptionError(f"The options of a reset are a dict, got {options!r}.")
+    if known is not None:
+        for name in options or ():
+            check_known("option of a reset", name, known)
+    return dict(options or {})
