@@ -19,7 +19,7 @@ from duobench.types import SIDES
 E, N, W, S = Direction
 TILTS: tuple[Direction, ...] = (N, E, S, E, N, W, S, E, S, W, S, E, N, E, S, E)
 """The shortest sequence that brings the ball to rest in the goal of as many boards as any of at
-most 19 tilts does; `python -m tools.mazes` finds it."""
+most 19 tilts does; `python -m tools.mazes` proves it."""
 TILT_STEPS = 16
 """Control steps that a tilt takes: the ball runs through the whole board, and rests for half a
 second where a tilt leaves it."""
