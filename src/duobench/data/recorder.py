@@ -16,7 +16,7 @@ from duobench.data.dataset import DataSet
 from duobench.data.schema import ACTION_NAMES, Actor, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeStream, outcome_of
 from duobench.envs import spaces
-from duobench.envs.duo_env import DuoEnv, Info, Observation
+from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, Info, Observation
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
@@ -148,7 +148,7 @@ class Recorder(DuoWrapper):
             )
             self._see(self._stream, observation, info)
             if terminated or truncated:
-                self._end(cut=False)
+                self._end(cut=False, reason=info.get(TRUNCATION_REASON))
         return observation, float(reward), terminated, truncated, info
 
     def begin_as(self, name: str) -> None:

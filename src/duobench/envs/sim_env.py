@@ -94,6 +94,7 @@ class SimEnv(DuoEnv):
         return self.definition.subinstructions(self.layout)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
+        self._arms.home()
         look = options.get(LOOK)
         self._arms.set_look(self._usual_look if look is None else as_look(look))
         given = options.get(LAYOUT)
@@ -160,6 +161,7 @@ class SimEnv(DuoEnv):
         self._running = False
         instruction = self._instruct(state.layout)
         self.simulation.apply(state.layout)
+        self._arms.home()
         self.simulation.set_state(state.physics)
         self._layout, self._instruction = state.layout, instruction
         self._sent = self.backend.last_command.flat
