@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from duobench.experts.blind import TILTS
+from duobench.experts.scripts.blind import TILTS
 from duobench.objects.mazes import CELLS, MAZES, Direction, Maze
 from tools.mazes import MAX_TILTS, Game, fewest_tilts, most_solved
 

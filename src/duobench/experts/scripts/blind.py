@@ -11,8 +11,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from duobench.experts.ball_maze import TiltedBoard, take_up
 from duobench.experts.motion import Arms, Script
+from duobench.experts.scripts.ball_maze import TiltedBoard, take_up
 from duobench.objects.mazes import Direction
 from duobench.types import SIDES
 
