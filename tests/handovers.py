@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from duobench.experts.handling import pick
 from duobench.experts.handover import Bar, clasp, pick_bar, present, receive_pose
-from duobench.experts.motion import CAREFUL, Arms, Script, down, move, nearest_turn, pick, release
+from duobench.experts.motion import CAREFUL, Arms, Script, down, move, nearest_turn, release
 from duobench.spatial import SE3
 from duobench.types import Side
 

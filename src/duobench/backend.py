@@ -35,7 +35,57 @@ class DuoLimits:
 
 
 class DuoBackend(Protocol):
-    """Two arms with grippers and cameras, driven one control step at a time."""
+    """Two arms with grippers and cameras, driven one control step at a time.
+
+    Commands are followed between `start` and `stop`, unless something holds the arms: a person, or
+    whoever notices that something is wrong. Only `home` ends a hold.
+    """
+
+    def start(self) -> None:
+        """Begin to follow commands from where the arms are; nothing moves. Twice is harmless.
+
+        Raises:
+            BackendError: Arms, grippers or cameras cannot be reached.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Come to rest and follow no more commands until `start`; stopping twice is harmless."""
+        ...
+
+    def home(self) -> None:
+        """Move to the home configuration with open grippers, and wait there; ends a hold.
+
+        Raises:
+            BackendError: The arms cannot get there.
+        """
+        ...
+
+    def hold(self, reason: str) -> None:
+        """Bring both arms to rest and hold them there: until `home`, commands move nothing.
+
+        It may be called from any thread, and again: the first reason is kept.
+
+        Args:
+            reason: Why, in words for people.
+        """
+        ...
+
+    @property
+    def held(self) -> str | None:
+        """Why the arms are held; None while they follow commands."""
+        ...
+
+    def health(self) -> str | None:
+        """What is wrong with arms, grippers or cameras, in words; None while all is well."""
+        ...
+
+    def image_ages(self) -> Mapping[str, float]:
+        """Seconds since the latest image of each camera was taken.
+
+        Cameras whose images are taken when they are asked for are left out.
+        """
+        ...
 
     @property
     def limits(self) -> DuoLimits:
@@ -64,7 +114,8 @@ class DuoBackend(Protocol):
         """Move towards a command for one control step.
 
         Returns:
-            The command that was really sent, which may differ from `command`.
+            The command that was really sent, which may differ from `command`. While the arms are
+            held, that is the last one.
         """
         ...
 

@@ -8,19 +8,9 @@ from itertools import islice
 
 import numpy as np
 
-from duobench.experts.ball_maze import grasp, grip_poses, lift, script, solve
-from duobench.experts.motion import (
-    Arms,
-    Script,
-    carry,
-    come_down,
-    down,
-    grip,
-    move,
-    nearest_turn,
-    release,
-    wait,
-)
+from duobench.experts.handling import carry, come_down
+from duobench.experts.motion import Arms, Script, down, grip, move, nearest_turn, release, wait
+from duobench.experts.scripts.ball_maze import grasp, grip_poses, lift, script, solve
 from duobench.objects.maze_board import (
     BALL_RADIUS,
     BASE,

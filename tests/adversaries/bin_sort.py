@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from duobench.experts.handling import pick, pick_cube, place
 from duobench.experts.motion import (
     OPEN,
     Arms,
@@ -13,9 +14,6 @@ from duobench.experts.motion import (
     grip,
     move,
     nearest_turn,
-    pick,
-    pick_cube,
-    place,
     release,
     together,
 )

@@ -5,21 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from duobench.experts.block_balance import lay_beam, lower, take_block
-from duobench.experts.motion import (
-    CAREFUL,
-    Arms,
-    Script,
-    down,
-    grip,
-    move,
-    pick,
-    place,
-    release,
-    together,
-    tool_for,
-    wait,
-)
+from duobench.experts.handling import pick, place, tool_for
+from duobench.experts.motion import CAREFUL, Arms, Script, down, grip, move, release, together, wait
+from duobench.experts.scripts.block_balance import lay_beam, lower, take_block
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from duobench.experts.carry_pot import carry_over, grasp, land, let_go, lift
+from duobench.experts.handling import carry
 from duobench.experts.motion import (
     CAREFUL,
     NEAR,
     Arms,
     Script,
-    carry,
     down,
     follow,
     grip,
@@ -19,6 +18,7 @@ from duobench.experts.motion import (
     release,
     wait,
 )
+from duobench.experts.scripts.carry_pot import carry_over, grasp, land, let_go, lift
 from duobench.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation

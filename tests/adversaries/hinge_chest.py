@@ -5,16 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from duobench.experts.hinge_chest import (
-    HOLDER,
-    INSERTER,
-    LET_GO,
-    fetch,
-    lower,
-    open_lid,
-    over,
-    under_lid,
-)
+from duobench.experts.handling import LET_GO, pick_cube
 from duobench.experts.motion import (
     CLOSED,
     Arms,
@@ -23,11 +14,19 @@ from duobench.experts.motion import (
     follow,
     grip,
     move,
-    pick_cube,
     release,
     together,
     wait,
     wait_until,
+)
+from duobench.experts.scripts.hinge_chest import (
+    HOLDER,
+    INSERTER,
+    fetch,
+    lower,
+    open_lid,
+    over,
+    under_lid,
 )
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.chest import (

@@ -5,20 +5,9 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from duobench.experts.join_blocks import script as expert
-from duobench.experts.motion import (
-    CAREFUL,
-    Arms,
-    Script,
-    down,
-    grip,
-    move,
-    pick,
-    release,
-    together,
-    tool_for,
-    wait,
-)
+from duobench.experts.handling import pick, tool_for
+from duobench.experts.motion import CAREFUL, Arms, Script, down, grip, move, release, together, wait
+from duobench.experts.scripts.join_blocks import script as expert
 from duobench.objects.joint_blocks import (
     BACK_MOUTH,
     BAR,

@@ -6,18 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from duobench.experts.motion import (
-    Arms,
-    Script,
-    down,
-    move,
-    pick,
-    place,
-    together,
-    tool_for,
-    wait,
-)
-from duobench.experts.pour_marbles import (
+from duobench.experts.handling import pick, place, tool_for
+from duobench.experts.motion import Arms, Script, down, move, together, wait
+from duobench.experts.scripts.pour_marbles import (
     HOLD_TILT,
     POUR_TILT,
     bring_back,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from duobench.experts.handling import LET_GO
 from duobench.experts.motion import (
     CLOSED,
     Arms,
@@ -17,10 +18,9 @@ from duobench.experts.motion import (
     wait,
     wait_until,
 )
-from duobench.experts.spring_door import (
+from duobench.experts.scripts.spring_door import (
     HOLDER,
     INSERTER,
-    LET_GO,
     at_bar,
     fetch,
     in_oven,

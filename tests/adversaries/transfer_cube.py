@@ -6,18 +6,10 @@ import math
 
 import numpy as np
 
+from duobench.experts.handling import tool_for
 from duobench.experts.handover import clasp, hanging, let_go, pick_bar, present, receive_pose
-from duobench.experts.motion import (
-    CAREFUL,
-    OPEN,
-    Arms,
-    Script,
-    down,
-    grip,
-    move,
-    tool_for,
-)
-from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.experts.motion import CAREFUL, OPEN, Arms, Script, down, grip, move
+from duobench.experts.scripts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.bowl import RADIUS, RIM_HEIGHT
 from duobench.sim.simulation import Simulation

@@ -9,7 +9,7 @@ import numpy as np
 
 from duobench.experts.handover import clasp, let_go, pick_bar, present, receive_pose
 from duobench.experts.motion import CAREFUL, OPEN, Arms, Script, down, grip, move
-from duobench.experts.transfer_gate import (
+from duobench.experts.scripts.transfer_gate import (
     BAR,
     RECEIVER_GRIP,
     RISE,

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from duobench.experts.handling import tool_for
 from duobench.experts.handover import clasp, let_go, pick_bar, present, tool
-from duobench.experts.motion import Arms, Script, grip, move, nearest_turn, tool_for
-from duobench.experts.transfer_reorient import (
+from duobench.experts.motion import Arms, Script, grip, move, nearest_turn
+from duobench.experts.scripts.transfer_reorient import (
     BAR,
     MEETING_POINT,
     RECEIVER_GRIP,

@@ -79,6 +79,18 @@ def test_an_episode_that_is_left_early_is_kept_and_says_so(tmp_path: Path, how: 
     assert how in str(rows.info.outcome.reason)
 
 
+def test_an_episode_that_the_arms_end_says_why(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    play(env, steps=2)
+    env.base.backend.hold("Somebody came too near.")
+    *_, truncated, _ = env.step(wave(2))
+    assert truncated
+    outcome = Recording.read(DataSet.open(tmp_path).episodes()[0]).info.outcome
+    assert outcome is not None
+    assert (outcome.cut, outcome.kept, outcome.reason) == (False, True, "Somebody came too near.")
+    env.close()
+
+
 def test_a_reset_alone_is_an_episode_without_actions(tmp_path: Path) -> None:
     rows = recorded(tmp_path, steps=0)
     assert len(rows) == 0

@@ -22,6 +22,7 @@ from duobench.data.schema import SCHEMA
 from duobench.envs import spaces
 from duobench.envs.action_modes import ACTION_MODES
 from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.duo_env import base_of
 from duobench.envs.ids import VERSION
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
@@ -75,22 +76,28 @@ def described(value: Any) -> str:
 
 @pytest.fixture(scope="module")
 def seen() -> dict[str, dict[str, Any]]:
-    """What info holds after a reset and after a step, with every wrapper that adds to it."""
+    """What info holds after a reset, a step, and one that held arms ended, with every wrapper."""
     env = duobench.make(TASK, cameras=False, chunk=CHUNK)
     _, at_reset = env.reset(seed=0)
-    at_step = env.step(np.tile(HOME_JOINTS_OPEN, (CHUNK, 1)))[4]
+    chunk = np.tile(HOME_JOINTS_OPEN, (CHUNK, 1))
+    at_step = env.step(chunk)[4]
+    base_of(env).backend.hold("A test.")
+    at_end = env.step(chunk)[4]
     env.close()
-    return {"reset": at_reset, "step": at_step}
+    return {"reset": at_reset, "step": at_step, "end": at_end}
 
 
 HOME_JOINTS_OPEN = np.concatenate([[*joints, 1.0] for joints in HOME_JOINTS])
 
 
-@pytest.mark.parametrize("at", ["reset", "step"])
+ROWS = {"reset": ("both", "reset"), "step": ("both", "step"), "end": ("both", "step", "end")}
+
+
+@pytest.mark.parametrize("at", ROWS)
 def test_every_key_of_info_is_in_the_table_and_no_other(
     at: str, seen: dict[str, dict[str, Any]]
 ) -> None:
-    rows = [row for row in table(STAGES, "key") if row["at"] in (at, "both")]
+    rows = [row for row in table(STAGES, "key") if row["at"] in ROWS[at]]
     assert {row["key"]: row["type"] for row in rows} == {
         key: described(value) for key, value in seen[at].items()
     }
@@ -105,8 +112,11 @@ def test_keys_come_from_the_wrapper_that_the_table_names() -> None:
     for layer in reversed(layers):
         size = layer.action_space.shape
         _, info = layer.reset(seed=0)
-        _, _, _, _, later = layer.step(np.broadcast_to(HOME_JOINTS_OPEN, size))
-        for key in {**info, **later}:
+        action = np.broadcast_to(HOME_JOINTS_OPEN, size)
+        *_, later = layer.step(action)
+        base_of(env).backend.hold("A test.")
+        *_, last = layer.step(action)
+        for key in {**info, **later, **last}:
             added.setdefault(key, type(layer).__name__)
     env.close()
     named = {row["key"]: row["added by"] for row in table(STAGES, "key")}

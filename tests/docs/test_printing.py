@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from duobench.objects import chest, hexagon_peg, joint_blocks, printing
+from duobench.objects import chest, hexagon_peg, joint_blocks, shapes
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, mass_properties, pieces_of
 from duobench.tasks import catalog
@@ -54,10 +54,10 @@ def test_all_variants_of_an_object_print_as_the_table_says() -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("edge of the printer", printing.PRINTER),
-        ("thinnest wall", printing.THINNEST_WALL),
-        ("play of a glued joint", printing.JOINT_PLAY),
-        ("overlap", printing.OVERLAP),
+        ("edge of the printer", shapes.PRINTER),
+        ("thinnest wall", shapes.THINNEST_WALL),
+        ("play of a glued joint", shapes.JOINT_PLAY),
+        ("overlap", shapes.OVERLAP),
         ("play of a square peg", joint_blocks.CLEARANCE),
         ("play of the hexagonal peg", hexagon_peg.CLEARANCE),
         ("hole in a lug", 2 * chest.HOLE_RADIUS),

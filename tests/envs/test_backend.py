@@ -1,15 +1,16 @@
-"""Wrappers need a backend, not MuJoCo: they work on arms that are plain numbers."""
+"""What is above a backend needs no simulation: it works on arms that are plain numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+import re
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-from duobench.backend import DuoLimits, Image
 from duobench.envs import (
     ActionChunks,
     BinaryGripper,
@@ -21,58 +22,19 @@ from duobench.envs import (
     TaskStages,
     TimeLimit,
 )
-from duobench.envs.duo_env import DuoEnv
+from duobench.envs.config import EnvConfig
+from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, ResetNeededError
 from duobench.envs.wrappers.task_stages import Judge
-from duobench.kinematics.inverse import Kinematics
+from duobench.evaluation.rollout import Step, rollout
+from duobench.policy.baselines import HoldPolicy
 from duobench.robot.joints import HOME_JOINTS
 from duobench.stages.progress import ProgressState
 from duobench.tasks import catalog
-from duobench.types import SIDES, DuoCommand, DuoState
+from duobench.types import DuoCommand
+from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, wave
 
 TASK_DATA = catalog.get(TASK)
-
-
-class NumberArms:
-    """Arms that are at once where they are sent, but never lower their left joint 2."""
-
-    limits = DuoLimits(
-        low=np.tile([*[-3.0] * 7, 0.0], 2),
-        high=np.tile([*[4.0] * 7, 1.0], 2),
-        max_change=np.tile([*[0.1] * 7, np.inf], 2),
-    )
-
-    def __init__(self) -> None:
-        self.last_command = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
-        self.images_taken: list[tuple[Sequence[str], tuple[int, int]]] = []
-        self.closed = False
-        self._kinematics = Kinematics()
-
-    time = 0.0
-
-    def joint_velocities(self) -> np.ndarray:
-        return np.zeros((2, 7))
-
-    def read(self) -> DuoState:
-        poses = self._kinematics.forward(self.last_command.joints)
-        return DuoState(
-            joints=self.last_command.joints,
-            openings=self.last_command.openings,
-            tcp_poses=np.array([poses[side].tquat for side in SIDES]),
-        )
-
-    def command(self, command: DuoCommand) -> DuoCommand:
-        joints = command.joints.copy()
-        joints[0, 1] = max(joints[0, 1], self.last_command.joints[0, 1])
-        self.last_command = DuoCommand(joints=joints, openings=command.openings)
-        return self.last_command
-
-    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> Mapping[str, Image]:
-        self.images_taken.append((cameras, shape))
-        return {name: np.full((*shape, 3), 7, np.uint8) for name in cameras}
-
-    def close(self) -> None:
-        self.closed = True
 
 
 class Person:
@@ -105,6 +67,90 @@ def env(arms: NumberArms) -> DuoEnv:
     env = DuoEnv(arms, TASK_DATA)
     env.reset()
     return env
+
+
+def spoil_images(arms: NumberArms) -> None:
+    arms.ages = {"head": 0.03, "left_wrist": 0.15, "right_wrist": math.nan}
+
+
+def break_down(arms: NumberArms) -> None:
+    arms.fault = "The left arm reports a reflex."
+
+
+def press_the_space_bar(arms: NumberArms) -> None:
+    arms.hold("The operator pressed the space bar.")
+
+
+SPOILERS = {
+    r"too old: left_wrist 0\.15 s, right_wrist nan s; at most 0\.1 s": spoil_images,
+    "The left arm reports a reflex": break_down,
+    "The operator pressed the space bar": press_the_space_bar,
+}
+
+
+@pytest.mark.parametrize(("reason", "spoil"), SPOILERS.items(), ids=lambda part: str(part)[:12])
+def test_arms_that_cannot_go_on_hold_and_truncate_the_episode(
+    env: DuoEnv, arms: NumberArms, reason: str, spoil: Callable[[NumberArms], None]
+) -> None:
+    arms.ages = {"head": 0.1}
+    *_, truncated, info = env.step(wave(0))
+    assert not truncated
+    assert TRUNCATION_REASON not in info
+    before = arms.last_command
+    spoil(arms)
+    *_, truncated, info = env.step(wave(5))
+    assert truncated
+    assert re.search(reason, info[TRUNCATION_REASON])
+    assert arms.held == info[TRUNCATION_REASON]
+    assert arms.last_command is before, "nothing moves any more"
+    assert info["sent"].tolist() == before.flat.tolist()
+    with pytest.raises(ResetNeededError):
+        env.step(wave(6))
+    arms.ages, arms.fault = {}, None
+    env.reset()
+    assert arms.held is None
+    *_, truncated, _ = env.step(wave(0))
+    assert not truncated
+
+
+def test_what_happens_during_a_step_ends_the_episode_with_it(
+    env: DuoEnv, arms: NumberArms, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def command(command: DuoCommand) -> DuoCommand:
+        break_down(arms)
+        return NumberArms.command(arms, command)
+
+    monkeypatch.setattr(arms, "command", command)
+    *_, truncated, info = env.step(wave(1))
+    assert truncated
+    assert "reflex" in info[TRUNCATION_REASON]
+    assert info["sent"] == pytest.approx(arms.last_command.flat)
+
+
+def test_a_rollout_ends_where_the_arms_do_and_sees_why(arms: NumberArms) -> None:
+    class Operator:
+        """Holds the arms in the third step."""
+
+        def __init__(self) -> None:
+            self.steps: list[Step] = []
+
+        def on_episode_start(self, *_arguments: object) -> None: ...
+
+        def on_step(self, step: Step) -> None:
+            self.steps.append(step)
+            if step.number == 2:
+                press_the_space_bar(arms)
+
+        def on_episode_end(self, error: BaseException | None) -> None:
+            assert error is None
+
+    env = TimeLimit(TaskStages(DuoEnv(arms, TASK_DATA), Person()), horizon=50)
+    env.unwrapped.config = EnvConfig(cameras=())  # type: ignore[attr-defined]
+    operator = Operator()
+    rollout(env, HoldPolicy(), seed=0, watchers=[operator])
+    assert [step.truncated for step in operator.steps] == [False, False, True]
+    assert operator.steps[-1].info[TRUNCATION_REASON] == "The operator pressed the space bar."
+    assert not operator.steps[-1].info["success"]
 
 
 def test_what_was_really_sent_is_reported(env: DuoEnv) -> None:
@@ -165,8 +211,9 @@ def test_cameras_chunks_and_grippers(arms: NumberArms) -> None:
     assert arms.last_command.openings.tolist() == [0.0, 1.0]
     assert observation["pixels"]["head"].shape == (4, 6, 3)
     assert arms.images_taken == [(("head",), (4, 6))] * 2
+    assert arms.calls == ["start"]
     env.close()
-    assert arms.closed
+    assert arms.calls == ["start", "stop", "close"]
 
 
 def test_only_a_simulation_lays_out_objects_and_judges_them(env: DuoEnv) -> None:

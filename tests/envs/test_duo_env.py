@@ -206,6 +206,21 @@ def test_diverged_physics_ends_the_episode(running: SimEnv) -> None:
     assert running.step(wave(0))[0] in running.observation_space
 
 
+def test_a_hold_ends_the_episode_and_the_next_beginning_ends_the_hold(running: SimEnv) -> None:
+    saved = running.save_state()
+    for begin_again in (lambda: running.restore_state(saved), running.reset):
+        running.step(wave(1))
+        before = running.state_hash()
+        running.backend.hold("Somebody came too near.")
+        *_, truncated, info = running.step(wave(2))
+        assert (truncated, info["truncation_reason"]) == (True, "Somebody came too near.")
+        assert running.state_hash() == before, "nothing moves any more"
+        begin_again()
+    *_, truncated, info = running.step(wave(1))
+    assert not truncated
+    assert "truncation_reason" not in info
+
+
 # --- layouts -------------------------------------------------------------------------------------
 
 

@@ -9,13 +9,13 @@ import duobench
 from duobench.envs import sim_of
 from duobench.errors import PolicyError
 from duobench.evaluation import ExpertPolicy
-from duobench.experts import bin_sort
 from duobench.experts.expert import find_script
+from duobench.experts.scripts import bin_sort
 from duobench.tasks import catalog
 
 MODULE = """
 from dataclasses import replace
-from duobench.experts.bin_sort import script as ours
+from duobench.experts.scripts.bin_sort import script as ours
 from duobench.tasks import get
 
 def script(arms):
@@ -27,7 +27,7 @@ TASK = replace(get("bin_sort"), id="my_sort", expert="sorting_by_script:script")
 
 @pytest.mark.parametrize("name", catalog.names())
 def test_every_task_has_an_expert(name: str) -> None:
-    assert find_script(name).__module__ == f"duobench.experts.{name}"
+    assert find_script(name).__module__ == f"duobench.experts.scripts.{name}"
 
 
 @pytest.mark.parametrize("give", ["object", "path"])
@@ -56,7 +56,10 @@ def test_a_changed_task_keeps_its_expert() -> None:
     [
         (None, "'my_sort' has no scripted expert.*my_module:script"),
         ("nowhere:script", "expert of task 'my_sort': There is no module named 'nowhere'"),
-        ("duobench.experts.bin_sort:scrpt", "Unknown script .*'scrpt'. Did you mean 'script'"),
+        (
+            "duobench.experts.scripts.bin_sort:scrpt",
+            "Unknown script .*'scrpt'. Did you mean 'script'",
+        ),
     ],
 )
 def test_no_expert_is_an_error(path: str | None, words: str) -> None:

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from duobench.objects import bowl, gate, maze_board
-from duobench.objects.printing import JOINT_PLAY, OVERLAP, PRINTER, THINNEST_WALL
-from duobench.objects.shapes import Shape, ShapeKind
+from duobench.objects.shapes import JOINT_PLAY, OVERLAP, PRINTER, THINNEST_WALL, Shape, ShapeKind
 from duobench.objects.solid import (
     Mesh,
     Solid,

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from duobench.experts.ball_maze import Handling, TiltedBoard, script, solve, take_up
 from duobench.experts.motion import Arms, Script
+from duobench.experts.scripts.ball_maze import Handling, TiltedBoard, script, solve, take_up
 from duobench.objects.maze_board import BASE, WALL_HEIGHT, cell_centre
 from duobench.objects.mazes import MAZES
 from duobench.sim.simulation import Simulation

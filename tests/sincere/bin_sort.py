@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from duobench.experts.handling import pick
 from duobench.experts.motion import (
     CAREFUL,
     NEAR,
@@ -17,7 +18,6 @@ from duobench.experts.motion import (
     grip,
     move,
     nearest_turn,
-    pick,
     release,
     together,
 )

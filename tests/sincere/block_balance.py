@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from duobench.experts.block_balance import lay_beam, lower, take_block
 from duobench.experts.motion import Arms, Script, move, release, together, wait
+from duobench.experts.scripts.block_balance import lay_beam, lower, take_block
 from duobench.sim.simulation import Simulation
 from duobench.types import SIDES, Side
 from tests.sincere.sincere import Way

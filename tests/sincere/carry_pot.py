@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from duobench.experts.carry_pot import HandleGrasp, carry_over, grasp, let_go
-from duobench.experts.motion import Arms, Script, carry, wait
+from duobench.experts.handling import carry
+from duobench.experts.motion import Arms, Script, wait
+from duobench.experts.scripts.carry_pot import HandleGrasp, carry_over, grasp, let_go
 from duobench.objects.pot import PLATE
 from duobench.sim.simulation import Simulation
 from duobench.types import SIDES, Side

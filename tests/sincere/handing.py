@@ -8,6 +8,7 @@ from itertools import islice
 
 import numpy as np
 
+from duobench.experts.handling import tool_for
 from duobench.experts.handover import (
     CAMERA_YAW,
     Bar,
@@ -20,7 +21,7 @@ from duobench.experts.handover import (
     tool,
     turn_to_camera,
 )
-from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together, tool_for
+from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together
 from duobench.spatial import SE3
 from duobench.types import Array, Side
 from tests.sincere.sincere import WayFailedError

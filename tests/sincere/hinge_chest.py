@@ -8,15 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from duobench.experts.hinge_chest import (
-    LET_GO,
-    Insertion,
-    fetch,
-    lower,
-    open_lid,
-    under_lid,
-)
+from duobench.experts.handling import LET_GO
 from duobench.experts.motion import Arms, Script, follow, move, release, together, wait
+from duobench.experts.scripts.hinge_chest import Insertion, fetch, lower, open_lid, under_lid
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL
 from duobench.sim.simulation import Simulation

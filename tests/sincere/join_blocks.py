@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duobench.experts.handling import pick, place, tool_for
 from duobench.experts.motion import (
     CAREFUL,
     NEAR,
@@ -15,11 +16,8 @@ from duobench.experts.motion import (
     down,
     grip,
     move,
-    pick,
-    place,
     release,
     together,
-    tool_for,
     wait,
 )
 from duobench.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duobench.experts.handling import tool_for
 from duobench.experts.motion import (
     CAREFUL,
     NEAR,
@@ -18,7 +19,6 @@ from duobench.experts.motion import (
     move,
     release,
     together,
-    tool_for,
     wait,
     wait_until,
 )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duobench.experts.handling import LET_GO, pick_cube
 from duobench.experts.motion import (
     CAREFUL,
     CLOSED,
@@ -17,11 +18,10 @@ from duobench.experts.motion import (
     follow,
     grip,
     move,
-    pick_cube,
     release,
     together,
 )
-from duobench.experts.spring_door import HOLDER, INSERTER, LET_GO
+from duobench.experts.scripts.spring_door import HOLDER, INSERTER
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.microwave import (
     BAR,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from duobench.experts.motion import Arms, Script
-from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.experts.scripts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.sim.simulation import Simulation

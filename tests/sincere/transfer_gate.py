@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from duobench.experts.motion import Arms, Script, move
-from duobench.experts.transfer_gate import BAR, BEYOND, LEAN, RECEIVER_GRIP, RISE, leave, ring
+from duobench.experts.scripts.transfer_gate import (
+    BAR,
+    BEYOND,
+    LEAN,
+    RECEIVER_GRIP,
+    RISE,
+    leave,
+    ring,
+)
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.gate import MAT_EDGE, MAT_THICKNESS
 from duobench.sim.simulation import Simulation

@@ -9,7 +9,7 @@ import numpy as np
 
 from duobench.experts.handover import let_go
 from duobench.experts.motion import Arms, Script, release, wait
-from duobench.experts.transfer_reorient import (
+from duobench.experts.scripts.transfer_reorient import (
     BAR,
     MEETING_POINT,
     RECEIVER_GRIP,

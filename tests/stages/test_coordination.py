@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from duobench.experts.carry_pot import carry_over, land, let_go, lift
-from duobench.experts.motion import Arms, Script, carry, wait
+from duobench.experts.handling import carry
+from duobench.experts.motion import Arms, Script, wait
+from duobench.experts.scripts.carry_pot import carry_over, land, let_go, lift
 from duobench.objects.pot import HEIGHT, PLATE, RADIUS
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation

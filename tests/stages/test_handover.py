@@ -5,7 +5,7 @@ import pytest
 
 from duobench.experts.handover import let_go, pick_bar
 from duobench.experts.motion import Arms, Script
-from duobench.experts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.experts.scripts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3

@@ -2,7 +2,8 @@
 
 import pytest
 
-from duobench.experts.motion import Arms, Script, down, move, pick_cube, release
+from duobench.experts.handling import pick_cube
+from duobench.experts.motion import Arms, Script, down, move, release
 from duobench.scene.naming import TABLE
 from duobench.stages.placing import low_over, put
 from duobench.stages.predicates import Predicate

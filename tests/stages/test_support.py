@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.experts import hinge_chest, spring_door
+from duobench.experts.handling import LET_GO
 from duobench.experts.motion import Arms, Script, release, together, wait
+from duobench.experts.scripts import hinge_chest, spring_door
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
@@ -38,7 +39,6 @@ class Case:
     fetches: Callable[[Arms], Script]
     comes_near: Callable[[Arms], Script]
     puts_in: Callable[[Arms], Script]
-    let_go: float
 
     @property
     def bringer(self) -> Side:
@@ -54,7 +54,6 @@ CASES = {
         fetches=hinge_chest.fetch,
         comes_near=chest_cheats.come_over_the_chest,
         puts_in=hinge_chest.lower,
-        let_go=hinge_chest.LET_GO,
     ),
     "spring_door": Case(
         lid="microwave/door",
@@ -64,7 +63,6 @@ CASES = {
         fetches=spring_door.fetch,
         comes_near=door_cheats.come_to_the_door,
         puts_in=spring_door.reach_in,
-        let_go=spring_door.LET_GO,
     ),
 }
 
@@ -144,7 +142,7 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
         keep("n")
         yield from case.puts_in(arms)
         keep("i")
-        yield from release(arms, case.bringer, opening=case.let_go)
+        yield from release(arms, case.bringer, opening=LET_GO)
         yield from wait(15)
         keep("f")
 

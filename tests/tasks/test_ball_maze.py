@@ -4,8 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from duobench.experts.ball_maze import grasp, lift, script
-from duobench.experts.motion import Arms, Script, carry, down, grip, move, release, wait
+from duobench.experts.handling import carry
+from duobench.experts.motion import Arms, Script, down, grip, move, release, wait
+from duobench.experts.scripts.ball_maze import grasp, lift, script
 from duobench.objects.maze_board import (
     BALL_RADIUS,
     BASE,

@@ -3,8 +3,9 @@ from collections.abc import Callable
 
 import pytest
 
-from duobench.experts.bin_sort import script
-from duobench.experts.motion import Arms, Script, down, move, pick_cube, release
+from duobench.experts.handling import pick_cube
+from duobench.experts.motion import Arms, Script, down, move, release
+from duobench.experts.scripts.bin_sort import script
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.scene.naming import TABLE

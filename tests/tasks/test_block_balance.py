@@ -3,8 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from duobench.experts.block_balance import lower, script
-from duobench.experts.motion import Arms, Script, down, move, pick, release, together, wait
+from duobench.experts.handling import pick
+from duobench.experts.motion import Arms, Script, down, move, release, together, wait
+from duobench.experts.scripts.block_balance import lower, script
 from duobench.objects.blocks import block
 from duobench.objects.solid import PLA_DENSITY, mass_properties, printable
 from duobench.scene.naming import TABLE

@@ -4,8 +4,9 @@ import manifold3d
 import numpy as np
 import pytest
 
-from duobench.experts.carry_pot import carry_over, grasp, land, let_go, lift, script
-from duobench.experts.motion import Arms, Script, carry, wait
+from duobench.experts.handling import carry
+from duobench.experts.motion import Arms, Script, wait
+from duobench.experts.scripts.carry_pot import carry_over, grasp, land, let_go, lift, script
 from duobench.objects.pot import (
     ARM,
     BAR_LENGTH,

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from duobench.experts.hinge_chest import HOLDER, INSERTER, LET_GO, fetch, lower, open_lid, script
+from duobench.experts.handling import LET_GO
 from duobench.experts.motion import Arms, Script, move, release, together, wait
+from duobench.experts.scripts.hinge_chest import HOLDER, INSERTER, fetch, lower, open_lid, script
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.chest import LID_LIMITS, OUTER_Y, RIM_HEIGHT, WALL
 from duobench.spatial import SE3

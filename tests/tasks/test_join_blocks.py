@@ -6,7 +6,7 @@ import manifold3d
 import numpy as np
 import pytest
 
-from duobench.experts.join_blocks import script
+from duobench.experts.scripts.join_blocks import script
 from duobench.objects import joint_blocks as bars
 from duobench.objects.solid import (
     PLA_DENSITY,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from duobench.experts.motion import Arms, Script, move, release, together
-from duobench.experts.pour_marbles import script, take
+from duobench.experts.scripts.pour_marbles import script, take
 from duobench.objects.cup import (
     HEAP,
     HEIGHT,

@@ -5,11 +5,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from duobench.experts.handling import LET_GO
 from duobench.experts.motion import Arms, Script, move, release, together, wait
-from duobench.experts.spring_door import (
+from duobench.experts.scripts.spring_door import (
     HOLDER,
     INSERTER,
-    LET_GO,
     fetch,
     open_door,
     reach_in,

@@ -5,7 +5,7 @@ import pytest
 
 from duobench.experts.handover import let_go, pick_bar
 from duobench.experts.motion import Arms, Script, move, wait
-from duobench.experts.transfer_cube import (
+from duobench.experts.scripts.transfer_cube import (
     BAR,
     MEETING_POINT,
     RECEIVER_GRIP,

@@ -4,7 +4,7 @@ import pytest
 
 from duobench.experts.handover import clasp, let_go, pick_bar, present, receive_pose
 from duobench.experts.motion import Arms, Script, down, grip, move, wait
-from duobench.experts.transfer_gate import (
+from duobench.experts.scripts.transfer_gate import (
     BAR,
     RECEIVER_GRIP,
     RISE,

@@ -8,7 +8,7 @@ import trimesh
 
 from duobench.experts.handover import let_go, pick_bar
 from duobench.experts.motion import Arms, Script, wait
-from duobench.experts.transfer_reorient import (
+from duobench.experts.scripts.transfer_reorient import (
     BAR,
     MEETING_POINT,
     RECEIVER_GRIP,

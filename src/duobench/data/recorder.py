@@ -17,7 +17,7 @@ from duobench.data.schema import Actor, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeStream, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
-from duobench.envs.duo_env import DuoEnv, Info, Observation
+from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, Info, Observation
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
@@ -150,7 +150,7 @@ class Recorder(DuoWrapper):
             )
             self._see(self._stream, observation, info)
             if terminated or truncated:
-                self._end(cut=False)
+                self._end(cut=False, reason=info.get(TRUNCATION_REASON))
         return observation, float(reward), terminated, truncated, info
 
     def begin_as(self, name: str) -> None:

@@ -97,7 +97,7 @@ class Outcome:
     kept: bool = True
     """Whether it is meant to be used."""
     reason: str | None = None
-    """Why it is not, or what made it crash."""
+    """Why it is not, what made it crash, or why the arms ended it."""
     cut: bool = False
     """Whether it ended before the environment ended it."""
 

@@ -28,6 +28,11 @@ Transition = tuple[Observation, SupportsFloat, bool, bool, Info]
 
 ROUNDING = 1e-6
 """A target that is changed by less than this was rounded to float32, not clipped."""
+MAX_IMAGE_AGE_SECONDS = 0.1
+"""Oldest image that an episode goes on with: three control steps, after which a camera at 30 Hz has
+missed two images."""
+TRUNCATION_REASON = "truncation_reason"
+"""Key of `info` that says why the arms ended an episode; only there where they did."""
 
 
 class ResetNeededError(DuoBenchError, gym.error.ResetNeeded):
@@ -47,7 +52,11 @@ class DuoEnv(gym.Env[Observation, Any]):
     An observation holds `agent_pos` (16,), measured, in the order of an action, and `tcp_pose`
     (14,), the left and the right tool centre point in the table frame, x y z qx qy qz qw each.
 
-    The reward is zero and an episode never ends. A subclass says how an episode begins.
+    The reward is zero. An episode ends only where the arms cannot go on: a person or the backend
+    holds them, something is wrong with arms, grippers or cameras, or the image of a camera is older
+    than `MAX_IMAGE_AGE_SECONDS`. Then both arms hold, the step is truncated, and
+    `info["truncation_reason"]` says why; nothing moves before the next reset, which brings the arms
+    home. A subclass says how else an episode begins.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(CONTROL_HZ)}  # noqa: RUF012 - Gymnasium's way to declare it
@@ -56,12 +65,16 @@ class DuoEnv(gym.Env[Observation, Any]):
     """Name of what an action means; `env.get_wrapper_attr` finds that of the outermost wrapper."""
 
     def __init__(self, backend: DuoBackend, task: Task) -> None:
-        """Drive two arms.
+        """Drive two arms, which follow commands from now on.
 
         Args:
             backend: The arms.
             task: What they are to do.
+
+        Raises:
+            BackendError: The arms cannot be reached.
         """
+        backend.start()
         self.backend = backend
         """The arms."""
         self.definition = task
@@ -114,6 +127,7 @@ class DuoEnv(gym.Env[Observation, Any]):
 
         Raises:
             OptionError: The seed is no whole number from 0 on, or the options are no dict.
+            BackendError: The arms cannot get home.
         """
         options = checked_reset_options(options)
         super().reset(seed=checked_seed(seed))
@@ -129,6 +143,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         Returns:
             What info holds beside the rest.
         """
+        self.backend.home()
         return {}
 
     def check_action(self, action: Any) -> Array:
@@ -140,7 +155,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         return spaces.checked_action(action, spaces.JOINT_NAMES)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
-        """Advance one control step.
+        """Advance one control step; truncated where the arms cannot go on, see the class.
 
         Args:
             action: 16 numbers, see the class.
@@ -154,14 +169,26 @@ class DuoEnv(gym.Env[Observation, Any]):
             raise ResetNeededError("No episode is running; call reset first.")
         targets = self.check_action(action)
         within = self._limits.clip(targets, self._sent)
-        try:
-            sent = self.backend.command(DuoCommand.from_flat(within)).flat
-        except BackendError:
+        reason = self._truncation_reason()
+        if reason is None:
+            try:
+                self._sent = self.backend.command(DuoCommand.from_flat(within)).flat
+            except BackendError:
+                self._running = False
+                raise
+            reason = self._truncation_reason()
+        info = self._info(np.abs(self._sent - targets) > ROUNDING)
+        if reason is not None:
             self._running = False
-            raise
-        self._sent = sent
-        info = self._info(np.abs(sent - targets) > ROUNDING)
-        return self._observation(), 0.0, False, False, info
+            info[TRUNCATION_REASON] = reason
+        return self._observation(), 0.0, False, reason is not None, info
+
+    def _truncation_reason(self) -> str | None:
+        """Why the arms, which hold then, cannot go on; None where they can."""
+        backend = self.backend
+        if backend.held is None and (fault := backend.health() or _stale(backend.image_ages())):
+            backend.hold(fault)
+        return backend.held
 
     def _info(self, clipped: NDArray[np.bool_] | None = None) -> Info:
         return {
@@ -178,8 +205,20 @@ class DuoEnv(gym.Env[Observation, Any]):
         }
 
     def close(self) -> None:
-        """Let go of the arms; closing twice is harmless."""
+        """Stop the arms and let go of them; closing twice is harmless."""
+        self.backend.stop()
         self.backend.close()
+
+
+def _stale(ages: Mapping[str, float]) -> str | None:
+    """Which images are too old, if any is."""
+    old = [
+        f"{camera} {age:.2f} s"
+        for camera, age in ages.items()
+        if not age <= MAX_IMAGE_AGE_SECONDS  # an age that is no number is no young one
+    ]
+    limit = f"at most {MAX_IMAGE_AGE_SECONDS:g} s is right"
+    return f"Images are too old: {', '.join(old)}; {limit}." if old else None
 
 
 def base_of(env: gym.Env) -> DuoEnv:

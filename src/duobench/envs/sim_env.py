@@ -112,6 +112,7 @@ class SimEnv(DuoEnv):
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
         options = checked_reset_options(options, OF_SIMULATION)
+        self._arms.home()
         look = options.get(LOOK)
         self._arms.set_look(self._usual_look if look is None else as_look(look))
         tried: list[Mapping[str, Any]] = []
@@ -184,6 +185,7 @@ class SimEnv(DuoEnv):
         self._running = False
         instruction = self._instruct(state.layout)
         self.simulation.apply(state.layout)
+        self._arms.home()
         self.simulation.set_state(state.physics)
         self._layout, self._instruction = state.layout, instruction
         self._sent = self.backend.last_command.flat

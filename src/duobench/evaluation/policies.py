@@ -14,9 +14,9 @@ import gymnasium as gym
 from duobench.envs.sim_env import sim_of
 from duobench.errors import PolicyError, UnknownNameError, check_known
 from duobench.evaluation.suite import TaskInfo
-from duobench.experts import blind
 from duobench.experts.expert import Expert, find_script
 from duobench.experts.motion import wait
+from duobench.experts.scripts import blind
 from duobench.experts.variety import NONE, VARIETIES, Variety
 from duobench.policy import BASELINES, Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.registry import make_any, source_version, versioned_metadata

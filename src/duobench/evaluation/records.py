@@ -73,7 +73,7 @@ class EpisodeRecord:
     terminated: bool
     """Whether the environment ended the episode."""
     truncated: bool
-    """Whether the horizon ended the episode."""
+    """Whether the horizon ended the episode, or arms that could not go on."""
     error: str | None
     """Traceback of what made the episode crash; such an episode counts as failed."""
     layout: SampledLayout

@@ -37,7 +37,8 @@ class Step:
     terminated: bool
     """Whether the environment ended the episode with this step."""
     truncated: bool
-    """Whether the horizon ended the episode with this step."""
+    """Whether the horizon ended the episode with this step, or arms that could not go on, for the
+    `truncation_reason` in info."""
     info: Info
     """The environment's info."""
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from duobench.experts.handling import pick, tool_for
 from duobench.experts.motion import (
     CAREFUL,
     NEAR,
@@ -21,9 +22,7 @@ from duobench.experts.motion import (
     grip,
     move,
     nearest_turn,
-    pick,
     release,
-    tool_for,
     wait,
 )
 from duobench.robot.frames import SHOULDERS

@@ -1,4 +1,4 @@
-"""The motion vocabulary that scripted experts are written in.
+"""Motions of the arms: the vocabulary that scripted experts are written in.
 
 A script is a generator: every `yield` is one control step. Scripts set tool poses and gripper
 openings; once a step, inverse kinematics turns the poses into the 16 joint-space numbers that
@@ -215,7 +215,7 @@ def move(
     starts = {side: arms.targets[side] for side in goals}
     spans = [starts[side].distance(goal) for side, goal in goals.items()]
     seconds = max(max(length / speed, angle / turn_speed) for length, angle in spans)
-    lines = {side: _line(arms, starts[side], goal, freedom) for side, goal in goals.items()}
+    lines = {side: line_to(arms, starts[side], goal, freedom) for side, goal in goals.items()}
 
     def path(fraction: float) -> dict[Side, SE3]:
         arms.freedom[[side.index for side in goals]] = freedom * bump(fraction)
@@ -226,7 +226,7 @@ def move(
         yield from wait_until(lambda: arrived(arms, goals, tolerance), MAX_ARRIVAL_STEPS)
 
 
-def _line(arms: Arms, start: SE3, goal: SE3, freedom: float) -> Callable[[float], SE3]:
+def line_to(arms: Arms, start: SE3, goal: SE3, freedom: float) -> Callable[[float], SE3]:
     """Poses at a fraction of the way, which is straight but for a variety's detour."""
     detour = arms.variety.detour(goal.translation - start.translation, freedom)
     return lambda fraction: start.interpolate(goal, fraction).moved(*(bump(fraction) * detour))
@@ -255,126 +255,3 @@ def grip(arms: Arms, *sides: Side, opening: float = CLOSED) -> Script:
 def release(arms: Arms, *sides: Side, opening: float = OPEN) -> Script:
     """Open grippers and wait until they are open."""
     yield from grip(arms, *sides, opening=opening)
-
-
-def pick(
-    arms: Arms,
-    side: Side,
-    grasp: SE3,
-    *,
-    above: float = 0.10,
-    lift: float = 0.10,
-    speed: float = SPEED,
-    freedom: float = 1.0,
-) -> Script:
-    """Come from above, close on an object, lift it.
-
-    Args:
-        arms: The arms.
-        side: Which arm picks.
-        grasp: Tool pose at which the fingers close.
-        above: Height in metres from which the tool comes straight down.
-        lift: Height in metres by which it lifts.
-        speed: Mean speed in m/s of the approach.
-        freedom: Share of a variety's grasp offset that still holds the object.
-    """
-    grasp = grasp @ arms.variety.grasp_offset(freedom)
-    arms.openings[side.index] = OPEN
-    yield from move(arms, {side: grasp.moved(z=above)}, speed=speed, tolerance=NEAR)
-    yield from move(arms, {side: grasp}, speed=CAREFUL)
-    yield from grip(arms, side)
-    yield from move(arms, {side: grasp.moved(z=lift)}, speed=0.3, arrive=False)
-
-
-def pick_cube(arms: Arms, side: Side, cube: str, height: float, *, tilt: float = 0.0) -> Script:
-    """Pick up a lying cube by two of its sides, again until it is in the hand.
-
-    Args:
-        arms: The arms.
-        side: Which arm picks.
-        cube: Body of the cube.
-        height: Height of the tool centre point when the fingers close, in metres.
-        tilt: Tilt of the gripper, see `down`.
-    """
-    while not arms.grasps(side, cube):
-        pose = arms.sim.pose(cube)
-        x, y, _ = pose.translation
-        yaw = nearest_turn(pose.yaw, math.pi / 2)
-        yield from pick(arms, side, down(x, y, height, yaw=yaw, tilt=tilt))
-
-
-def come_down(
-    arms: Arms,
-    grasps: Mapping[Side, SE3],
-    *,
-    opening: float,
-    above: float,
-    speed: float = SPEED,
-) -> Script:
-    """Bring open grippers around what they will grasp, from above.
-
-    Args:
-        arms: The arms.
-        grasps: Tool poses at which the fingers will close.
-        opening: Opening on the way down.
-        above: Height in metres from which the tools come straight down.
-        speed: Mean speed in m/s of the tools on their way there.
-    """
-    grasps = {side: grasp @ arms.variety.grasp_offset(1.0) for side, grasp in grasps.items()}
-    for side in grasps:
-        arms.openings[side.index] = opening
-    start = {side: grasp.moved(z=above) for side, grasp in grasps.items()}
-    yield from move(arms, start, speed=speed, tolerance=NEAR)
-    yield from move(arms, grasps, speed=CAREFUL)
-
-
-def tool_for(arms: Arms, side: Side, body: str, goal: SE3) -> SE3:
-    """Tool pose at which a body, as it lies in the hand now, has a pose in the table frame."""
-    return goal @ arms.sim.pose(body).inverse() @ arms.tcp_pose(side)
-
-
-def place(
-    arms: Arms,
-    side: Side,
-    goal: SE3,
-    *,
-    above: float = 0.08,
-    retreat: float = 0.08,
-    speed: float = SPEED,
-) -> Script:
-    """Carry to above a goal, lower, let go, retreat upwards."""
-    yield from move(arms, {side: goal.moved(z=above)}, speed=speed, tolerance=NEAR)
-    yield from move(arms, {side: goal}, speed=CAREFUL)
-    yield from release(arms, side)
-    yield from move(arms, {side: goal.moved(z=retreat)}, speed=speed, arrive=False)
-
-
-def carry(
-    arms: Arms,
-    body: str,
-    goal: SE3,
-    *sides: Side,
-    speed: float = SPEED,
-) -> Script:
-    """Move a grasped body along a line as `move` does, with the tools rigid to it.
-
-    It does not wait to arrive.
-
-    Args:
-        arms: The arms.
-        body: Body that the grippers hold.
-        goal: Pose of the body in the table frame.
-        sides: The arms that hold it; both where none is given.
-        speed: Mean speed of the body in m/s.
-    """
-    start = arms.sim.pose(body)
-    grasps = {side: start.inverse() @ arms.targets[side] for side in sides or SIDES}
-    length, angle = start.distance(goal)
-    freedom = freedom_at(speed)
-    line = _line(arms, start, goal, freedom)
-
-    def path(fraction: float) -> dict[Side, SE3]:
-        world_from_body = line(fraction)
-        return {side: world_from_body @ grasp for side, grasp in grasps.items()}
-
-    yield from follow(arms, path, max(length / speed, angle / TURN_SPEED), freedom=freedom)

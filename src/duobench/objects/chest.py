@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import math
 
-from duobench.objects.printing import OVERLAP
 from duobench.objects.prop import Hinge, Part, Prop
-from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, box, cylinder, prism
+from duobench.objects.shapes import CIRCLE_SEGMENTS, OVERLAP, Colour, Shape, box, cylinder, prism
 from duobench.objects.solid import Solid, mesh_of, placed, union_of
 from duobench.spatial import SE3
 

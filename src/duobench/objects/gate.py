@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from duobench.objects.blocks import block
-from duobench.objects.printing import JOINT_PLAY, OVERLAP
-from duobench.objects.shapes import Shape, box
+from duobench.objects.shapes import JOINT_PLAY, OVERLAP, Shape, box
 from duobench.objects.solid import Piece, Solid
 from duobench.spatial import SE3
 

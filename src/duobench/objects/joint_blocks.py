@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from duobench.objects.printing import OVERLAP
-from duobench.objects.shapes import Z_TO_X, Colour, Shape, box, hull
+from duobench.objects.shapes import OVERLAP, Z_TO_X, Colour, Shape, box, hull
 from duobench.objects.solid import Solid, manifold_of, mesh_of
 from duobench.spatial import SE3
 

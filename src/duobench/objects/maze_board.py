@@ -12,9 +12,8 @@ from collections.abc import Iterable
 from itertools import product
 
 from duobench.objects.mazes import CELLS, CORNERS, MAZES, SEGMENTS, Cell, Maze, Segment
-from duobench.objects.printing import JOINT_PLAY
 from duobench.objects.prop import Variant
-from duobench.objects.shapes import Colour, Shape, box, prism, sphere
+from duobench.objects.shapes import JOINT_PLAY, Colour, Shape, box, prism, sphere
 from duobench.objects.solid import Image, Piece, Solid, images_of, mass_properties
 from duobench.spatial import SE3
 

@@ -2,8 +2,8 @@
 
 A tilt sends the ball along a row or a column until a wall stops it. Every maze is a tree: between
 any two cells there is exactly one way, so all ten have the same number of walls and weigh the same.
-Start and goal are in corners, another pair on every board. `tools/mazes.py` found the boards by a
-search over random trees for these properties, which the tests check again:
+Start and goal are in corners, another pair on every board. The boards were found by a search over
+random trees for these properties, which the tests check; `tools/mazes.py` proves the last one:
 
 - from every cell, tilts along the board's axes bring the ball to the goal;
 - the shortest way from the start takes eight runs, and one of them leads away from the goal, so

@@ -151,7 +151,7 @@ def printable(solid: Solid) -> Mesh:
 def pieces_of(solid: Solid) -> tuple[Mesh, ...]:
     """The watertight meshes to print, in the solid's frame: of its pieces, or `printable` alone.
 
-    Each of them is one body, and fits a printer of `printing.PRINTER`, turned if need be.
+    Each of them is one body, and fits a printer of `shapes.PRINTER`, turned if need be.
     """
     if not solid.pieces:
         return (printable(solid),)

@@ -13,13 +13,42 @@ from duobench.types import Array, DuoCommand, DuoState
 
 
 class SimBackend:
-    """A `DuoBackend` over a simulation."""
+    """A `DuoBackend` over a simulation, of which nothing breaks and no image grows old."""
 
     def __init__(self, simulation: Simulation) -> None:
         """Drive a simulation."""
         self.simulation = simulation
+        self._held: str | None = None
         self._look = Look()
         self._renderers: dict[tuple[int, int], Renderer] = {}
+
+    def start(self) -> None:
+        """Do nothing: simulated time stands still between commands."""
+
+    def stop(self) -> None:
+        """Do nothing: simulated time stands still between commands."""
+
+    def home(self) -> None:
+        """Put the arms home at once, with open grippers; everything begins again at time zero."""
+        self._held = None
+        self.simulation.reset_data()
+        self.simulation.forward()
+
+    def hold(self, reason: str) -> None:
+        """Hold both arms at the last command until `home`."""
+        self._held = self._held or reason
+
+    @property
+    def held(self) -> str | None:
+        """Why the arms are held; None while they follow commands."""
+        return self._held
+
+    def health(self) -> None:
+        """None: nothing of a simulation breaks but its physics, of which `command` raises."""
+
+    def image_ages(self) -> dict[str, float]:
+        """None at all: images are rendered when they are asked for."""
+        return {}
 
     @property
     def limits(self) -> DuoLimits:
@@ -45,11 +74,13 @@ class SimBackend:
         return self.simulation.duo.joint_velocities()
 
     def command(self, command: DuoCommand) -> DuoCommand:
-        """Advance one control step towards a command, which is sent as it is.
+        """Advance one control step towards a command, which is sent as it is unless arms are held.
 
         Raises:
             SimulationError: The physics diverged.
         """
+        if self._held is not None:
+            command = self.last_command
         self.simulation.advance(command)
         return command
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.errors import RenderingError
+from duobench.looks import effects
 from duobench.looks.look import MAX_CLUTTER
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP
-from duobench.sim import effects
 from duobench.sim.appearance import Appearance
 from duobench.sim.opengl import info_of, open_context
 from duobench.sim.uploads import upload
@@ -103,7 +103,8 @@ class OffscreenRenderer:
                 self._render(new_shadows=not images)
                 image = self._pixels[::-1].copy()
             if self._appearance is not None:
-                image = effects.apply(self._appearance.look, image, data, camera)
+                look = self._appearance.look
+                image = effects.apply(look, image, data.time, data.qpos, camera)
             images[name] = image
         return images
 

@@ -22,7 +22,8 @@ from duobench.looks.look import Look
 from duobench.robot.cameras import check_image_size
 from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import OffscreenRenderer
-from duobench.sim.opengl import RenderingInfo, Thread, choose
+from duobench.sim.opengl import RenderingInfo, RenderThread
+from duobench.sim.probe import choose
 
 T = TypeVar("T")
 
@@ -80,7 +81,7 @@ class Renderer:
         self._shape = height, width, samples
         self._pid = os.getpid()
         self._closed = False
-        self._open: tuple[Thread, OffscreenRenderer] | None = None
+        self._open: tuple[RenderThread, OffscreenRenderer] | None = None
         self._free: weakref.finalize[Any, Any] | None = None
         self.set_look(look or Look())
 
@@ -179,9 +180,9 @@ class Renderer:
 
         return thread.call(in_look)
 
-    def _start(self) -> tuple[Thread, OffscreenRenderer]:
+    def _start(self) -> tuple[RenderThread, OffscreenRenderer]:
         model, shape, backend = self._model, self._shape, choose()
-        thread = Thread()
+        thread = RenderThread()
         try:
             offscreen = thread.call(lambda: OffscreenRenderer(model, *shape, backend))
         except BaseException:

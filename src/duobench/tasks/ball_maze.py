@@ -114,7 +114,7 @@ TASK = Task(
             holds=_ROLLING.arrived,
         ),
     ),
-    expert="duobench.experts.ball_maze:script",
+    expert="duobench.experts.scripts.ball_maze:script",
     printable=True,
     real=True,
 )

@@ -102,7 +102,7 @@ TASK = Task(
             holds=placed(_WHITE_IN, _BLACK_IN),
         ),
     ),
-    expert="duobench.experts.bin_sort:script",
+    expert="duobench.experts.scripts.bin_sort:script",
     printable=True,
     real=True,
 )

@@ -116,6 +116,6 @@ TASK = Task(
             holds=_BALANCED & since(_LOADED, reset=_LEFT),
         ),
     ),
-    expert="duobench.experts.block_balance:script",
+    expert="duobench.experts.scripts.block_balance:script",
     printable=True,
 )

@@ -99,5 +99,5 @@ TASK = Task(
             ),
         ),
     ),
-    expert="duobench.experts.carry_pot:script",
+    expert="duobench.experts.scripts.carry_pot:script",
 )

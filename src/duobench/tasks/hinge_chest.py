@@ -98,7 +98,7 @@ TASK = Task(
             holds=placed(_INSIDE, rests_on("cube", "chest"), released("cube")) & _LID.delivered,
         ),
     ),
-    expert="duobench.experts.hinge_chest:script",
+    expert="duobench.experts.scripts.hinge_chest:script",
     printable=True,
     real=True,
 )

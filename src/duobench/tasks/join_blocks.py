@@ -112,6 +112,6 @@ TASK = Task(
     ),
     # From beside the robot: the wall's peg points towards it.
     overview=View(eye=(0.25, -1.7, 1.15), target=(0.37, 0.0, 0.33), fovy_deg=39.0),
-    expert="duobench.experts.join_blocks:script",
+    expert="duobench.experts.scripts.join_blocks:script",
     printable=True,
 )

@@ -118,5 +118,5 @@ TASK = Task(
             holds=placed(*_BACK, _into_target(lambda p: p.kept)) & _PUT_BACK,
         ),
     ),
-    expert="duobench.experts.pour_marbles:script",
+    expert="duobench.experts.scripts.pour_marbles:script",
 )

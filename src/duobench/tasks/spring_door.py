@@ -109,5 +109,5 @@ TASK = Task(
     ),
     # From beside the robot: the microwave faces it.
     overview=View(eye=(0.05, -1.85, 1.3), target=(0.38, -0.02, 0.32), fovy_deg=39.0),
-    expert="duobench.experts.spring_door:script",
+    expert="duobench.experts.scripts.spring_door:script",
 )

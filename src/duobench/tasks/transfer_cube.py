@@ -90,7 +90,7 @@ TASK = Task(
             ),
         ),
     ),
-    expert="duobench.experts.transfer_cube:script",
+    expert="duobench.experts.scripts.transfer_cube:script",
     printable=True,
     real=True,
 )

@@ -102,6 +102,6 @@ TASK = Task(
             ),
         ),
     ),
-    expert="duobench.experts.transfer_gate:script",
+    expert="duobench.experts.scripts.transfer_gate:script",
     printable=True,
 )

@@ -101,6 +101,6 @@ TASK = Task(
             holds=placed(_IN_HOLE, still(PEG), released(PEG)) & _PEG.put(_TIP_IN_HOLE),
         ),
     ),
-    expert="duobench.experts.transfer_reorient:script",
+    expert="duobench.experts.scripts.transfer_reorient:script",
     printable=True,
 )

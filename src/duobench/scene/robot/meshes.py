@@ -1,7 +1,7 @@
 """Meshes of the arms and grippers: reduced for images, convex hulls for contacts, in metres.
 
-All 38 are in one file beside this module, which `python -m tools.meshes` makes from the published
-models. Their names end in ":visual" or ":hull", such as "fr3/link1:hull".
+All 38 are in one file beside this module, made from the published models by the
+recipes of `tools/meshes.py`. Their names end in ":visual" or ":hull", such as "fr3/link1:hull".
 """
 
 from __future__ import annotations

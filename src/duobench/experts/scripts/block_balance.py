@@ -4,19 +4,8 @@ from __future__ import annotations
 
 import math
 
-from duobench.experts.motion import (
-    Arms,
-    Script,
-    down,
-    move,
-    pick,
-    place,
-    release,
-    together,
-    tool_for,
-    wait,
-    wait_until,
-)
+from duobench.experts.handling import pick, place, tool_for
+from duobench.experts.motion import Arms, Script, down, move, release, together, wait, wait_until
 from duobench.spatial import SE3
 from duobench.tasks.block_balance import BEAM, BLOCK, CUBE_EDGE
 from duobench.types import SIDES, Side

@@ -6,12 +6,12 @@ import hashlib
 import math
 from functools import lru_cache
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.looks.look import Look
+from duobench.types import Array
 
 GAMMA = 2.2
 """Exponent from the numbers of an image to light."""
@@ -22,11 +22,18 @@ _STARTS = 1 << 18
 """Places in a long row of random numbers where the noise of an image may begin."""
 
 
-def apply(look: Look, image: Image, data: mujoco.MjData, camera: int) -> Image:
-    """An image (height, width, 3) as the look's camera takes it.
+def apply(look: Look, image: Image, time: float, positions: Array, camera: int) -> Image:
+    """An image as the look's camera takes it.
 
     Noise is a function of the look's seed and noise, the image's size, the camera's number and
     the simulation state (time and positions), never of what was rendered before.
+
+    Args:
+        look: The look.
+        image: As it was rendered (height, width, 3).
+        time: Time of the state in seconds.
+        positions: Its positions (n,).
+        camera: Number of the camera.
     """
     if look.blur:
         image = _blurred(image, look.blur * image.shape[0])
@@ -34,7 +41,7 @@ def apply(look: Look, image: Image, data: mujoco.MjData, camera: int) -> Image:
         image = np.take(_curve(look.exposure), image)
     if look.noise:
         row = _noise(look.seed, look.noise, image.size + _STARTS)
-        start = _start(look.seed, data, camera)
+        start = _start(look.seed, time, positions, camera)
         grain = row[start : start + image.size].reshape(image.shape)
         image = np.clip(image + grain, 0, 255).astype(np.uint8)
     return image
@@ -83,7 +90,7 @@ def _noise(seed: int, deviation: float, count: int) -> NDArray[np.int16]:
     return np.rint(255 * deviation * normal).astype(np.int16)
 
 
-def _start(seed: int, data: mujoco.MjData, camera: int) -> int:
-    state = hashlib.blake2b(data.qpos.tobytes(), digest_size=8)
-    state.update(f"{seed} {data.time!r} {camera}".encode())
+def _start(seed: int, time: float, positions: Array, camera: int) -> int:
+    state = hashlib.blake2b(positions.tobytes(), digest_size=8)
+    state.update(f"{seed} {time!r} {camera}".encode())
     return int.from_bytes(state.digest(), "big") % _STARTS

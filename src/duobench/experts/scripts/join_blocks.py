@@ -10,18 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from duobench.experts.motion import (
-    CAREFUL,
-    Arms,
-    Script,
-    down,
-    move,
-    pick,
-    release,
-    together,
-    tool_for,
-    wait,
-)
+from duobench.experts.handling import pick, tool_for
+from duobench.experts.motion import CAREFUL, Arms, Script, down, move, release, together, wait
 from duobench.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from duobench.experts.handling import tool_for
 from duobench.experts.motion import (
     CAREFUL,
     Arms,
@@ -23,7 +24,6 @@ from duobench.experts.motion import (
     move,
     release,
     together,
-    tool_for,
     wait_until,
 )
 from duobench.objects.cup import HEIGHT, INNER_RADIUS

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duobench.experts.handling import pick_cube, put_in
 from duobench.experts.motion import (
     CAREFUL,
     CLOSED,
@@ -22,10 +23,7 @@ from duobench.experts.motion import (
     follow,
     grip,
     move,
-    pick_cube,
-    release,
     together,
-    wait_until,
 )
 from duobench.objects.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X
 from duobench.spatial import SE3
@@ -58,8 +56,6 @@ _CARRY_HEIGHT, _ABOVE_RIM = 0.20, 0.15
 _LEAN = 0.25
 """How far the inserting hand leans to its own side, in radians, away from the hand that holds the
 lid."""
-LET_GO = 0.75
-"""Opening that frees the cube and still fits between the walls."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -94,16 +90,13 @@ def script(arms: Arms) -> Script:
 
 def insert(arms: Arms, way: Insertion) -> Script:
     """One arm opens the chest and holds it open while the other one puts the cube in."""
-    yield from together(open_lid(arms, way), bring(arms, way))
-
-
-def bring(arms: Arms, way: Insertion = PLAIN) -> Script:
-    """The inserting arm puts the cube in as soon as the lid is open."""
-    yield from fetch(arms, way)
     enough = way.open_angle - _NEARLY
-    yield from wait_until(lambda: arms.sim.angle("chest/lid") >= enough, 300)
-    yield from lower(arms, way)
-    yield from release(arms, way.side, opening=LET_GO)
+
+    def is_open() -> bool:
+        return arms.sim.angle("chest/lid") >= enough
+
+    bring = put_in(arms, way.side, fetch(arms, way), is_open, lower(arms, way), max_steps=300)
+    yield from together(open_lid(arms, way), bring)
 
 
 def _lifting(chest: SE3, holder: Side, x: float, z: float) -> SE3:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from duobench.experts.motion import Arms, Script, down, pick_cube, place, together
+from duobench.experts.handling import pick_cube, place
+from duobench.experts.motion import Arms, Script, down, together
 from duobench.types import Side
 
 _GRASP_HEIGHT = 0.028

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from duobench.experts.blind import TILTS, ball_maze
+from duobench.experts.scripts.blind import TILTS, ball_maze
 from duobench.objects.mazes import MAZES
 from duobench.tasks.ball_maze import TASK
 from tests.task_harness import TaskHarness

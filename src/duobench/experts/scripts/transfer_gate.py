@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from duobench.experts.handling import tool_for
 from duobench.experts.handover import (
     Bar,
     clasp,
@@ -17,16 +18,7 @@ from duobench.experts.handover import (
     tool,
     turn_to_camera,
 )
-from duobench.experts.motion import (
-    CAREFUL,
-    NEAR,
-    Arms,
-    Script,
-    move,
-    together,
-    tool_for,
-    wait_until,
-)
+from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, together, wait_until
 from duobench.objects.blocks import LONG_BLOCK
 from duobench.objects.gate import MAT_THICKNESS, RING_HEIGHT
 from duobench.spatial import SE3

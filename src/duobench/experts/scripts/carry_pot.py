@@ -5,18 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from duobench.experts.motion import (
-    CAREFUL,
-    Arms,
-    Script,
-    carry,
-    come_down,
-    down,
-    grip,
-    move,
-    release,
-    wait,
-)
+from duobench.experts.handling import carry, come_down
+from duobench.experts.motion import CAREFUL, Arms, Script, down, grip, move, release, wait
 from duobench.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from duobench.experts.handling import place
 from duobench.experts.handover import Bar, clasp, let_go, pick_bar, present, receive_pose, tool
-from duobench.experts.motion import NEAR, Arms, Script, move, place, together
+from duobench.experts.motion import NEAR, Arms, Script, move, together
 from duobench.types import Side
 
 BAR = Bar(body="cube", giver=Side.RIGHT, grip=0.026, height=0.028)

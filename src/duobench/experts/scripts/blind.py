@@ -11,15 +11,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from duobench.experts.ball_maze import TiltedBoard, take_up
 from duobench.experts.motion import Arms, Script
+from duobench.experts.scripts.ball_maze import TiltedBoard, take_up
 from duobench.objects.mazes import Direction
 from duobench.types import SIDES
 
 E, N, W, S = Direction
 TILTS: tuple[Direction, ...] = (N, E, S, E, N, W, S, E, S, W, S, E, N, E, S, E)
 """The shortest sequence that brings the ball to rest in the goal of as many boards as any of at
-most 19 tilts does; `python -m tools.mazes` finds it."""
+most 19 tilts does; `python -m tools.mazes` proves it."""
 TILT_STEPS = 16
 """Control steps that a tilt takes: the ball runs through the whole board, and rests for half a
 second where a tilt leaves it."""

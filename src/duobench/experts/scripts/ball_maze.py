@@ -8,16 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.experts.motion import (
-    CONTROL_STEP,
-    Arms,
-    Script,
-    carry,
-    come_down,
-    down,
-    grip,
-    nearest_turn,
-)
+from duobench.experts.handling import carry, come_down
+from duobench.experts.motion import CONTROL_STEP, Arms, Script, down, grip, nearest_turn
 from duobench.objects.maze_board import GRIP_OFFSET, cell_at, cell_centre
 from duobench.objects.mazes import MAZES, Direction
 from duobench.spatial import SE3, dot, rotation_by

@@ -11,20 +11,8 @@ import math
 
 import numpy as np
 
-from duobench.experts.motion import (
-    CAREFUL,
-    NEAR,
-    Arms,
-    Script,
-    down,
-    follow,
-    grip,
-    move,
-    pick_cube,
-    release,
-    together,
-    wait_until,
-)
+from duobench.experts.handling import pick_cube, put_in
+from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, down, follow, grip, move, together
 from duobench.objects.microwave import BAR, FLOOR, FRONT, HEIGHT, HINGE
 from duobench.spatial import SE3
 from duobench.types import Side
@@ -56,21 +44,16 @@ _INSIDE = (FRONT + 0.054, 0.068, FLOOR + 0.042)
 """Tool where it lets the cube go, in the oven's frame."""
 _BEFORE = 0.10
 """How far the inserting tool stops ahead of where it lets go, along itself, in metres."""
-LET_GO = 0.75
-"""Opening that frees the cube."""
 
 
 def script(arms: Arms) -> Script:
     """Open the door, hold it open, put the cube in."""
-    yield from together(open_door(arms), bring(arms))
 
+    def is_open() -> bool:
+        return arms.sim.angle("microwave/door") >= _ENOUGH
 
-def bring(arms: Arms) -> Script:
-    """The right arm puts the cube in as soon as the door is open."""
-    yield from fetch(arms)
-    yield from wait_until(lambda: arms.sim.angle("microwave/door") >= _ENOUGH, 500)
-    yield from reach_in(arms)
-    yield from release(arms, INSERTER, opening=LET_GO)
+    bring = put_in(arms, INSERTER, fetch(arms), is_open, reach_in(arms), max_steps=500)
+    yield from together(open_door(arms), bring)
 
 
 def at_bar(oven: SE3, angle: float) -> SE3:

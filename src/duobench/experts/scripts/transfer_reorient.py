@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from duobench.experts.handling import tool_for
 from duobench.experts.handover import (
     Bar,
     clasp,
@@ -17,7 +18,7 @@ from duobench.experts.handover import (
     tool,
     turn_to_camera,
 )
-from duobench.experts.motion import NEAR, Arms, Script, move, nearest_turn, together, tool_for
+from duobench.experts.motion import NEAR, Arms, Script, move, nearest_turn, together
 from duobench.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 from duobench.spatial import SE3
 from duobench.types import Side

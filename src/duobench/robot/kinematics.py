@@ -1,0 +1,42 @@
+"""Forward kinematics of both arms in NumPy alone, as real arms need it.
+
+The link frames are those of MuJoCo Menagerie's `franka_fr3` (`robot.fr3_links`), and bases and
+tools those of `robot.frames`: the numbers that the simulated robot is built from, so both agree.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from duobench.robot.fr3_links import LINKS
+from duobench.robot.frames import BASE_POSES, LINK7_FROM_TCP
+from duobench.spatial import SE3
+from duobench.types import ARM_JOINTS, SIDES, Array, Side
+
+_Z = (0.0, 0.0, 1.0)
+_FRAMES = tuple(SE3.from_wxyz(link.wxyz, link.position) for link in LINKS if link.joint is not None)
+"""Pose of each link that turns in the one before it, at joint position 0; link 0 is the base."""
+
+
+def tool_pose(side: Side, joints: ArrayLike) -> SE3:
+    """Tool pose of one arm in the table frame at joint positions (7,) in radians."""
+    pose = BASE_POSES[side]
+    for frame, angle in zip(_FRAMES, np.asarray(joints).tolist(), strict=True):
+        pose = pose @ frame @ SE3.about(_Z, angle)
+    return pose @ LINK7_FROM_TCP
+
+
+def tcp_poses(joints: ArrayLike) -> Array:
+    """Tool poses of both arms, as a `DuoState` has them.
+
+    Args:
+        joints: Joint positions (2, 7) in radians, left then right.
+
+    Returns:
+        Tool centre points in the table frame (2, 7), x y z qx qy qz qw each, with qx >= 0.
+    """
+    rows = np.asarray(joints, dtype=np.float64).reshape(len(SIDES), ARM_JOINTS)
+    poses = np.array([tool_pose(side, row).tquat for side, row in zip(SIDES, rows, strict=True)])
+    poses[poses[:, 3] < 0.0, 3:] *= -1.0
+    return poses

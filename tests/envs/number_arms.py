@@ -1,0 +1,74 @@
+"""A backend without any simulation, whose images and health tests can spoil."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from duobench.backend import DuoLimits, Image
+from duobench.robot.joints import HOME_JOINTS
+from duobench.robot.kinematics import tcp_poses
+from duobench.types import DuoCommand, DuoState
+
+
+class NumberArms:
+    """Arms that are at once where they are sent, but never lower their left joint 2."""
+
+    limits = DuoLimits(
+        low=np.tile([*[-3.0] * 7, 0.0], 2),
+        high=np.tile([*[4.0] * 7, 1.0], 2),
+        max_change=np.tile([*[0.1] * 7, np.inf], 2),
+    )
+    time = 0.0
+
+    def __init__(self) -> None:
+        self.last_command = DuoCommand(joints=HOME_JOINTS + 0.2, openings=np.zeros(2))
+        self.held: str | None = None
+        self.calls: list[str] = []
+        self.images_taken: list[tuple[Sequence[str], tuple[int, int]]] = []
+        self.ages: dict[str, float] = {}
+        self.fault: str | None = None
+
+    def start(self) -> None:
+        self.calls.append("start")
+
+    def stop(self) -> None:
+        self.calls.append("stop")
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+    def home(self) -> None:
+        self.last_command = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
+        self.held = None
+
+    def hold(self, reason: str) -> None:
+        self.held = self.held or reason
+
+    def health(self) -> str | None:
+        return self.fault
+
+    def image_ages(self) -> Mapping[str, float]:
+        return self.ages
+
+    def joint_velocities(self) -> np.ndarray:
+        return np.zeros((2, 7))
+
+    def read(self) -> DuoState:
+        return DuoState(
+            joints=self.last_command.joints,
+            openings=self.last_command.openings,
+            tcp_poses=tcp_poses(self.last_command.joints),
+        )
+
+    def command(self, command: DuoCommand) -> DuoCommand:
+        if self.held is None:
+            joints = command.joints.copy()
+            joints[0, 1] = max(joints[0, 1], self.last_command.joints[0, 1])
+            self.last_command = DuoCommand(joints=joints, openings=command.openings)
+        return self.last_command
+
+    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> Mapping[str, Image]:
+        self.images_taken.append((cameras, shape))
+        return {name: np.full((*shape, 3), 7, np.uint8) for name in cameras}

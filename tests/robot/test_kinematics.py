@@ -1,0 +1,36 @@
+"""Forward kinematics from link frames, against MuJoCo's."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
+from duobench.robot.kinematics import tcp_poses, tool_pose
+from duobench.scene.compose import compose
+from duobench.sim.duo import Duo
+from duobench.spatial import SE3
+from duobench.types import SIDES
+
+
+@pytest.fixture(scope="module")
+def engine() -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = compose(()).compile()
+    return model, mujoco.MjData(model)
+
+
+def test_tool_poses_are_those_of_the_engine(engine: tuple[mujoco.MjModel, mujoco.MjData]) -> None:
+    duo, rng = Duo(*engine), np.random.default_rng(0)
+    low, high = JOINT_RANGES.T
+    for joints in (HOME_JOINTS, *rng.uniform(low, high, size=(200, 2, len(low)))):
+        engine[1].qpos[duo.joints] = joints
+        mujoco.mj_kinematics(*engine)
+        np.testing.assert_allclose(tcp_poses(joints), duo.read().tcp_poses, rtol=0, atol=1e-9)
+
+
+def test_the_tool_turns_with_the_last_joint_alone_and_stays_in_place() -> None:
+    for side in SIDES:
+        before = tool_pose(side, HOME_JOINTS[side.index])
+        after = tool_pose(side, HOME_JOINTS[side.index] + [0, 0, 0, 0, 0, 0, 0.3])
+        turned = before @ SE3.about((0, 0, 1), 0.3)
+        np.testing.assert_allclose(after.rotation, turned.rotation, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(after.translation, before.translation, rtol=0, atol=1e-12)
