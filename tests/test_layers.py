@@ -16,8 +16,11 @@ import duobench
 # itself; rooms of one line are siblings, which never import each other.
 FLOORS = (
     ("errors",),
-    ("types", "randomness", "files", "references", "versions", "pages", "installing"),
-    ("spatial", "backend"),
+    (
+        *("types", "randomness", "files", "processes", "references", "versions", "pages"),
+        "installing",
+    ),
+    ("spatial", "backend", "video"),
     ("objects",),
     ("scene",),
     ("sim",),
