@@ -1,7 +1,8 @@
+import pickle
 import re
 from pathlib import Path
 
-from duobench.errors import LONGEST_TEXT, printable, traceback_text
+from duobench.errors import LONGEST_TEXT, UnknownNameError, printable, traceback_text
 from tests.evaluation import toy_tasks
 
 
@@ -34,3 +35,10 @@ def test_text_of_an_error_can_be_written_and_printed() -> None:
     text = traceback_text(FileNotFoundError("w-\udcff.bin\x1b[31m\r\x9b"))
     assert text == "FileNotFoundError: w-\\udcff.bin\\x1b[31m\\x0d\\x9b\n"
     text.encode()
+
+
+def test_error_with_a_composed_message_can_be_pickled() -> None:
+    error = UnknownNameError("task", "bin_srot", ["bin_sort"])
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is UnknownNameError
+    assert str(again) == str(error)

@@ -1,10 +1,16 @@
+from __future__ import annotations
+
 import os
 import signal
 import subprocess
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from duobench.files import remove_temporary, write
+import pytest
+
+from duobench.errors import FileError, OtherRunError
+from duobench.files import begin_or_continue, differences, remove_temporary, write
 
 
 def test_file_appears_with_its_bytes_and_nothing_else(tmp_path: Path) -> None:
@@ -56,3 +62,47 @@ def test_killed_writer_leaves_rubbish_that_is_removed(tmp_path: Path) -> None:
     assert list(path.parent.iterdir())
     remove_temporary(tmp_path)
     assert not list(path.parent.iterdir())
+
+
+@dataclass(frozen=True)
+class Plan:
+    look: str = "dark"
+    files: dict[str, int] = field(default_factory=dict)
+
+    def differences(self, other: Plan) -> list[str]:
+        return differences(vars(self), vars(other))
+
+
+def begin(folder: Path, plan: Plan, **options: bool) -> None:
+    begin_or_continue(folder, folder / "meta" / "plan.json", plan, 1, what="plan", **options)
+
+
+def test_folder_is_begun_once_and_then_holds_nothing_else(tmp_path: Path) -> None:
+    folder, plan = tmp_path / "new", Plan(files={"a": 1, "b": 2})
+    begin(folder, plan)
+    before = (folder / "meta" / "plan.json").read_bytes()
+    (folder / "result.txt").write_text("42")
+    begin(folder, plan)
+    other = Plan(look="light", files={"b": 3, "c": 4, "d": 5})
+    message = "another plan; this one has look light instead of dark; files 2 added, 1 removed, 1 c"
+    with pytest.raises(OtherRunError, match=message):
+        begin(folder, other)
+    begin(folder, other, is_final=False)
+    assert (folder / "meta" / "plan.json").read_bytes() == before
+    (folder / "meta" / "plan.json").write_text("{}")
+    with pytest.raises(FileError, match=r"Cannot read .*plan\.json"):
+        begin(folder, other, is_final=False)
+
+
+def test_folder_of_something_else_is_not_begun(tmp_path: Path) -> None:
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / ".plan.json.7.tmp").write_text("{")  # of one that was killed
+    (tmp_path / ".notes.txt.tmp").write_text("precious")
+    with pytest.raises(OtherRunError, match="is not empty and holds no plan"):
+        begin(tmp_path, Plan())
+    (tmp_path / ".notes.txt.tmp").unlink()
+    begin(tmp_path, Plan())
+
+
+def test_what_was_not_known_before_makes_no_difference() -> None:
+    assert differences({"a": 1, "b": 2}, {"a": 1, "c": 3}) == []

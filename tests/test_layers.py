@@ -16,9 +16,12 @@ import duobench
 # itself; rooms of one line are siblings, which never import each other.
 FLOORS = (
     ("errors",),
-    ("types", "randomness", "files", "references", "versions", "pages", "installing"),
+    (
+        *("types", "randomness", "files", "processes", "references", "versions", "pages"),
+        "installing",
+    ),
     ("checks", "lerobot_keys"),
-    ("spatial", "backend"),
+    ("spatial", "backend", "video"),
     ("robot",),
     ("looks", "objects"),
     ("scene",),

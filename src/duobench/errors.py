@@ -11,6 +11,7 @@ import sys
 import traceback
 from collections.abc import Collection, Iterable
 from pathlib import Path
+from typing import Any, Self
 
 LONGEST_LINE = 400
 """Characters of a traceback's line that are kept."""
@@ -20,6 +21,15 @@ LONGEST_TEXT = 20_000
 
 class DuoBenchError(Exception):
     """Base of every error that DuoBench raises on purpose."""
+
+    @classmethod
+    def from_message(cls, message: str) -> Self:
+        """The error whose message was composed before, such as in another process."""
+        return cls.__new__(cls, message)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let an error be pickled, whatever its message is composed of."""
+        return self.from_message, (str(self),)
 
 
 class AssetError(DuoBenchError):
@@ -109,20 +119,24 @@ class EvaluationError(DuoBenchError):
     """A run cannot begin or go on, or a file of it cannot be read."""
 
 
-class FileError(DataError, EvaluationError):
+class FileError(DuoBenchError):
     """A file of a run or of a data set is damaged, or of another version."""
 
 
-class OtherRunError(EvaluationError):
-    """The folder of a run holds something else: another run, or files that belong to none."""
+class OtherRunError(DuoBenchError):
+    """A folder holds something else: another run, export or data set, or files of none."""
 
 
-class OutputError(EvaluationError):
+class OutputError(DuoBenchError):
     """A file or a folder cannot be written: no room, no permission, in use."""
 
 
 class LockedError(OutputError):
     """A file or a folder is locked by another process, which is writing into it."""
+
+
+class VideoError(DuoBenchError):
+    """A video cannot be encoded."""
 
 
 class MachineryError(EvaluationError):

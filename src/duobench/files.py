@@ -7,18 +7,26 @@ import fcntl
 import json
 import os
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 import msgspec
 
-from duobench.errors import DuoBenchError, FileError, LockedError, OutputError
+from duobench.errors import DuoBenchError, FileError, LockedError, OtherRunError, OutputError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+    class Described(DataclassInstance, Protocol):
+        """What a folder holds, as a data class that says in what it differs from another one."""
+
+        def differences(self, other: Self) -> list[str]:
+            """In what another one differs, one phrase each; see the function of this name."""
+            ...
+
 
 T = TypeVar("T", bound="DataclassInstance")
 
@@ -169,14 +177,14 @@ def encode(value: DataclassInstance, schema: int) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def decode(text: bytes | str, kind: type[T], schema: int, older: Collection[int] = ()) -> T:
+def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = None) -> T:
     """A data class from the text that `encode` gave.
 
     Args:
         text: The text.
         kind: The data class.
-        schema: The schema that is written.
-        older: Earlier ones that are read too: fields that they lack have defaults.
+        schema: The version of its fields that is written today.
+        oldest: The first version whose fields it can take too; by default that of today.
 
     Raises:
         FileError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
@@ -189,8 +197,11 @@ def decode(text: bytes | str, kind: type[T], schema: int, older: Collection[int]
     if not isinstance(document, dict):
         raise FileError(f"A JSON object is expected, not a {type(document).__name__}.")
     actual = document.pop("schema", None)
-    if actual not in (schema, *older) or isinstance(actual, bool):
-        raise FileError(f"Schema {actual!r}; this version reads {schema}.")
+    readable = range(schema if oldest is None else oldest, schema + 1)
+    if actual not in readable or isinstance(actual, bool):
+        raise FileError(
+            f"Schema {actual!r}; this version reads {' and '.join(map(str, readable))}."
+        )
     if unknown := sorted(document.keys() - {field.name for field in fields(kind)}):
         raise FileError(f"Unknown fields: {', '.join(unknown)}.")
     try:
@@ -201,14 +212,86 @@ def decode(text: bytes | str, kind: type[T], schema: int, older: Collection[int]
         raise FileError(str(error)) from error
 
 
-def read(path: Path, kind: type[T], schema: int, older: Collection[int] = ()) -> T:
+def read(path: Path, kind: type[T], schema: int, oldest: int | None = None) -> T:
     """A data class from a file that `encode` filled.
 
     Raises:
         FileError: See `decode`; the message names file and field.
     """
     try:
-        return decode(path.read_bytes(), kind, schema, older)
+        return decode(path.read_bytes(), kind, schema, oldest)
     except (FileError, OSError) as error:
         reason = f"{error.strerror}." if isinstance(error, OSError) else error
         raise FileError(f"Cannot read {path}: {reason}") from error
+
+
+def begin_or_continue(
+    folder: Path,
+    description: Path,
+    value: Described,
+    schema: int,
+    *,
+    oldest: int | None = None,
+    what: str,
+    advice: str = "",
+    foreign: str = "**/*",
+    is_final: bool = True,
+) -> None:
+    """Write what a folder is to hold, or check that it is what the folder holds already.
+
+    Args:
+        folder: The folder, which is made if it is missing.
+        description: The file in it that says what it holds; one that is there is left as it is.
+        value: What it is to hold.
+        schema: Version of the value's class.
+        oldest: The first version that is read, see `decode`.
+        what: What that is, for messages: "export".
+        advice: A sentence that ends the message of an error.
+        foreign: Pattern of files that may not be in the folder before it is described.
+        is_final: Whether the folder must hold just that; if not, only the file has to be readable.
+
+    Raises:
+        OtherRunError: The folder holds another one, or files that belong to none.
+        FileError: The description cannot be read.
+        OutputError: It cannot be written.
+    """
+    if not description.exists():
+        make_folder(folder)
+        ours = f".{description.name}.*{TEMPORARY_SUFFIX}"  # of one that was killed while it began
+        others = (path for path in folder.glob(foreign) if not path.is_dir())
+        if all(path.match(ours) for path in others):
+            write(description, encode(value, schema))
+            return
+        if not description.exists():  # else another process has begun the same
+            raise OtherRunError(f"{folder} is not empty and holds no {what}. {advice}".strip())
+    found = value.differences(read(description, type(value), schema, oldest))
+    if found and is_final:
+        raise OtherRunError(
+            f"{folder} holds another {what}; this one has {'; '.join(found)}. {advice}".strip()
+        )
+
+
+def differences(now: Mapping[str, object], before: Mapping[str, object]) -> list[str]:
+    """What is different now, one phrase each: `look dark instead of default`.
+
+    Args:
+        now: Facts by their names in words; of mappings, such as files by name, only the numbers of
+            entries that differ are said.
+        before: The earlier facts; those that were not known then make no difference.
+    """
+    return [
+        f"{name} {_changes(fact, earlier)}"
+        for name, fact in now.items()
+        if fact != (earlier := before.get(name, fact))
+    ]
+
+
+def _changes(now: object, before: object) -> str:
+    if not (isinstance(now, Mapping) and isinstance(before, Mapping)):
+        return f"{now} instead of {before}"
+    counts = {
+        "added": len(now.keys() - before.keys()),
+        "removed": len(before.keys() - now.keys()),
+        "changed": sum(now[name] != before[name] for name in now.keys() & before.keys()),
+    }
+    return ", ".join(f"{count} {what}" for what, count in counts.items() if count)

@@ -15,7 +15,7 @@ import pytest
 from duobench.data import Actor, DataSet, Recording, stream
 from duobench.data.schema import INFO_KEY
 from duobench.data.stream import BATCH_ROWS, recover
-from duobench.errors import DataError, OutputError
+from duobench.errors import DataError, FileError, OtherRunError, OutputError
 from tests.data.tools import TASK, equal, play, recorded, recorder, room
 from tests.envs.tools import wave
 
@@ -117,7 +117,7 @@ def test_columns_of_different_length_are_refused(example: tuple[Path, Recording]
 @pytest.mark.parametrize("content", ["{}", "nothing", '{"schema": 9}'])
 def test_a_folder_of_another_kind_is_refused(tmp_path: Path, content: str) -> None:
     (tmp_path / "dataset.json").write_text(content)
-    with pytest.raises(DataError, match=r"dataset\.json"):
+    with pytest.raises(FileError, match=r"dataset\.json"):
         DataSet.open(tmp_path)
 
 
@@ -125,7 +125,7 @@ def test_folders_that_hold_something_else_are_left_alone(tmp_path: Path) -> None
     with pytest.raises(DataError, match="holds no data set"):
         DataSet.open(tmp_path / "new", create=False)
     (tmp_path / "thesis.tex").write_text("...")
-    with pytest.raises(DataError, match="not empty"):
+    with pytest.raises(OtherRunError, match="not empty"):
         DataSet.open(tmp_path)
 
 

@@ -116,7 +116,7 @@ def test_episodes_of_another_origin_are_not_mixed_in(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path / "a")
     played(data, episodes=1)
     (data.path / "record.json").unlink()
-    with pytest.raises(OtherRunError, match="recorded in another way"):
+    with pytest.raises(OtherRunError, match="is not empty and holds no recording"):
         played(data, episodes=1)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from duobench.envs.config import EnvConfig
-from duobench.errors import EvaluationError, OtherRunError, OutputError
+from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError, OutputError
 from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import RECORD_SCHEMA
@@ -99,7 +99,7 @@ def test_run_killed_while_it_described_itself_can_be_begun_again(tmp_path: Path)
 
 def test_folder_with_strange_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
-    with pytest.raises(EvaluationError, match="not empty and holds no evaluation"):
+    with pytest.raises(OtherRunError, match="not empty and holds no evaluation"):
         RunFolder(tmp_path).begin(sample_run())
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
@@ -161,14 +161,14 @@ def test_folder_without_a_run_says_how_to_make_one(tmp_path: Path) -> None:
 
 def test_unreadable_description_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{}")
-    with pytest.raises(EvaluationError, match=r"Cannot read .*run\.json"):
+    with pytest.raises(FileError, match=r"Cannot read .*run\.json"):
         RunFolder(tmp_path).read_run()
 
 
 def test_record_that_cannot_be_read_says_how_to_go_on(tmp_path: Path) -> None:
     folder = sample_folder(tmp_path, sample_run(), [])
     folder.record("lift", 2).mkdir(parents=True)
-    with pytest.raises(EvaluationError, match=r"00002\.json: Is a directory\. Delete the file and"):
+    with pytest.raises(FileError, match=r"00002\.json: Is a directory\. Delete the file and"):
         folder.read_records(sample_run())
 
 
@@ -218,7 +218,7 @@ def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> N
     ) as other:
         assert other.stdout
         assert other.stdout.readline() == "locked\n"
-        with pytest.raises(EvaluationError, match="Another process"), locked(tmp_path):
+        with pytest.raises(LockedError, match="Another process"), locked(tmp_path):
             pass
         other.kill()
         other.wait()

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import EvaluationError
+from duobench.errors import EvaluationError, FileError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.files import encode, read, write
 from tests.evaluation.samples import LIFT, sample_record, sample_records, sample_run
@@ -80,7 +80,7 @@ def broken_texts() -> dict[str, str]:
 def test_broken_file_is_named(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "00003.json"
     path.write_text(broken_texts()[kind])
-    with pytest.raises(EvaluationError, match=r"Cannot read .*00003\.json: "):
+    with pytest.raises(FileError, match=r"Cannot read .*00003\.json: "):
         read_record(path)
 
 
@@ -107,7 +107,7 @@ def test_wrong_type_is_refused_with_file_and_field(
     path.write_text(
         json.dumps({**json.loads(encode(sample_record(), RECORD_SCHEMA)), field: value})
     )
-    with pytest.raises(EvaluationError, match=rf"00003\.json: {re.escape(found)} - at `{field}"):
+    with pytest.raises(FileError, match=rf"00003\.json: {re.escape(found)} - at `{field}"):
         read_record(path)
 
 
@@ -115,5 +115,5 @@ def test_file_that_is_no_text_or_no_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "r.json").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "folder.json").mkdir()
     for name in ("r.json", "folder.json"):
-        with pytest.raises(EvaluationError, match=f"Cannot read .*{name}"):
+        with pytest.raises(FileError, match=f"Cannot read .*{name}"):
             read_record(tmp_path / name)

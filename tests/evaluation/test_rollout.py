@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.envs.execution import Step
 from duobench.errors import PolicyError
-from duobench.evaluation.rollout import Step, Watcher, rollout
+from duobench.evaluation.rollout import Watcher, rollout
 from duobench.policy import HoldPolicy, make
 from duobench.randomness import SPLITS, episode_seed, policy_seed
 from tests.evaluation import toy_tasks

@@ -9,6 +9,7 @@ import pytest
 from duobench.errors import (
     DuoBenchError,
     EvaluationError,
+    FileError,
     ImportPathError,
     UnknownNameError,
 )
@@ -27,7 +28,7 @@ def test_description_survives_its_text() -> None:
     "text", ["", "[]", "{}", '{"schema": 2}', '{"schema": 3}', "null", "[" * 99_999]
 )
 def test_other_text_is_refused(text: str) -> None:
-    with pytest.raises(EvaluationError):
+    with pytest.raises(FileError):
         decode(text.encode(), Run, RUN_SCHEMA)
 
 

@@ -72,8 +72,8 @@ def evaluate(port: int, task: str, options: dict[str, Any]) -> None:
                 infos.append(dict(obs.obs["left"].info))
             return obs, info
 
-        def step(self, action: Any) -> Any:
-            result = super().step(action)
+        def chunk_step(self, actions: Any, max_steps: int | None = None) -> Any:
+            result = super().chunk_step(actions, max_steps)
             if result[2] or result[3]:
                 ends.append(self.env.get_wrapper_attr("state_hash")())
             return result

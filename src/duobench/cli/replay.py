@@ -95,9 +95,10 @@ def _by_states(
 ) -> None:
     from duobench.data import ImageSource, Recording
     from duobench.evaluation.folder import VIDEO_SUFFIX
-    from duobench.evaluation.video import encode_video
-    from duobench.files import write
+    from duobench.evaluation.video import FRAME_RATE
+    from duobench.files import replacing
     from duobench.tasks import catalog
+    from duobench.video import VP9, write_video
 
     if not cameras:
         raise DataError("A video shows at least one camera; --cameras names none.")
@@ -108,9 +109,9 @@ def _by_states(
             for path in paths:
                 recording = Recording.read(path)
                 target = out / path.parent.name / f"{path.stem}{VIDEO_SUFFIX}"
-                if (video := encode_video(_frames(source, recording))) is not None:
-                    write(target, video)
-                    screen.print(str(target))
+                with replacing(target) as temporary:
+                    write_video(_frames(source, recording), temporary, VP9, FRAME_RATE)
+                screen.print(str(target))
 
 
 def _frames(source: ImageSource, recording: Recording) -> Iterator[Image]:

@@ -32,7 +32,8 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
 
     Raises:
         NamesTakenError: Two different episodes have the same name.
-        DataError: There is no data set, a file cannot be read, or the folder holds something else.
+        DataError: There is no data set, or a file cannot be read.
+        OtherRunError: The folder holds something else.
         OutputError: A file cannot be written, or another process is writing into the folder.
     """
     if not sources:

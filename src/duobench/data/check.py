@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -57,9 +58,10 @@ def find_problems(
     ]
     paths = data.episodes()
     progress(0, len(paths))
-    for done, faults in enumerate(run_all(_checker, paths, workers), start=1):
-        problems += faults
-        progress(done, len(paths))
+    with closing(run_all(_checker, paths, workers)) as results:
+        for done, faults in enumerate(results, start=1):
+            problems += faults
+            progress(done, len(paths))
     return sorted(problems, key=lambda problem: (str(problem.path), problem.what))
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from duobench.data import stream
 from duobench.data.recording import Recording
-from duobench.data.schema import OLDER_SCHEMAS, SCHEMA, EpisodeInfo
+from duobench.data.schema import OLDEST_SCHEMA, SCHEMA, EpisodeInfo
 from duobench.errors import DataError, check_known
-from duobench.files import TEMPORARY_SUFFIX, encode, lock, make_folder, read, write, writing
+from duobench.files import begin_or_continue, differences, lock, read, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
@@ -36,6 +36,11 @@ class Description:
     how: str = ""
     """The command that made it, if one command did."""
 
+    def differences(self, other: Description) -> list[str]:
+        """What keeps its episodes out of another data set: suites have their own layouts."""
+        now, before = self.suite_version, other.suite_version
+        return differences({"suite version": now}, {"suite version": before})
+
 
 @dataclass(frozen=True, slots=True)
 class DataSet:
@@ -54,27 +59,18 @@ class DataSet:
             how: The command that makes it.
 
         Raises:
-            DataError: The folder holds something else, or a data set of another version or suite.
+            DataError: There is none, and none is to be made.
+            OtherRunError: The folder holds something else, or a data set of another suite.
+            FileError: Its description cannot be read, or is of another version.
             OutputError: It cannot be made.
         """
         data = DataSet(Path(path).absolute())
-        # Listed first: another process may be making the same data set.
-        entries = list(data.path.iterdir()) if data.path.is_dir() else []
-        if data.description.exists():
-            about = data.read_description()
-            if about.suite_version != SUITE_VERSION:
-                raise DataError(
-                    f"{data.path} belongs to suite {about.suite_version}, this version has suite "
-                    f"{SUITE_VERSION}: states and layouts of one mean nothing in the other."
-                )
-            return data
-        if not create:
+        if not create and not data.description.exists():
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
-        if not all(each.match(f".*{TEMPORARY_SUFFIX}") for each in entries):
-            raise DataError(f"{data.path} is not empty and holds no data set: {DESCRIPTION}.")
-        make_folder(data.path)
         about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)
-        write(data.description, encode(about, SCHEMA))
+        begin_or_continue(
+            data.path, data.description, about, SCHEMA, oldest=OLDEST_SCHEMA, what="data set"
+        )
         return data
 
     @property
@@ -86,9 +82,9 @@ class DataSet:
         """What is said about the whole.
 
         Raises:
-            DataError: It cannot be read, or is of another version.
+            FileError: It cannot be read, or is of another version.
         """
-        return read(self.description, Description, SCHEMA, OLDER_SCHEMAS)
+        return read(self.description, Description, SCHEMA, OLDEST_SCHEMA)
 
     def episode(self, task: str, name: str) -> Path:
         """File of an episode."""

@@ -2,40 +2,33 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
-import threading
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
-from typing import Any, TypeVar, cast
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import cache, partial
+from itertools import islice
+from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any, TypeVar
 
-from duobench import errors
 from duobench.errors import DataError, DuoBenchError, traceback_text
+from duobench.processes import watch_parent
 
 J = TypeVar("J")
 R = TypeVar("R")
 Progress = Callable[[int, int], None]
 """Told how many of how many things are done."""
-DEATH_S = 10.0
-"""How long the end of a process is waited for, in seconds."""
+_LOOK_S = 0.5
+"""How often is looked whether all processes still live, in seconds."""
 _SAFE_PATH = "PYTHONSAFEPATH"
 """Variable that does what Python's option -P does."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Failure:
-    """Why a job could not be done."""
-
-    kind: str
-    message: str
-
-
-def run_all(make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: int) -> Iterator[R]:
+def run_all(
+    make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: int
+) -> Generator[R, None, None]:
     """Do jobs, each exactly once.
 
     Args:
@@ -46,7 +39,8 @@ def run_all(make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: in
             this needs an `if __name__ == "__main__":` guard. With 0 this process does the jobs.
 
     Yields:
-        The results, in the order in which they are finished.
+        The results, in the order in which they are finished. Processes go on until the iterator is
+        closed.
 
     Raises:
         DuoBenchError: A job raised it; the others end here.
@@ -56,36 +50,54 @@ def run_all(make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: in
         raise DataError(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
-    if workers == 0:
+    if workers == 0 or not jobs:
         yield from map(make(), jobs)
         return
-    waiting = deque(jobs)
-    processes: dict[Connection, BaseProcess] = {}
-    try:
-        for _ in range(min(workers, len(jobs))):
-            connection, process = _start(make)
-            processes[connection] = process
-            _send(connection, waiting.popleft())
-        while processes:
-            for connection in cast("list[Connection]", wait(list(processes))):
-                yield _result(connection, processes[connection])
-                if waiting:
-                    _send(connection, waiting.popleft())
-                else:
-                    _end(processes.pop(connection))
-    finally:
-        for process in processes.values():
-            _end(process)
-
-
-def _start(make: Callable[[], Callable[[Any], Any]]) -> tuple[Connection, BaseProcess]:
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = cast("tuple[Connection, Connection]", context.Pipe())
-    process = context.Process(target=_work, args=(make, theirs), daemon=True)
+    workers, waiting, context = min(workers, len(jobs)), iter(jobs), _Spawn()
     with _safe_path():
-        process.start()
-    theirs.close()
-    return ours, process
+        pool = ProcessPoolExecutor(
+            workers, context, initializer=_begin, initargs=(os.getpid(), make)
+        )
+
+    def submit(most: int) -> set[Future[R]]:
+        with _safe_path():
+            return {pool.submit(_do, job) for job in islice(waiting, most)}
+
+    try:
+        running = submit(workers)
+        while running:
+            done, running = wait(running, _LOOK_S, FIRST_COMPLETED)
+            if not done and any(process.exitcode is not None for process in context.processes):
+                raise BrokenProcessPool  # the pool misses the death of one that has just started
+            for job in done:
+                running |= submit(1)
+                yield job.result()
+    except BrokenProcessPool as error:
+        pool.shutdown()  # it terminates the others
+        codes = [process.exitcode for process in context.processes]
+        code = next((code for code in codes if code != -signal.SIGTERM), -signal.SIGTERM)
+        raise DataError(
+            f"A process ended in the middle of its work, with exit code {code}. What is finished "
+            "is kept; the same call goes on from there."
+        ) from error
+    finally:
+        for process in context.processes:
+            process.kill()  # it holds nothing that has to be put away
+        pool.shutdown(cancel_futures=True)
+
+
+class _Spawn(SpawnContext):
+    """New processes, which are known here: the library can neither kill them nor say their end."""
+
+    def __init__(self) -> None:
+        self.processes: list[SpawnProcess] = []
+
+    def Process(  # noqa: N802 - the library's name # pyright: ignore[reportIncompatibleVariableOverride]
+        self, *args: Any, **kwargs: Any
+    ) -> SpawnProcess:
+        """A process that is still to be started."""
+        self.processes.append(SpawnProcess(*args, **kwargs))
+        return self.processes[-1]
 
 
 @contextmanager
@@ -101,58 +113,23 @@ def _safe_path() -> Iterator[None]:
             os.environ[_SAFE_PATH] = before
 
 
-def _end(process: BaseProcess) -> None:
-    process.kill()  # it holds nothing that has to be put away
-    process.join(DEATH_S)
+_made: Callable[[], Callable[[Any], Any]]
+"""Gives what does the jobs of this worker, and makes it first."""
 
 
-def _send(connection: Connection, job: Any) -> None:
-    """Send a job; that a process has ended shows when its result is asked for."""
-    with suppress(ConnectionError):
-        connection.send(job)
-
-
-def _result(connection: Connection, process: BaseProcess) -> Any:
-    try:
-        result = connection.recv()
-    except (EOFError, ConnectionError) as error:
-        process.join(DEATH_S)
-        raise DataError(
-            f"A process ended in the middle of its work, with exit code {process.exitcode}. What "
-            "is finished is kept; the same call goes on from there."
-        ) from error
-    if isinstance(result, _Failure):
-        kind = getattr(errors, result.kind, DataError)
-        raise kind.__new__(kind, result.message)
-    return result
-
-
-def _work(make: Callable[[], Callable[[Any], Any]], connection: Connection) -> None:
-    """What a process does until nobody wants anything of it any more."""
+def _begin(parent: int, make: Callable[[], Callable[[Any], Any]]) -> None:
+    """Prepare a worker."""
+    global _made  # noqa: PLW0603 - what the library offers to a worker's jobs
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    watch_parent(parent, partial(os._exit, 1))
+    _made = cache(make)
+
+
+def _do(job: Any) -> Any:
+    """Do a job in a worker."""
     try:
-        do = make()
-        while (job := _next(connection)) is not None:
-            connection.send(do(job))
-    except DuoBenchError as error:
-        connection.send(_Failure(type(error).__name__, str(error)))
+        return _made()(job)
+    except DuoBenchError:
+        raise
     except Exception as error:  # noqa: BLE001 - a process boundary; the parent raises it
-        connection.send(_Failure(DataError.__name__, f"A worker failed.\n{traceback_text(error)}"))
-    # Taking the interpreter down is skipped: graphics drivers have crashed there.
-    os._exit(0)
-
-
-def _next(connection: Connection) -> Any:
-    try:
-        return connection.recv()
-    except EOFError:
-        return None
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent is gone, however it went."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
+        raise DataError(f"A worker failed.\n{traceback_text(error)}") from None

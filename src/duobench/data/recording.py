@@ -17,7 +17,7 @@ from duobench.data.parquet import to_arrow, to_bytes, to_numpy
 from duobench.data.schema import (
     COLUMNS,
     INFO_KEY,
-    OLDER_SCHEMAS,
+    OLDEST_SCHEMA,
     SCHEMA,
     Column,
     EpisodeInfo,
@@ -177,7 +177,7 @@ def _info_of(schema: pa.Schema) -> EpisodeInfo:
     if text is None:
         raise DataError("It is no recording of DuoBench: its metadata lacks the episode.")
     try:
-        return decode(text, EpisodeInfo, SCHEMA, OLDER_SCHEMAS)
+        return decode(text, EpisodeInfo, SCHEMA, OLDEST_SCHEMA)
     except FileError as error:
         raise DataError(f"The metadata of the episode is invalid: {error}") from error
 

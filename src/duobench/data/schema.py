@@ -23,8 +23,8 @@ from duobench.types import CONTROL_HZ
 
 SCHEMA = 2
 """Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
-OLDER_SCHEMAS = (1,)
-"""Versions that are read too: schema 1 did not say the action mode."""
+OLDEST_SCHEMA = 1
+"""First version that is read too: schema 1 did not say the action mode."""
 INFO_KEY = b"duobench.episode"
 """Key of the file's metadata under which `EpisodeInfo` stands as JSON."""
 

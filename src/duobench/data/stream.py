@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.data.recording import Recording
-from duobench.data.schema import COLUMNS, OLDER_SCHEMAS, SCHEMA, EpisodeInfo, Outcome
+from duobench.data.schema import COLUMNS, OLDEST_SCHEMA, SCHEMA, EpisodeInfo, Outcome
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
 
@@ -231,7 +231,7 @@ def _read(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
     try:
         data = partial.read_bytes()
         end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
-        head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA, OLDER_SCHEMAS)
+        head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA, OLDEST_SCHEMA)
         kind = head.row_type()
         rows = np.frombuffer(data[end:], kind, max(0, len(data) - end) // kind.itemsize)
     except (OSError, FileError, KeyError, ValueError) as error:

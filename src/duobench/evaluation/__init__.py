@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
+    from duobench.envs.execution import Step as Step
     from duobench.evaluation.choice import PolicyChoice as PolicyChoice
     from duobench.evaluation.demonstrations import Attempt as Attempt
     from duobench.evaluation.demonstrations import record as record
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from duobench.evaluation.records import EpisodeRecord as EpisodeRecord
     from duobench.evaluation.report import read_results as read_results
     from duobench.evaluation.report import write_report as write_report
-    from duobench.evaluation.rollout import Step as Step
     from duobench.evaluation.rollout import Watcher as Watcher
     from duobench.evaluation.rollout import rollout as rollout
     from duobench.evaluation.suite import Episode as Episode

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from duobench.data import DataSet, Recording
+from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.data.stream import INTERRUPTED
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.episode import RecordingPlan
@@ -20,7 +21,7 @@ from duobench.evaluation.evaluate import executor_for
 from duobench.evaluation.limits import TimeLimits
 from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Episode, Run, Suite, TaskInfo
-from duobench.files import encode, locked, read, remove_temporary, write
+from duobench.files import begin_or_continue, encode, locked, read, remove_temporary, write
 from duobench.randomness import TRAIN, episode_seed
 from duobench.versions import package_versions
 
@@ -101,8 +102,9 @@ def record(  # noqa: PLR0913
         Every episode that was played, by task and index.
 
     Raises:
-        EvaluationError: If the data set holds another recording, is in use or cannot be written, or
-            the policy hardly ever succeeds; what is finished is kept.
+        OtherRunError: If the data set holds another recording.
+        OutputError: If it is in use or cannot be written.
+        EvaluationError: If the policy hardly ever succeeds; what is finished is kept.
         PolicyError: If the policy cannot be made, or does not fit the environment.
     """
     limits = limits or TimeLimits()
@@ -144,17 +146,15 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
     """Begin a recording in a data set, or continue the one that is there."""
     path = data.path / RUN
     remove_temporary(data.path)
-    if path.exists():
-        before = read(path, Run, RUN_SCHEMA)
-        if differences := run.differences(before):
-            raise OtherRunError(
-                f"{data.path} holds another recording; this one has {'; '.join(differences)}."
-            )
-    elif data.episodes():
-        raise OtherRunError(
-            f"{data.path} holds episodes that were recorded in another way; record into a folder "
-            "of its own, and merge the two data sets afterwards."
-        )
+    begin_or_continue(
+        data.path,
+        path,
+        run,
+        RUN_SCHEMA,
+        what="recording",
+        foreign=f"{EPISODES}/*/*{SUFFIX}",
+        advice="Record into a folder of its own; data sets can be merged afterwards.",
+    )
     write(path, encode(run, RUN_SCHEMA))
     attempts = data.path / ATTEMPTS
     listed: tuple[Attempt, ...] = ()

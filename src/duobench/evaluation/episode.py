@@ -24,6 +24,7 @@ from duobench.errors import (
     MachineryError,
     OutputError,
     RenderingError,
+    VideoError,
     printable,
     traceback_text,
 )
@@ -183,7 +184,7 @@ class EpisodeRunner:
         try:
             with self._clock.playing():
                 rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)
-        except (RenderingError, MachineryError, OutputError) as fault:
+        except (RenderingError, MachineryError, OutputError, VideoError) as fault:
             if self._recorder is not None:
                 self._recorder.discard()
             self._close_environment()

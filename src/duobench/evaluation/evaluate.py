@@ -68,9 +68,11 @@ def evaluate(
         What all records of the run add up to.
 
     Raises:
-        EvaluationError: If the number of workers is negative, the folder cannot be written, holds
-            another run, is in use, or has a broken record; if episodes cannot be played
+        EvaluationError: If the number of workers is negative, episodes cannot be played
             (`MachineryError`), or records are missing at the end.
+        OtherRunError: If the folder holds another run.
+        OutputError: If the folder cannot be written, or is in use.
+        FileError: If a record is broken.
         PolicyError: If the policy cannot be made, or does not fit the environment.
         DuoBenchError: If the environment cannot be made.
     """

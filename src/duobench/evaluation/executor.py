@@ -18,7 +18,6 @@ from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.records import EpisodeRecorder
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.worker import (
-    LOOK_S,
     Faulty,
     Hosting,
     Play,
@@ -35,6 +34,8 @@ MAX_FAILED_STARTS = 3
 """Workers that die one after the other while they start, until the run gives up."""
 SHUTDOWN_TIMEOUT_S = 10.0
 """How long workers may take to free everything before they are killed, in seconds."""
+DEATH_SEEN_S = 1.0
+"""How long after a lost connection the end of a worker may be seen, in seconds."""
 HOST_DEATH_S = 0.5
 """How long after a lost connection the end of the policy's process may be seen, in seconds."""
 HANG_S = 1.0
@@ -217,7 +218,7 @@ class ProcessExecutor(_JobExecutor):
                 else:
                     fault = worker.death()
             except EOFError:
-                fault = worker.death_within(LOOK_S) or "its process closed the connection."
+                fault = worker.death_within(DEATH_SEEN_S) or "its process closed the connection."
             except MessageError as error:
                 fault = f"its result cannot be read ({error})."
             for report in reports:
@@ -252,8 +253,7 @@ class ProcessExecutor(_JobExecutor):
                     fault = f"of the policy, {death}"
                 self._replay(worker, fault)
             case Rejected(error=name, message=message):
-                kind = getattr(errors, name, EvaluationError)
-                raise kind.__new__(kind, message)
+                raise getattr(errors, name, EvaluationError).from_message(message)
 
     def _replay(self, worker: Worker, fault: str) -> None:
         """Have the episode of a worker played again."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from duobench.errors import EvaluationError, OtherRunError
+from duobench.errors import EvaluationError, FileError
 from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.evaluation.suite import RUN_SCHEMA, Episode, Run, TaskInfo
-from duobench.files import TEMPORARY_SUFFIX, encode, read, remove_temporary, write, writing
+from duobench.files import begin_or_continue, encode, read, remove_temporary, write, writing
 from duobench.randomness import SUITE_VERSION
 
 VIDEO_SUFFIX = ".webm"
@@ -53,17 +53,14 @@ class RunFolder:
         Raises:
             OtherRunError: If the folder holds another run, or files that belong to none.
         """
-        if self.description.exists():
-            differences = run.differences(self.read_run())
-            if differences and any(self.path.glob("records/*/*.json")):
-                raise OtherRunError(
-                    f"{self.path} holds another evaluation; this one has {'; '.join(differences)}."
-                )
-        elif self.path.exists() and not all(
-            each.match(f".{self.description.name}.*{TEMPORARY_SUFFIX}")  # of a run that was killed
-            for each in self.path.iterdir()
-        ):
-            raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
+        begin_or_continue(
+            self.path,
+            self.description,
+            run,
+            RUN_SCHEMA,
+            what="evaluation",
+            is_final=any(self.path.glob("records/*/*.json")),
+        )
         write(self.description, encode(run, RUN_SCHEMA))
         remove_temporary(self.path)
 
@@ -71,7 +68,8 @@ class RunFolder:
         """The description of the run.
 
         Raises:
-            EvaluationError: If there is none, or it cannot be read.
+            EvaluationError: If there is none.
+            FileError: If it cannot be read.
         """
         if not self.description.exists():
             raise EvaluationError(
@@ -83,7 +81,8 @@ class RunFolder:
         """The records of the episodes that are finished, in the order of the run.
 
         Raises:
-            EvaluationError: If a record cannot be read, or is of another episode or run.
+            FileError: If a record cannot be read.
+            EvaluationError: If a record is of another episode or run.
         """
         records = []
         for task in run.suite.tasks:
@@ -99,8 +98,8 @@ class RunFolder:
         path = self.record(task.id, index)
         try:
             record = read(path, EpisodeRecord, RECORD_SCHEMA)
-        except EvaluationError as error:
-            raise EvaluationError(
+        except FileError as error:
+            raise FileError(
                 f"{error} Delete the file and run the evaluation again: it plays only the missing "
                 "episodes."
             ) from error

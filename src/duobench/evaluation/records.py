@@ -14,8 +14,9 @@ import gymnasium as gym
 from msgspec import Meta
 
 from duobench.envs.config import EnvConfig
+from duobench.envs.execution import Step
 from duobench.errors import EvaluationError, PolicyTimeoutError, printable, traceback_text
-from duobench.evaluation.rollout import Info, Observation, Step
+from duobench.evaluation.rollout import Info, Observation
 from duobench.evaluation.suite import Episode, Setup
 from duobench.randomness import SUITE_VERSION
 

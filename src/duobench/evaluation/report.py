@@ -28,7 +28,8 @@ def read_results(folder: RunFolder) -> tuple[Run, Results]:
     """What the records in the folder of a run add up to; nothing is written.
 
     Raises:
-        EvaluationError: If the folder holds no run, or a record cannot be read.
+        EvaluationError: If the folder holds no run, or a record of another one.
+        FileError: If a record cannot be read.
     """
     run = folder.read_run()
     return run, summarize(run.suite.tasks, folder.read_records(run))
@@ -41,7 +42,8 @@ def write_report(folder: RunFolder) -> Results:
         What the records of the run, finished or not, add up to.
 
     Raises:
-        EvaluationError: If the folder holds no run, or a record cannot be read.
+        EvaluationError: If the folder holds no run, or a record of another one.
+        FileError: If a record cannot be read.
         OutputError: If nothing can be written into the folder.
     """
     run, results = read_results(folder)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
 import gymnasium as gym
-import numpy as np
-from numpy.typing import NDArray
 
 from duobench.envs.duo_env import base_of
+from duobench.envs.execution import Step, execute, optional_method
 from duobench.envs.reset_options import SPLIT
 from duobench.policy.compatibility import check_fits
 from duobench.policy.protocol import Policy, as_chunk
@@ -20,27 +18,6 @@ from duobench.randomness import EVAL, policy_seed
 
 Observation = Mapping[str, Any]
 Info = Mapping[str, Any]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Step:
-    """One control step, as watchers see it."""
-
-    number: int
-    """How many control steps the episode has had with this one, from 1."""
-    action: NDArray[np.float32]
-    """The action (n,) that was executed."""
-    observation: Observation
-    """What the environment showed afterwards; it has images only if somebody needs them."""
-    reward: float
-    """The reward of the step."""
-    terminated: bool
-    """Whether the environment ended the episode with this step."""
-    truncated: bool
-    """Whether the horizon ended the episode with this step, or arms that could not go on, for the
-    `truncation_reason` in info."""
-    info: Info
-    """The environment's info."""
 
 
 class Watcher(Protocol):
@@ -104,8 +81,7 @@ def rollout(
     needs_frames = _changes_observations(env) or any(
         getattr(watcher, "needs_frames", False) for watcher in watching
     )
-    render = _method(env, "set_rendering")
-    intend = _method(env, "intend")
+    render = optional_method(env, "set_rendering")
     (action_size,) = env.action_space.shape or (0,)
     with ExitStack() as ending:
         ending.callback(render, True)
@@ -117,38 +93,18 @@ def rollout(
             policy.reset(info["instruction"], hashed)
         for watcher in watching:
             watcher.on_episode_start(env, observation, info)
-        number, over = 0, False
-        while not over:
+        if needs_frames:
+            render(True)
+        number, is_over = 0, False
+        while not is_over:
             with busy():
                 chunk = as_chunk(policy.act(observation), action_size)
-            for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
-                render(needs_frames or left == 0)
-                if (wanted := getattr(policy, "intended_action", None)) is not None:
-                    intend(wanted)
-                observation, reward, terminated, truncated, info = env.step(action)
-                number += 1
-                step = Step(
-                    number=number,
-                    action=action,
-                    observation=observation,
-                    reward=float(reward),
-                    terminated=terminated,
-                    truncated=truncated,
-                    info=info,
-                )
+            if (wanted := getattr(policy, "intended_action", None)) is not None:
+                optional_method(env, "intend")(wanted)
+            for step in execute(env, chunk, before=number, render_last=not needs_frames):
                 for watcher in watching:
                     watcher.on_step(step)
-                over = terminated or truncated
-                if over:
-                    break
-
-
-def _method(env: gym.Env, name: str) -> Callable[..., None]:
-    """A method of the wrapper that has it, wherever it is; nothing happens where none has."""
-    try:
-        return env.get_wrapper_attr(name)
-    except AttributeError:
-        return lambda *_arguments: None
+                observation, number, is_over = step.observation, step.number, step.is_last
 
 
 def _changes_observations(env: gym.Env) -> bool:

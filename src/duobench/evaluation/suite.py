@@ -15,6 +15,7 @@ import msgspec
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.limits import TimeLimits
+from duobench.files import differences
 from duobench.looks import catalog as looks
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.serving.address import SERVED
@@ -226,12 +227,7 @@ class Run:
 
     def differences(self, other: Run) -> list[str]:
         """What another run has differently, field by field; its number of episodes may be lower."""
-        ours, theirs = self._facts(), other._facts()
-        differing = [
-            f"{name} {ours[name]} instead of {theirs[name]}"
-            for name in ours
-            if ours[name] != theirs.get(name, ours[name])
-        ]
+        differing = differences(self._facts(), other._facts())
         if self.suite.episodes < other.suite.episodes:
             differing.append(
                 f"episodes {self.suite.episodes} instead of {other.suite.episodes} or more"

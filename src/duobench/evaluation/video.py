@@ -3,52 +3,20 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from fractions import Fraction
 
-import av
 import gymnasium as gym
-import numpy as np
-from av.container import OutputContainer
-from av.error import FFmpegError
-from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
-from duobench.errors import MachineryError
-from duobench.evaluation.rollout import Info, Observation, Step
+from duobench.envs.execution import Step
+from duobench.evaluation.rollout import Info, Observation
 from duobench.types import CONTROL_HZ
+from duobench.video import VP9, Image, VideoWriter
 
 FRAME_EVERY = 2
-"""Control steps from one frame to the next; the video plays in real time."""
-_CODEC = "libvpx-vp9"
-"""VP9 in WebM: every current browser plays it, also those that come without licensed codecs."""
-_CODEC_OPTIONS = {"deadline": "realtime", "cpu-used": "6", "crf": "33", "b": "0"}
-_CONTAINER_OPTIONS = {"fflags": "+bitexact"}
-"""No random identifiers in the file: the same frames, the same bytes."""
-
-Image = NDArray[np.uint8]
-
-
-@contextmanager
-def _encoding() -> Iterator[None]:
-    try:
-        yield
-    except FFmpegError as error:
-        raise MachineryError(f"A video cannot be encoded: {error}.") from error
-
-
-def encode_video(images: Iterable[Image]) -> bytes | None:
-    """A WebM video of images (height, width, 3), both even, that are `FRAME_EVERY` steps apart.
-
-    Raises:
-        MachineryError: They cannot be encoded.
-    """
-    recorder = VideoRecorder(lambda: np.empty(0, np.uint8))
-    for image in images:
-        recorder.add(image)
-    recorder.on_episode_end(None)
-    return recorder.video()
+"""Control steps from one frame to the next."""
+FRAME_RATE = Fraction(CONTROL_HZ) / FRAME_EVERY
+"""Frames a second: the video plays in real time."""
 
 
 class VideoRecorder:
@@ -65,45 +33,21 @@ class VideoRecorder:
         """
         self._render = render
         self._file = io.BytesIO()
-        self._open: tuple[OutputContainer, VideoStream] | None = None
-        self._frames = 0
+        self._writer = VideoWriter(self._file, VP9, FRAME_RATE)
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Show the reset."""
-        self.add(self._render())
+        self._writer.add(self._render())
 
     def on_step(self, step: Step) -> None:
         """Show every other step, and the last."""
         if step.number % FRAME_EVERY == 0 or step.terminated or step.truncated:
-            self.add(self._render())
+            self._writer.add(self._render())
 
     def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - what there was is shown
         """Finish the video, whatever the end was."""
-        if self._open is not None:
-            container, stream = self._open
-            with _encoding():
-                container.mux(stream.encode())
-                container.close()
+        self._writer.close()
 
     def video(self) -> bytes | None:
         """The video as a WebM file, once the episode has ended; None if nothing was shown."""
-        return self._file.getvalue() if self._frames else None
-
-    def add(self, image: Image) -> None:
-        """Add a frame (height, width, 3), both even."""
-        with _encoding():
-            self._open = self._open or self._opened(image)
-            container, stream = self._open
-            frame = av.VideoFrame.from_ndarray(image, format="rgb24")
-            frame.pts = self._frames
-            self._frames += 1
-            container.mux(stream.encode(frame))
-
-    def _opened(self, image: Image) -> tuple[OutputContainer, VideoStream]:
-        container = av.open(self._file, "w", format="webm", options=_CONTAINER_OPTIONS)
-        rate = Fraction(CONTROL_HZ) / FRAME_EVERY
-        stream = container.add_stream(_CODEC, rate=rate, options=_CODEC_OPTIONS)
-        stream.height, stream.width = image.shape[:2]
-        stream.pix_fmt = "yuv420p"
-        stream.codec_context.thread_count = 1
-        return container, stream
+        return self._file.getvalue() or None

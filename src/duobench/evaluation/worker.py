@@ -19,7 +19,6 @@ import sys
 import threading
 import time
 from contextlib import suppress
-from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -41,6 +40,7 @@ from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
+from duobench.processes import watch_parent
 
 T = TypeVar("T")
 
@@ -48,8 +48,6 @@ _PIECE = 1 << 20
 """Bytes that are read at a time."""
 _HOST_WAIT_S = 5.0
 """Seconds to wait for a host that has said that it listens."""
-LOOK_S = 1.0
-"""How often a worker looks whether its parent still lives, in seconds."""
 DEATH_S = 10.0
 """How long a killed process is waited for, in seconds."""
 _START = (
@@ -253,7 +251,8 @@ def work(connection: int, clock: int) -> None:
     signal.signal(signal.SIGINT, lambda _number, _frame: None)  # the parent's to handle
     channel: Channel[Order] = Channel(socket.socket(fileno=connection), Order)  # pyright: ignore[reportArgumentType]
     orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(channel, orders, os.getppid()), daemon=True).start()
+    watch_parent(os.getppid(), _end_group)
+    threading.Thread(target=_listen, args=(channel, orders), daemon=True).start()
     try:
         _obey(channel, orders, EpisodeClock(clock))
     except DuoBenchError as error:
@@ -329,13 +328,10 @@ def _end_group() -> None:
     os.killpg(0, signal.SIGKILL)
 
 
-def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order], parent: int) -> None:
-    """Pass orders on; when the parent has died, however it died, end the group at once."""
-    try:
-        while os.getppid() == parent:
-            if wait([channel.socket], LOOK_S):
-                for order in channel.receive():
-                    orders.put(order)
-    except (EOFError, OSError):
-        pass
+def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order]) -> None:
+    """Pass orders on; when the parent has closed the connection, end the group at once."""
+    with suppress(EOFError, OSError):
+        while True:
+            for order in channel.receive():
+                orders.put(order)
     _end_group()

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.duo_env import ResetNeededError
+from duobench.envs.execution import execute, optional_method
 from duobench.envs.registration import make
 from duobench.policy.batch import Observation
 from duobench.policy.protocol import dimensions
@@ -83,7 +84,7 @@ class Episodes:
             self.close()
         if self._env is None:
             self._env, self._import_path = make(task, **self._options), task
-        self._set_rendering(self._env, True)
+        optional_method(self._env, "set_rendering")(True)
         seed = episode_seed(catalog.get(task).id, index)
         observation, info = self._env.reset(seed=seed)
         self._instruction = info["instruction"]
@@ -103,20 +104,16 @@ class Episodes:
         if self._env is None or self._last is None:
             raise ResetNeededError("No episode is running; begin one first.")
         chunk = self.layout.chunk([actions] if dimensions(actions) == 1 else actions)
-        turn = self._last
+        turn, render_last = self._last, bool(self.layout.images)
         try:
-            for left, action in zip(reversed(range(len(chunk))), chunk, strict=True):
-                self._set_rendering(self._env, left == 0)
-                observation, reward, terminated, truncated, info = self._env.step(action)
+            for step in execute(self._env, chunk, before=turn.steps, render_last=render_last):
                 turn = Turn(
-                    observation=observation,
-                    reward=float(reward),
-                    is_over=terminated or truncated,
-                    info=info,
-                    steps=turn.steps + 1,
+                    observation=step.observation,
+                    reward=step.reward,
+                    is_over=step.is_last,
+                    info=step.info,
+                    steps=step.number,
                 )
-                if turn.is_over:
-                    break
         except BaseException:
             self.close()  # whatever broke may have left it in any state
             raise
@@ -145,10 +142,6 @@ class Episodes:
             is_arm = np.repeat([not part.endswith("gripper") for part in sizes], [*sizes.values()])
             action[is_arm] = 0.0
         return action
-
-    def _set_rendering(self, env: gym.Env, is_on: bool) -> None:
-        if self.layout.images:
-            env.get_wrapper_attr("set_rendering")(is_on)
 
     def close(self) -> None:
         """Free the environment."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -76,8 +77,8 @@ def export_lerobot(
         What it came to.
 
     Raises:
-        DataError: There is nothing to export, a recording cannot be read or shown, or the folder
-            holds something else.
+        DataError: There is nothing to export, or a recording cannot be read or shown.
+        OtherRunError: The folder holds something else.
         OutputError: Nothing can be written into the folder.
         UnknownNameError: A task has no episode in the data set.
     """
@@ -98,9 +99,11 @@ def export_lerobot(
         progress(done, total)
         if missing and options.cameras:
             rendering.choose(processes=max(1, workers))
-        for index in run_all(partial(_exporter, data.path, folder, export), missing, workers):
-            done += export.episodes[index].length
-            progress(done, total)
+        jobs = run_all(partial(_exporter, data.path, folder, export), missing, workers)
+        with closing(jobs) as finished:
+            for index in finished:
+                done += export.episodes[index].length
+                progress(done, total)
         residual = finish(folder, export)
     return Exported(
         episodes=len(export.episodes), frames=total, left_out=left_out, residual=residual
@@ -171,7 +174,7 @@ def _exporter(data: Path, folder: ExportFolder, export: Export) -> Callable[[int
             paths = {camera: folder.video(camera, index) for camera in options.cameras}
             source = source_of(recording.info.task)
             frames = _frames(source, recording, _offset(options), counts)
-            write_videos(frames, paths, options.size)
+            write_videos(frames, paths)
         columns = _rows(recording, actions, export, index)
         arrays = [to_arrow(columns[name]) for name in COLUMNS]
         write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=schema())))

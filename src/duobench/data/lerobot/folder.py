@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import image_key
 from duobench.data.lerobot.options import ExportOptions
-from duobench.errors import DataError, FileError
-from duobench.files import TEMPORARY_SUFFIX, encode, read, remove_temporary, write
+from duobench.errors import FileError
+from duobench.files import begin_or_continue, differences, read, remove_temporary
 from duobench.lerobot_keys import DOMAINS
 
 SCHEMA = 1
@@ -60,29 +59,16 @@ class Export:
         return sum(episode.length for episode in self.episodes[:index])
 
     def differences(self, other: Export) -> list[str]:
-        """In what another export differs, one phrase each: `size: [8, 8], was [4, 4]`."""
-        ours, theirs = self._choices(), other._choices()
-        differing = [
-            f"{name}: {now}, was {theirs[name]}"
-            for name, now in ours.items()
-            if now != theirs[name]
-        ]
-        if self.episodes != other.episodes:
-            now, then = ({e.file: e for e in export.episodes} for export in (self, other))
-            counts = {
-                "added": len(now.keys() - then.keys()),
-                "removed": len(then.keys() - now.keys()),
-                "changed": sum(now[file] != then[file] for file in now.keys() & then.keys()),
-            }
-            parts = [f"{count} {what}" for what, count in counts.items() if count]
-            differing.append(f"episodes: {', '.join(parts)}")
-        return differing
+        """In what another export differs, one phrase each: `look dark instead of default`."""
+        return differences(self._facts(), other._facts())
 
-    def _choices(self) -> dict[str, Any]:
-        """Everything but the episodes, as it stands in the file."""
-        document = json.loads(encode(self, SCHEMA))
-        return document["options"] | {
-            name: document[name] for name in ("suite_version", "versions")
+    def _facts(self) -> dict[str, Any]:
+        """Everything that is compared, by its name in words."""
+        return {
+            **asdict(self.options),
+            "suite version": self.suite_version,
+            **{f"version of {name}": value for name, value in self.versions.items()},
+            "episodes": {episode.file: episode for episode in self.episodes},
         }
 
 
@@ -139,29 +125,23 @@ class ExportFolder:
         """Begin an export in this folder, or continue the one that is there.
 
         Raises:
-            DataError: The folder holds another export or something else.
+            OtherRunError: The folder holds another export or something else.
         """
-        if self.description.exists():
-            before = read(self.description, Export, SCHEMA)
-            if differences := export.differences(before):
-                raise DataError(
-                    f"{self.path} holds another export; this one differs in "
-                    f"{'; '.join(differences)}. Export into another folder, or delete this one."
-                )
-            remove_temporary(self.path)
-            return
-        files = [path for path in self.path.rglob("*") if not path.is_dir()]
-        if not all(path.match(f".*{TEMPORARY_SUFFIX}") for path in files):
-            raise DataError(
-                f"{self.path} is not empty and holds no export; export into another folder."
-            )
-        write(self.description, encode(export, SCHEMA))
+        begin_or_continue(
+            self.path,
+            self.description,
+            export,
+            SCHEMA,
+            what="export",
+            advice="Export into another folder.",
+        )
+        remove_temporary(self.path)
 
     def read_facts(self, index: int) -> EpisodeFacts:
         """What was noted about a finished episode.
 
         Raises:
-            DataError: It cannot be read.
+            FileError: It cannot be read.
         """
         try:
             return read(self.facts(index), EpisodeFacts, SCHEMA)

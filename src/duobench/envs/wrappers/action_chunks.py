@@ -9,6 +9,7 @@ import numpy as np
 
 from duobench.envs import spaces
 from duobench.envs.duo_env import Transition
+from duobench.envs.execution import execute
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.types import Array
 
@@ -61,16 +62,14 @@ class ActionChunks(DuoWrapper):
         Raises:
             ActionError: See `check_action`. Nothing was moved.
         """
-        done: list[Transition] = []
-        for row in self.check_action(action):
-            done.append(self.env.step(row))
-            _, _, terminated, truncated, _ = done[-1]
-            if terminated or truncated:
-                break
-        observation, _, terminated, truncated, info = done[-1]
+        done = list(execute(self.env, self.check_action(action)))
         rewards = np.zeros(self._length)
-        rewards[: len(done)] = [reward for _, reward, _, _, _ in done]
-        info["clipped"] = np.any([step["clipped"] for *_, step in done], axis=0)
-        info["rewards"] = rewards
-        info["executed"] = len(done)
-        return observation, float(rewards.sum()), terminated, truncated, info
+        rewards[: len(done)] = [step.reward for step in done]
+        last = done[-1]
+        info = {
+            **last.info,
+            "clipped": np.any([step.info["clipped"] for step in done], axis=0),
+            "rewards": rewards,
+            "executed": len(done),
+        }
+        return last.observation, float(rewards.sum()), last.terminated, last.truncated, info

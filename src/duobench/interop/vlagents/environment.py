@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from vlagents.envs.interface import EvalEnv  # pyright: ignore[reportMissingImports]
 from vlagents.policies.interface import (  # pyright: ignore[reportMissingImports]
     Act,
@@ -14,9 +15,10 @@ from vlagents.policies.interface import (  # pyright: ignore[reportMissingImport
 )
 
 from duobench.envs import base_of
+from duobench.envs.execution import execute
 from duobench.envs.registration import make
 from duobench.envs.wrappers.cameras import PIXELS
-from duobench.errors import OptionError
+from duobench.errors import OptionError, PolicyError
 from duobench.interop.vlagents.messages import as_action, as_obs
 from duobench.randomness import EVAL, episode_seed, policy_seed
 from duobench.tasks import catalog
@@ -52,7 +54,6 @@ class TaskEnv(EvalEnv):
         self._task = catalog.get(self._import_path)
         self._policy_seed: int | None = None
         self._steps = 0
-        self._left_of_chunk = 0
         super().__init__(env_id, execution_horizon=execution_horizon, **env_kwargs)
 
     def do_import(self) -> None:
@@ -99,6 +100,7 @@ class TaskEnv(EvalEnv):
 
         Raises:
             OptionError: If the evaluation would cut the episode before its horizon.
+            PolicyError: If an action is none of both arms, or there is none.
         """
         horizon = self.env.get_wrapper_attr("_max_episode_steps")
         if max_steps is not None and self._steps + max_steps < horizon:
@@ -108,8 +110,7 @@ class TaskEnv(EvalEnv):
                 "shorter episodes, whose scores are no others', also set horizon in env_kwargs."
             )
         counts = (len(actions.acts), max_steps, self.execution_horizon)
-        self._left_of_chunk = min(count for count in counts if count is not None)
-        return super().chunk_step(actions, max_steps)
+        return self._execute(actions.acts[: min(count for count in counts if count is not None)])
 
     def step(
         self, action: Mapping[str, SingleAct]
@@ -119,17 +120,26 @@ class TaskEnv(EvalEnv):
         Raises:
             PolicyError: If it is no action of both arms.
         """
-        (size,) = self.env.action_space.shape or (0,)
-        seen, reward, terminated, truncated, info = self.env.step(as_action(action, size))
-        self._steps += 1
-        self._left_of_chunk -= 1
-        is_seen = self._left_of_chunk <= 0 or terminated or truncated
-        return self._obs(seen, is_seen=is_seen), float(reward), terminated, truncated, info
+        return self._execute([action])
 
-    def _obs(self, observation: Mapping[str, Any], *, is_seen: bool = True) -> Obs:
-        """An observation as theirs, with images where somebody sees it, if only in a video."""
+    def _execute(
+        self, acts: Sequence[Mapping[str, SingleAct]]
+    ) -> tuple[Obs, float, bool, bool, dict[str, Any]]:
+        if not acts:
+            raise PolicyError("At least one action is executed at a time, got none.")
+        (size,) = self.env.action_space.shape or (0,)
+        chunk = np.array([as_action(act, size) for act in acts])
+        done = list(execute(self.env, chunk, before=self._steps))
+        last = done[-1]
+        self._steps, self.last_chunk_steps = last.number, len(done)
+        reward = sum(step.reward for step in done)
+        observation = self._obs(last.observation)
+        return observation, reward, last.terminated, last.truncated, last.info
+
+    def _obs(self, observation: Mapping[str, Any]) -> Obs:
+        """An observation as theirs, with images, if only for a video."""
         cameras = self._config.cameras
-        if is_seen and cameras:
+        if cameras:
             images = base_of(self.env).backend.images(cameras, self._config.image_size)
             observation = {**observation, PIXELS: images}
         info: dict[str, Any] = {STEP: self._steps, MODE: self._config.action_mode}

@@ -1,0 +1,80 @@
+"""The loop that executes the actions of a chunk, one control step each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Step:
+    """One control step, as watchers see it."""
+
+    number: int
+    """How many control steps the episode has had with this one, from 1."""
+    action: NDArray[np.floating]
+    """The action (n,) that was executed."""
+    observation: dict[str, Any]
+    """What the environment showed afterwards; it has images only if somebody needs them."""
+    reward: float
+    """The reward of the step."""
+    terminated: bool
+    """Whether the environment ended the episode with this step."""
+    truncated: bool
+    """Whether the horizon ended the episode with this step, or arms that could not go on, for the
+    `truncation_reason` in info."""
+    info: dict[str, Any]
+    """The environment's info."""
+
+    @property
+    def is_last(self) -> bool:
+        """Whether the episode is over."""
+        return self.terminated or self.truncated
+
+
+def execute(
+    env: gym.Env, chunk: NDArray[np.floating], *, before: int = 0, render_last: bool = False
+) -> Iterator[Step]:
+    """Execute the actions of a chunk in order, until its end or the episode's.
+
+    Args:
+        env: An environment that takes single actions.
+        chunk: The actions (H, n).
+        before: Control steps of the episode before this chunk.
+        render_last: Whether to render the images of the last action's observation alone: an
+            episode that ends before its chunk ends without. If not, nothing is switched.
+
+    Yields:
+        Each control step, which is executed when it is asked for.
+    """
+    render = optional_method(env, "set_rendering")
+    last = before + len(chunk)
+    for number, action in enumerate(chunk, before + 1):
+        if render_last:
+            render(number == last)
+        observation, reward, terminated, truncated, info = env.step(action)
+        step = Step(
+            number=number,
+            action=action,
+            observation=observation,
+            reward=float(reward),
+            terminated=terminated,
+            truncated=truncated,
+            info=info,
+        )
+        yield step
+        if step.is_last:
+            return
+
+
+def optional_method(env: gym.Env, name: str) -> Callable[..., None]:
+    """A method of the wrapper that has it, wherever it is; nothing happens where none has."""
+    try:
+        return env.get_wrapper_attr(name)
+    except AttributeError:
+        return lambda *_arguments: None

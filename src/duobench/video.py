@@ -1,0 +1,148 @@
+"""The encoder of videos, frame by frame, into a file or into memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import BinaryIO
+
+import av
+import numpy as np
+from av.container import OutputContainer
+from av.error import FFmpegError
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+from duobench.errors import VideoError
+from duobench.files import writing
+
+Image = NDArray[np.uint8]
+_QUIET = ("SVT_LOG", "1")
+"""Environment variable by which the encoder of AV1 prints errors only."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Codec:
+    """How videos are encoded: the same frames give the same bytes."""
+
+    encoder: str
+    """FFmpeg's name of the encoder."""
+    options: Mapping[str, str]
+    """Its options."""
+    container: str
+    """FFmpeg's name of the format of the file."""
+    container_options: Mapping[str, str] = field(default_factory=dict)
+    """Options of the format."""
+    pixel_format: str = "yuv420p"
+    """How a frame is stored; this one needs an even height and width."""
+
+
+VP9 = Codec(
+    encoder="libvpx-vp9",
+    options={"deadline": "realtime", "cpu-used": "6", "crf": "33", "b": "0"},
+    container="webm",
+)
+"""To look at: every current browser plays it, also those that come without licensed codecs."""
+AV1 = Codec(
+    encoder="libsvtav1",
+    options={"crf": "30", "g": "2", "preset": "12", "svtav1-params": "lp=1"},
+    container="mp4",
+    container_options={"movflags": "faststart"},  # the index first: reading begins at once
+)
+"""To learn from, with LeRobot's defaults: with groups of two frames, a training reads frames in any
+order without decoding many others. One thread (lp): episodes are what runs in parallel."""
+
+
+class VideoWriter:
+    """Encodes a video frame by frame; it begins with the first one, and ends when it is closed."""
+
+    def __init__(self, target: Path | BinaryIO, codec: Codec, rate: Fraction | int) -> None:
+        """Remember what to write.
+
+        Args:
+            target: The file, or a stream in memory (not for AV1, whose index moves to the front);
+                without a frame nothing is written into it.
+            codec: How it is encoded.
+            rate: Frames a second.
+        """
+        self._target, self._codec, self._rate = target, codec, rate
+        self._open: tuple[OutputContainer, VideoStream] | None = None
+        self._frames = 0
+        self._is_broken = False
+
+    def add(self, image: Image) -> None:
+        """Add a frame (height, width, 3), both even.
+
+        Raises:
+            VideoError: It cannot be encoded.
+            OutputError: The file cannot be written.
+        """
+        with self._encoding():
+            self._open = self._open or self._opened(*image.shape[:2])
+            frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+            frame.pts = self._frames
+            self._frames += 1
+            container, stream = self._open
+            container.mux(stream.encode(frame))
+
+    def close(self) -> None:
+        """Finish the video; one that failed is left as it is.
+
+        Raises:
+            VideoError: It cannot be encoded.
+            OutputError: The file cannot be written.
+        """
+        if self._open is None:
+            return
+        container, stream = self._open
+        self._open = None
+        try:
+            if not self._is_broken:  # FFmpeg would crash here
+                with self._encoding():
+                    container.mux(stream.encode())
+        finally:
+            with self._encoding():
+                container.close()
+
+    @contextmanager
+    def _encoding(self) -> Iterator[None]:
+        """Say in a sentence what went wrong."""
+        target = self._target
+        try:
+            with writing(target) if isinstance(target, Path) else nullcontext():
+                yield
+        except FFmpegError as error:
+            self._is_broken = True
+            raise VideoError(
+                f"A video cannot be encoded with {self._codec.encoder}: {error}."
+            ) from error
+        except BaseException:
+            self._is_broken = True
+            raise
+
+    def _opened(self, height: int, width: int) -> tuple[OutputContainer, VideoStream]:
+        codec = self._codec
+        os.environ.setdefault(*_QUIET)
+        # Bit-exact: no identifiers that change from run to run.
+        options = {"fflags": "+bitexact", **codec.container_options}
+        container = av.open(self._target, "w", format=codec.container, options=options)
+        stream = container.add_stream(codec.encoder, rate=self._rate, options=dict(codec.options))
+        if not isinstance(stream, VideoStream):
+            raise AssertionError(f"{codec.encoder} encodes videos.")
+        stream.height, stream.width = height, width
+        stream.pix_fmt = codec.pixel_format
+        stream.codec_context.thread_count = 1
+        return container, stream
+
+
+def write_video(
+    frames: Iterable[Image], target: Path | BinaryIO, codec: Codec, rate: Fraction | int
+) -> None:
+    """Encode a video of frames (height, width, 3); see `VideoWriter`."""
+    with closing(VideoWriter(target, codec, rate)) as writer:
+        for image in frames:
+            writer.add(image)

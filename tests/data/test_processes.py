@@ -1,0 +1,73 @@
+import os
+import signal
+import time
+from contextlib import closing
+
+import pytest
+
+from duobench.data.processes import run_all
+from duobench.errors import DataError, UnknownNameError
+from tests.evaluation.processes import children, is_running, wait_until
+
+
+class Works:
+    """Does jobs that say what is to happen."""
+
+    def __call__(self, job: str) -> tuple[str, int]:
+        match job:
+            case "fail":
+                raise UnknownNameError("job", "fial", ["fail"])
+            case "crash":
+                raise ZeroDivisionError("no jobs")
+            case "die":
+                os.kill(os.getpid(), signal.SIGKILL)
+            case "sleep":
+                time.sleep(1000)
+        return job, os.getpid()
+
+
+class Vanishing:
+    """A worker that ends by itself before it takes a job."""
+
+    def __init__(self) -> None:
+        os._exit(3)
+
+    def __call__(self, job: str) -> str:
+        return job
+
+
+def test_every_job_is_done_once_by_as_many_processes_as_wanted() -> None:
+    jobs = list("abcdef")
+    for workers in (0, 1, 2):
+        done = list(run_all(Works, jobs, workers))
+        assert sorted(job for job, _ in done) == jobs
+        others = {worker for _, worker in done} - {os.getpid()}
+        assert len(others) <= workers
+        assert bool(others) == bool(workers)
+    assert list(run_all(Works, [], 2)) == []
+
+
+def test_error_of_a_job_is_raised_as_it_was() -> None:
+    with pytest.raises(UnknownNameError, match=r"^Unknown job 'fial'. Did you mean 'fail'\?"):
+        list(run_all(Works, ["fail", "sleep"], 2))
+    with pytest.raises(DataError, match=r"A worker failed(.|\n)*in __call__(.|\n)*no jobs"):
+        list(run_all(Works, ["crash", "sleep"], 2))
+
+
+def test_worker_that_dies_is_said_and_ends_the_others() -> None:
+    with pytest.raises(DataError, match=r"exit code -9\..*goes on from there"):
+        list(run_all(Works, ["sleep", "die"], 2))
+    with pytest.raises(DataError, match="exit code 3"):
+        list(run_all(Vanishing, ["a", "b"], 1))
+
+
+def test_who_closes_the_iterator_ends_the_workers() -> None:
+    before = set(children(os.getpid()))
+    with closing(run_all(Works, ["a", "sleep", "sleep"], 2)) as results:
+        next(results)
+        started = set(children(os.getpid())) - before
+        assert started
+    wait_until(
+        lambda: sum(map(is_running, started)) <= 1,  # the library's tracker of resources stays
+        "the end of the workers",
+    )
