@@ -24,7 +24,7 @@ from duobench.errors import (
     MachineryError,
     OutputError,
     RenderingError,
-    printable,
+    escaped,
     traceback_text,
 )
 from duobench.evaluation.choice import PolicyChoice
@@ -193,7 +193,7 @@ class EpisodeRunner:
         except BaseException as caught:  # noqa: BLE001 - kept in the record
             error = caught
             if self._recorder is not None:
-                reason = printable(f"{type(error).__name__}: {error}")
+                reason = escaped(f"{type(error).__name__}: {error}")
                 self._recorder.finish(kept=False, reason=reason)
             self._close_environment()  # whatever broke may have left it in any state
         record = recorder.record(self.setup)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from duobench.envs.duo_env import base_of
 from duobench.envs.sim_env import SPLIT
 from duobench.policy.compatibility import check_fits
-from duobench.policy.protocol import Policy, as_chunk
+from duobench.policy.policy import Policy, as_chunk
 from duobench.randomness import EVAL, policy_seed
 
 Observation = Mapping[str, Any]

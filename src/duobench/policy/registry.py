@@ -15,7 +15,7 @@ from duobench.installing import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.batch import Batching, BatchPolicy, SessionPolicy
 from duobench.policy.lerobot.address import SCHEME as LEROBOT
-from duobench.policy.protocol import Policy, PolicyMetadata
+from duobench.policy.policy import Policy, PolicyMetadata
 from duobench.references import load
 
 BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(

@@ -1,4 +1,4 @@
-"""The tasks as environments, and policies as an agent, of VLAgents 0.3.
+"""The tasks as environments, policies as an agent, and agents as policies, of VLAgents 0.3.
 
 VLAgents imports no module of anybody else, so its programs are started from here:
 `python -m duobench.interop.vlagents` has their verbs and options. In code, `register` is enough.

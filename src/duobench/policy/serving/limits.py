@@ -14,8 +14,6 @@ MAX_REQUEST = 16 << 20
 """Bytes of a message to a server: three images of 720 x 1280 take 8.3 MB."""
 MAX_REPLY = 64 << 20
 """Bytes of a message to a client."""
-MAX_CALL_REPLY = 4 << 20
-"""Bytes of an answer of RPyC, unpacked: 1,000 actions of two arms take half a megabyte."""
 MAX_ARRAY_ITEMS = 4096
 """Items of one MessagePack array."""
 MAX_MAP_ITEMS = 1024
