@@ -54,7 +54,7 @@ def test_shown_policy_sees_and_draws(shown: str) -> None:
     np.testing.assert_allclose(dynamic.act(observation(0)), chunks[0], atol=1e-6)
 
 
-def test_shown_layout_is_one(tmp_path: Path) -> None:
+def test_shown_format_is_one(tmp_path: Path) -> None:
     (source,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     path = tmp_path / "shown.toml"
     path.write_text(source)
