@@ -83,7 +83,7 @@ def ours(policy: str) -> tuple[str, ...]:
 WORDS = ("-m", "duobench.interop.vlagents", "start-server", "test")
 WAITS = "from tests.interop.vlagents_peer import wait_for; wait_for({port}, 'test')"
 BRIDGE = ("-m", "duobench", "serve", "--port", "{port}", "--policy")
-BRIDGE += ("duobench.interop.vlagents.bridge:VLAgentsPolicy",)
+BRIDGE += ("duobench.interop.vlagents:served_agent",)
 
 
 @pytest.fixture
@@ -272,6 +272,27 @@ def test_policy_plays_one_episode_at_a_time_and_tells_nothing_else(serve: Serve)
     assert "the environment's 'cartesian'" in mode
     assert "AttributeError" in attribute
     assert not [error for error in told["errors"] if str(ROOT) in error]
+
+
+@pytest.mark.parametrize(
+    ("agent", "file", "told"),
+    [
+        ("localhost:1", "vlagents", "AGENT@HOST:PORT"),
+        ("Leans@localhost:1", "aloha", "obs.ARM.joints"),
+        ("Other@localhost:{port}", "vlagents", "has another agent"),
+    ],
+)
+def test_bridge_that_cannot_be_says_why_in_a_sentence(
+    serve: Serve, agent: str, file: str, told: str
+) -> None:
+    _, port = serve(*theirs("Leans"))
+    variables = {"DUOBENCH_VLAGENTS_AGENT": agent.format(port=port)}
+    variables |= {"DUOBENCH_VLAGENTS_FORMAT": file}
+    words = [word.format(port=0) for word in BRIDGE]
+    process = started(*words, variables=variables, stderr=subprocess.PIPE)
+    error = process.communicate(timeout=TIMEOUT_S)[1].decode()
+    assert told in error
+    assert "Traceback" not in error
 
 
 def test_server_without_a_policy_ends(serve: Serve) -> None:

@@ -7,6 +7,7 @@ import pytest
 from duobench.errors import DuoBenchError
 from duobench.interop import vlagents
 from duobench.interop.vlagents.__main__ import main
+from duobench.policy import make
 
 
 def install(monkeypatch: pytest.MonkeyPatch, **versions: str) -> None:
@@ -34,6 +35,8 @@ def test_other_versions_are_refused_by_name(
     install(monkeypatch, **versions)
     with pytest.raises(DuoBenchError, match=told):
         vlagents.register()
+    with pytest.raises(DuoBenchError, match=told):
+        make("duobench.interop.vlagents:served_agent")
     with pytest.raises(SystemExit, match=f"error: .*{told}.*pip install"):
         main()
 

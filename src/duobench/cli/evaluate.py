@@ -144,7 +144,7 @@ def _check_old_names(policy: str, layout: str | None) -> None:
         raise PolicyError(
             "An agent of VLAgents takes two commands now. Where VLAgents is installed: "
             "DUOBENCH_VLAGENTS_AGENT=AGENT@HOST:PORT duobench serve --policy "
-            "duobench.interop.vlagents.bridge:VLAgentsPolicy. Here: duobench eval --policy openpi "
+            "duobench.interop.vlagents:served_agent. Here: duobench eval --policy openpi "
             "--server ws://127.0.0.1:8000 --workers 1. See docs/serving.md."
         )
 

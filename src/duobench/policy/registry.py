@@ -104,7 +104,7 @@ def _made(path: str) -> object:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        if is_ours and isinstance(error, DuoBenchError):
+        if isinstance(error, DuoBenchError) and (is_ours or scheme.startswith("duobench.")):
             raise
         trace = traceback_text(error, skip=1).strip()
         raise PolicyError(f"Policy {path!r} cannot be made.\n{trace}") from error

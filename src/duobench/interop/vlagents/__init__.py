@@ -10,6 +10,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from duobench.errors import DuoBenchError
+from duobench.policy import Policy
 from duobench.tasks import catalog
 
 AGENT = "duobench"
@@ -36,6 +37,18 @@ def register() -> None:
     for name in catalog.names():
         theirs.register_env(f"duobench/{name}", TaskEnv)
     theirs.register_agent(AGENT, PolicyAgent)
+
+
+def served_agent() -> Policy:
+    """The agent at a server of VLAgents that the environment names, for `duobench serve --policy`.
+
+    Raises:
+        DuoBenchError: If VLAgents is missing, or of another version, or there is no such agent.
+    """
+    check_versions()
+    from duobench.interop.vlagents.bridge import VLAgentsPolicy
+
+    return VLAgentsPolicy()
 
 
 def check_versions() -> None:

@@ -13,7 +13,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
-from urllib.parse import urlsplit
 
 import json_numpy  # pyright: ignore[reportMissingImports]
 from vlagents.client import (  # pyright: ignore[reportMissingImports]
@@ -27,7 +26,6 @@ from vlagents.policies.interface import (  # pyright: ignore[reportMissingImport
 )
 
 from duobench.errors import MachineryError, PolicyError, ServingError
-from duobench.interop.vlagents import check_versions
 from duobench.interop.vlagents.messages import as_action
 from duobench.policy.batch import Chunk, Observation
 from duobench.policy.serving.address import WAIT_S
@@ -39,6 +37,7 @@ AGENT_VARIABLE = "DUOBENCH_VLAGENTS_AGENT"
 FORMAT_VARIABLE = "DUOBENCH_VLAGENTS_FORMAT"
 """Environment variable with the name or the file of a format, if it is not `vlagents`."""
 _FORMAT, _PROMPT = "vlagents", "language_instruction"
+_ADDRESS = re.compile(r"(\w[\w./-]*)@([^\s@]+):(\d{1,5})")
 _FIELD = re.compile(r"obs\.(left|right)\.(cameras\.\w+|joints|gripper|tquat)")
 _LOADING_S = 600.0
 """Seconds that an agent may take to be loaded, before the first episode."""
@@ -62,10 +61,8 @@ class VLAgentsPolicy:
                 `FORMAT_VARIABLE`, or takes the format `vlagents`.
 
         Raises:
-            DuoBenchError: If there is no such server or agent, it is of another version, or the
-                format is one for other servers.
+            DuoBenchError: If there is no such server or agent, or the format is one for others.
         """
-        check_versions()
         self._address = _address(agent or os.environ.get(AGENT_VARIABLE, ""))
         self._format = message_format or read_format(os.environ.get(FORMAT_VARIABLE, _FORMAT))
         _check(self._format)
@@ -147,17 +144,13 @@ class VLAgentsPolicy:
 
 def _address(text: str) -> tuple[str, str, int]:
     """Name of an agent, and host and port of its server."""
-    try:
-        parts = urlsplit(f"//{text}")
-        name, host, port = parts.username, parts.hostname, parts.port
-    except ValueError:
-        name = host = port = None
-    if not (name and host and port) or not name.isprintable():
+    parts = _ADDRESS.fullmatch(text)
+    if parts is None:
         raise ServingError(
             f"An agent of VLAgents is AGENT@HOST:PORT, such as test@127.0.0.1:8080, in "
             f"{AGENT_VARIABLE}; got {text!a}."
         )
-    return name, host, port
+    return parts[1], parts[2], int(parts[3])
 
 
 def _fields(arm: Mapping[str, Any]) -> dict[str, Any]:
@@ -167,16 +160,15 @@ def _fields(arm: Mapping[str, Any]) -> dict[str, Any]:
 
 def _check(message_format: MessageFormat) -> None:
     keys = (*message_format.images, *message_format.state)
-    wrong = [key for key in keys if not _FIELD.fullmatch(key)]
-    if wrong or message_format.prompt != _PROMPT or not message_format.state:
+    actions = ActionFormat(mode=message_format.actions.mode)
+    if (
+        not all(map(_FIELD.fullmatch, keys))
+        or not message_format.state
+        or (message_format.prompt, message_format.actions) != (_PROMPT, actions)
+    ):
         raise ServingError(
             f"The keys of a format for VLAgents are obs.ARM.joints, obs.ARM.gripper, "
-            "obs.ARM.tquat and obs.ARM.cameras.NAME, with left or right for ARM, and its prompt is "
-            f"{_PROMPT!r}; got {', '.join(wrong) or repr(message_format.prompt)}. The format "
-            f"{_FORMAT!r} is one of them."
-        )
-    if message_format.actions != ActionFormat(mode=message_format.actions.mode):
-        raise ServingError(
-            "VLAgents names the parts of an action; a format for it says nothing of them but the "
-            "mode."
+            "obs.ARM.tquat and obs.ARM.cameras.NAME, with left or right for ARM; its prompt is "
+            f"{_PROMPT!r}, and it says nothing of actions but their mode. The format {_FORMAT!r} "
+            "is one of them."
         )

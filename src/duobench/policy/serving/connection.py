@@ -78,7 +78,6 @@ class ConnectedPolicy(ABC):
         self._connection: ClientConnection | None = None
         self._served: tuple[PolicyMetadata, Batching | None] | None = None
         self._instruction = ""
-        self._give_up = 0.0
         self._deadline = time.monotonic() + server.wait_s + server.answer_s
         self._connect()
 
@@ -184,14 +183,19 @@ class ConnectedPolicy(ABC):
 
     def _connect(self) -> ClientConnection:
         """Connect, and wait for a server that is not there."""
-        self._give_up = min(self._deadline, time.monotonic() + self._server.wait_s)
+        give_up = min(self._deadline, time.monotonic() + self._server.wait_s)
         while True:
             try:
                 connection = self._ending.enter_context(self._opened())
                 self._recognize(connection)
             except _LOST as error:
                 self._drop()
-                self._wait(str(error) or type(error).__name__)
+                if time.monotonic() + _RETRY_S >= give_up:
+                    fault = escaped(str(error) or type(error).__name__)
+                    raise MachineryError(
+                        f"The policy's server cannot be reached: {fault}."
+                    ) from error
+                time.sleep(_RETRY_S)
             except BaseException:
                 self._drop()
                 raise
@@ -236,16 +240,6 @@ class ConnectedPolicy(ABC):
             raise MachineryError("The server has another policy now than when the run began.")
         self._served = served
         self.metadata, self.batching = served
-
-    def _wait(self, fault: str) -> None:
-        """Wait before the next attempt.
-
-        Raises:
-            MachineryError: If there is no time for one; it says what was wrong with the last.
-        """
-        if time.monotonic() + _RETRY_S >= self._give_up:
-            raise MachineryError(f"The policy's server cannot be reached: {escaped(fault)}.")
-        time.sleep(_RETRY_S)
 
     def _drop(self) -> None:
         """End the connection, without a word."""
