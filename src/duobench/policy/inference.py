@@ -54,8 +54,8 @@ class _InferenceRequest:
 class InferenceLoop:
     """Answers from one thread what other threads ask.
 
-    A batch is what waits at the moment, `batching.size` observations at most; nobody waits for
-    a batch to become full.
+    A batch is what waits at the moment, `batching.size` observations at most; the loop does not
+    wait for it to become full.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class InferenceLoop:
             self._events.notify()
 
     def run(self) -> None:
-        """Answer until somebody calls `stop`."""
+        """Answer until `stop` is called."""
         while self._wait():
             while self._tasks:
                 task = self._tasks.popleft()
@@ -145,7 +145,7 @@ class InferenceLoop:
             return not self._is_over
 
     def _take(self) -> list[_InferenceRequest]:
-        """The oldest requests that somebody still waits for, as many as a batch has."""
+        """The oldest requests that are not cancelled, as many as a batch has."""
         batch: list[_InferenceRequest] = []
         while self._requests and len(batch) < self._batching.size:
             request = self._requests.popleft()
@@ -160,7 +160,7 @@ class InferenceLoop:
         try:
             with self._busy():
                 chunks = answer(self._policy, sessions, observations, self._batching)
-        except BaseException as error:  # noqa: BLE001 - somebody else's code
+        except BaseException as error:  # noqa: BLE001 - a policy's code
             if len(batch) == 1:
                 _fail(batch[0].future, error)
                 return
@@ -176,7 +176,7 @@ class InferenceLoop:
         try:
             with self._busy():
                 result = task.call()
-        except BaseException as error:  # noqa: BLE001 - somebody else's code
+        except BaseException as error:  # noqa: BLE001 - a policy's code
             _fail(task.future, error)
         else:
             task.future.set_result(result)

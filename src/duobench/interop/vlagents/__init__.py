@@ -16,7 +16,7 @@ from duobench.tasks import catalog
 AGENT = "duobench"
 """The name of the agent that answers with a policy of DuoBench."""
 _NEEDED = {"vlagents": ("0.3.", "0.3.0"), "rpyc": ("6.", "6")}
-"""What versions begin with, and the first of them; before RPyC 6, whoever is connected can run code
+"""What versions begin with, and the first of them; before RPyC 6, every client can run code
 (CVE-2024-27758)."""
 
 

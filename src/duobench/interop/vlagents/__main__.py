@@ -41,8 +41,8 @@ def start_server(
 ) -> None:
     """Serve an agent until Ctrl-C.
 
-    The agent "duobench" answers with a policy of DuoBench: --kwargs='{"policy": "hold"}'. Whoever
-    reaches the host may ask: any host but that of this machine needs --let-anybody-connect.
+    The agent "duobench" answers with a policy of DuoBench: --kwargs='{"policy": "hold"}'. Every
+    client that reaches the host may ask: any but this machine's needs --let-anybody-connect.
     """
     import rpyc  # pyright: ignore[reportMissingImports]
     from vlagents.server import AgentService  # pyright: ignore[reportMissingImports]

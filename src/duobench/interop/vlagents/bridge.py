@@ -84,7 +84,7 @@ class VLAgentsPolicy:
         """Take the instruction of an episode, and see whether the server is there.
 
         Raises:
-            MachineryError: If it is not, so that nobody's episode fails by that.
+            MachineryError: If it is not, so that no episode fails by that.
         """
         self._instruction = instruction
         try:

@@ -27,8 +27,8 @@ OPENPI = "duobench.policy.serving.client:RemotePolicy"
 SERVED: Mapping[str, str] = MappingProxyType(
     {"openpi": OPENPI, "vla-eval": "duobench.policy.serving.vla_eval:VlaEvalPolicy"}
 )
-"""Import paths of the clients, each a `ConnectedPolicy`, by the name under which a policy that
-somebody else serves is evaluated."""
+"""Import paths of the clients, each a `ConnectedPolicy`, by the name under which a served
+policy is evaluated."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

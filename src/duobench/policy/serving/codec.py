@@ -183,7 +183,7 @@ def _scalar(fields: dict[str, Any]) -> np.generic:
     if not isinstance(data, _PLAIN[1:]):
         raise MessageError(f"A NumPy scalar is no {type(data).__name__}.")
     try:
-        with np.errstate(all="ignore"):  # a number beyond its dtype is infinite, without a word
+        with np.errstate(all="ignore"):  # a number beyond its dtype is infinite
             return dtype.type(np.array(data).astype(dtype)[()])
     except (ValueError, TypeError, OverflowError) as error:
         raise MessageError(f"A NumPy scalar of {dtype} cannot be read: {error}.") from error

@@ -82,7 +82,7 @@ class ConnectedPolicy(ABC):
         self._connect()
 
     def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode, once more if the connection was lost while nobody asked.
+        """Begin an episode, once more if the connection was lost since the last request.
 
         Raises:
             PolicyError: If the policy fails, or is too slow.
@@ -242,7 +242,7 @@ class ConnectedPolicy(ABC):
         self.metadata, self.batching = served
 
     def _drop(self) -> None:
-        """End the connection, without a word."""
+        """Close the connection, if there is one."""
         self._connection = None
         self._ending.close()
 

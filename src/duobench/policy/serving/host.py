@@ -82,7 +82,7 @@ class PolicyHost:
         """The port that it listens at."""
 
     def run(self) -> None:
-        """Answer until somebody calls `stop`, then close server and policy."""
+        """Answer until `stop` is called, then close server and policy."""
         try:
             self._loop.run()
         finally:
@@ -165,7 +165,7 @@ class PolicyHost:
 async def _unless_gone(
     connection: ServerConnection, answering: Coroutine[Any, Any, bytes]
 ) -> bytes | None:
-    """An answer, or None once nobody is there any more to get it."""
+    """An answer, or None once the client has left."""
     answer = asyncio.create_task(answering)
     gone = asyncio.create_task(connection.wait_closed())
     try:

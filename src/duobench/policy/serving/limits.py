@@ -1,6 +1,6 @@
 """What server and client agree on, and what each accepts from the other, all in one place.
 
-Whoever sends more, or takes longer, is refused; what is refused costs little memory and time.
+A peer that sends more, or takes longer, is refused; that costs little memory and time.
 """
 
 PROTOCOL = 1

@@ -1,7 +1,7 @@
 """What a format shows and takes, in the words of vla-eval, and where a server says otherwise.
 
 A specification is a map of component names to `name`, `dims`, `format` and more. The formats are
-those that vla-eval 0.8 has names for; what is called otherwise is left to whoever called it so.
+those that vla-eval 0.8 has names for; others are not compared.
 """
 
 from __future__ import annotations
