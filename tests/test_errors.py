@@ -2,7 +2,7 @@ import pickle
 import re
 from pathlib import Path
 
-from duobench.errors import LONGEST_TEXT, UnknownNameError, printable, traceback_text
+from duobench.errors import LONGEST_TEXT, UnknownNameError, escaped, traceback_text
 from tests.evaluation import toy_tasks
 
 
@@ -31,7 +31,8 @@ def test_endless_traceback_keeps_its_beginning_and_its_end() -> None:
 
 
 def test_text_of_an_error_can_be_written_and_printed() -> None:
-    assert printable("wörld\n\tok") == "wörld\n\tok"
+    assert escaped("wörld\n\tok") == "wörld\n\tok"
+    assert escaped("a\u202egpj.exe") == "a\\u202egpj.exe"
     text = traceback_text(FileNotFoundError("w-\udcff.bin\x1b[31m\r\x9b"))
     assert text == "FileNotFoundError: w-\\udcff.bin\\x1b[31m\\x0d\\x9b\n"
     text.encode()

@@ -17,6 +17,9 @@ LONGEST_LINE = 400
 """Characters of a traceback's line that are kept."""
 LONGEST_TEXT = 20_000
 """Characters of a traceback that are kept, most of them from its end."""
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_UNSAFE = re.compile(r"[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What turns the direction of writing, so that a text reads as another one, and surrogates."""
 
 
 class DuoBenchError(Exception):
@@ -143,24 +146,25 @@ class MachineryError(EvaluationError):
     """An episode could not be played, through no fault of the policy."""
 
 
-def printable(text: str) -> str:
+def escaped(text: str) -> str:
     r"""Text that every file, page and terminal takes.
 
     Args:
         text: Any text, such as that of an error of somebody else's code.
 
     Returns:
-        The text with control characters (but line feeds and tabs) and lone surrogates, which stand
-        for bytes that are no UTF-8, written as `\x1b` and `\udcff`.
+        The text with control characters (but line feeds and tabs), those that turn the direction
+        of writing, and lone surrogates, which stand for bytes that are no UTF-8, written as
+        `\x1b`, `\u202e` and `\udcff`.
     """
-    text = text.encode(errors="backslashreplace").decode()
-    return re.sub(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", lambda found: f"\\x{ord(found[0]):02x}", text)
+    text = _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+    return _UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def traceback_text(error: BaseException, skip: int = 0) -> str:
     """A traceback whose files are named from the folder they were imported from.
 
-    The text is then the same in every checkout, and tells nothing about a machine. It is printable;
+    The text is then the same in every checkout, and tells nothing about a machine. It is escaped;
     lines that go on and on, such as those with a printed array, are cut, and so is the middle of
     a text that is too long.
 
@@ -172,7 +176,7 @@ def traceback_text(error: BaseException, skip: int = 0) -> str:
     for _ in range(skip):
         trace = trace and trace.tb_next
     lines = traceback.format_exception(type(error), error, trace)
-    text = printable("".join(lines))
+    text = escaped("".join(lines))
     folders = sorted({str(Path(entry).resolve()) for entry in sys.path}, key=len, reverse=True)
     for folder in folders:
         text = text.replace(f'File "{folder}/', 'File "')

@@ -225,7 +225,7 @@ def read(path: Path, kind: type[T], schema: int, oldest: int | None = None) -> T
         raise FileError(f"Cannot read {path}: {reason}") from error
 
 
-def begin_or_continue(
+def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
     folder: Path,
     description: Path,
     value: Described,

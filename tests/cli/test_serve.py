@@ -20,7 +20,7 @@ from duobench.policy.serving.address import SERVED
         (["eval", "--policy", "openpi"], "--policy openpi and --server URL go together"),
         (
             ["eval", "--policy", "hold", "--server", "ws://x:1"],
-            "vla-eval or vlagents and --server",
+            "openpi or vla-eval and --server",
         ),
         (["eval", "--policy", "vla-eval"], "--policy vla-eval and --server URL go together"),
         (["eval", "--policy", "vla-eval", "--server", "http://x:1"], "ws://HOST:PORT"),
@@ -30,9 +30,12 @@ from duobench.policy.serving.address import SERVED
         ),
         (["eval", "--policy", "vla_eval"], "Did you mean 'vla-eval'"),
         (["eval", "--policy", "openpi", "--server", "x:1"], "ws://HOST:PORT"),
-        (["eval", "--policy", "hold", "--layout", "aloha"], "--layout is for"),
+        (["eval", "--policy", "hold", "--format", "aloha"], "--format is for"),
+        (["eval", "--policy", "openpi", "--layout", "aloha"], "--layout is called --format"),
+        (["eval", "--policy", "vlagents", "--server", "x:1"], "vlagents:served_agent"),
+        (["eval", "--policy", "vlagents:x:1"], "eval --policy openpi --server"),
         (
-            ["eval", "--policy", "openpi", "--server", "ws://x:1", "--layout", "alhoa"],
+            ["eval", "--policy", "openpi", "--server", "ws://x:1", "--format", "alhoa"],
             "Did you mean 'aloha'",
         ),
     ],
@@ -63,8 +66,7 @@ def test_missing_package_is_told_with_what_to_install(
 
 @pytest.mark.parametrize("policy", SERVED)
 def test_server_that_is_not_there_is_told_without_its_address(tmp_path: Path, policy: str) -> None:
-    scheme = "ws://" if SERVED[policy].schemes else ""
-    words = ["eval", "--policy", policy, "--server", f"{scheme}127.0.0.1:1", "--wait", "0"]
+    words = ["eval", "--policy", policy, "--server", "ws://127.0.0.1:1", "--wait", "0"]
     with pytest.raises(SystemExit) as left:
         main([*words, "--workers", "0", "--out", str(tmp_path / "run")])
     assert "The policy's server cannot be reached" in str(left.value.code)

@@ -21,7 +21,7 @@ from duobench.data import (
 from duobench.data.schema import INFO_KEY, action_mode
 from duobench.envs import action_modes
 from duobench.errors import DataError, UnknownNameError
-from duobench.policy.serving.layout import ActionLayout, Layout
+from duobench.policy.serving.message_format import ActionFormat, MessageFormat
 from duobench.policy.serving.vla_eval_specs import action_spec
 from tests.data.degrees import DEGREES, FACTORS
 from tests.data.tools import HORIZON, TASK, recorded, recorder
@@ -64,10 +64,10 @@ def test_a_further_mode_is_an_entry_and_a_wrapper(tmp_path: Path, degrees: str) 
 
 
 def test_a_further_mode_can_be_served(degrees: str) -> None:
-    layout = Layout(actions=ActionLayout(mode=degrees))
+    layout = MessageFormat(actions=ActionFormat(mode=degrees))
     assert layout.action_sizes["left_arm"] == action_spec(layout)["left_arm"]["dims"] == 7
     with pytest.raises(UnknownNameError, match="Did you mean 'joint_degrees'"):
-        ActionLayout(mode="joint_degree")
+        ActionFormat(mode="joint_degree")
 
 
 def test_a_recording_of_a_mode_that_is_not_here_says_so(tmp_path: Path, degrees: str) -> None:

@@ -15,7 +15,7 @@ from duobench import interop
 from duobench.cli.evaluate import evaluate
 from duobench.cli.serve import serve
 from duobench.policy import Batching, BatchPolicy, SessionPolicy, make
-from duobench.policy.serving.layout import read_layout
+from duobench.policy.serving.message_format import read_format
 from duobench.policy.serving.vla_eval_specs import MODES
 from tests.docs.markdown import DOCS, table
 
@@ -54,12 +54,12 @@ def test_shown_policy_sees_and_draws(shown: str) -> None:
     np.testing.assert_allclose(dynamic.act(observation(0)), chunks[0], atol=1e-6)
 
 
-def test_shown_layout_is_one(tmp_path: Path) -> None:
+def test_shown_format_is_one(tmp_path: Path) -> None:
     (source,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     path = tmp_path / "shown.toml"
     path.write_text(source)
-    layout = read_layout(str(path))
-    assert layout.metadata("", "", seeded=False).cameras == ("head", "left_wrist")
+    message_format = read_format(str(path))
+    assert message_format.metadata("", "", seeded=False).cameras == ("head", "left_wrist")
 
 
 def test_table_of_parameters_names_those_of_the_benchmark() -> None:

@@ -20,7 +20,7 @@ from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.limits import TimeLimits
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.websocket import is_healthy
+from duobench.policy.serving.connection import is_healthy
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import Play, compared, small_suite
 from tests.evaluation.processes import wait_until

@@ -1,6 +1,5 @@
 """No way to a policy carries the seed of the layout: real servers, and what they received."""
 
-import json
 import random
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,19 +19,18 @@ from duobench.policy import HoldPolicy, Session
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.dialect import VLLM_PATH
-from duobench.policy.serving.layout import Layout
+from duobench.policy.serving.message_format import MessageFormat
 from duobench.randomness import TRAIN, policy_seed
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import small_suite
 from tests.evaluation.toy_tasks import WAVE_NAME, seed_of
 from tests.policy.serving.model_server import ModelServer, acting
-from tests.policy.serving.rpyc_server import agent, calls_served
 from tests.policy.serving.serving import Serve, foreign_server
 
 TASKS = ("wave", "nod")
 EPISODES = 2
 STILL = np.zeros((24, 16), np.float32)
-BLIND = Layout(state={"state": ("left_arm", "left_gripper", "right_arm", "right_gripper")})
+BLIND = MessageFormat(state={"state": ("left_arm", "left_gripper", "right_arm", "right_gripper")})
 
 
 def played(folder: Path, policy: str, server: RemoteServer | None = None) -> list[EpisodeRecord]:
@@ -107,7 +105,7 @@ def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path: Path) -> None:
         return pack({"status": "reset successful"} if is_reset else {"actions": STILL})
 
     with foreign_server({}, answer) as port:
-        records = played(tmp_path, "openpi", at(port, VLLM_PATH, layout=BLIND))
+        records = played(tmp_path, "openpi", at(port, VLLM_PATH, message_format=BLIND))
     begun = [message["seed"] for message in messages if message.get("endpoint") == "reset"]
     assert begun == seeds(records)
     assert {message["seed"] for message in messages} == set(begun)
@@ -122,7 +120,7 @@ def test_plain_openpi_gets_no_seed(tmp_path: Path) -> None:
         return pack({"actions": STILL})
 
     with foreign_server({}, answer) as port:
-        records = played(tmp_path, "openpi", at(port, layout=BLIND))
+        records = played(tmp_path, "openpi", at(port, message_format=BLIND))
     assert not [leaf for leaf in leaves(messages) if leaf in seeds(records)]
     assert_secret(records, messages)
 
@@ -134,21 +132,6 @@ def test_model_server_of_vla_eval_gets_the_policy_seed(tmp_path: Path) -> None:
     begun = [message["payload"]["task"]["seed"] for message in server.of("episode_start")]
     assert begun == seeds(records)
     assert_secret(records, server.received)
-
-
-def test_server_of_vlagents_gets_no_seed(tmp_path: Path) -> None:
-    arm = {"action": [0.0] * 7, "gripper": 0.0}
-    messages: list[Any] = []
-
-    def act(message: dict[str, Any]) -> str:
-        messages.append(message)
-        return json.dumps({"acts": [{"left": arm, "right": arm}] * len(STILL)})
-
-    with calls_served(agent(act)) as port:
-        server = RemoteServer(url=f"127.0.0.1:{port}", schemes=(), wait_s=0.0)
-        records = played(tmp_path, "vlagents", server)
-    assert not [leaf for leaf in leaves(messages) if leaf in seeds(records)]
-    assert_secret(records, messages)
 
 
 class Looks(HoldPolicy):

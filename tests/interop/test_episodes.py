@@ -14,11 +14,11 @@ from duobench.evaluation.folder import RunFolder
 from duobench.evaluation.suite import Suite, find_tasks
 from duobench.interop.episodes import Episodes
 from duobench.policy import PolicyMetadata
-from duobench.policy.serving.layout import Layout, read_layout
+from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.randomness import SUITE_VERSION
 from tests.evaluation import toy_tasks
 
-BLIND = Layout(state={"state": ("left_arm", "left_gripper")})
+BLIND = MessageFormat(state={"state": ("left_arm", "left_gripper")})
 UP = {1: -1.7, 3: -0.2}
 """Targets of joints of the left arm that lift its tool, in radians."""
 
@@ -85,8 +85,8 @@ def test_single_actions_are_chunks_of_one_and_the_horizon_counts_control_steps()
 
 
 def test_images_are_rendered_for_whoever_sees_them_and_no_others() -> None:
-    layout = Layout(images={"images.top": "head"}, image_size=(24, 32))
-    episodes = Episodes(layout, horizon=4)
+    message_format = MessageFormat(images={"images.top": "head"}, image_size=(24, 32))
+    episodes = Episodes(message_format, horizon=4)
     turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
     shown = episodes.shown(turn.observation)
     assert shown["images"]["top"].shape == (24, 32, 3)
@@ -115,14 +115,14 @@ def test_hold_action_keeps_the_arms_where_they_are(tmp_path: Path, mode: str) ->
     text = f'[actions]\nmode = "{mode}"\norder = {order}'
     path = tmp_path / "mine.toml"
     path.write_text(text)
-    episodes = Episodes(read_layout(str(path)), horizon=20)
+    episodes = Episodes(read_format(str(path)), horizon=20)
     assert not episodes.hold_action(None).any()
     turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
     before = turn.observation["tcp_pose"]
     for _ in range(5):
         turn = episodes.execute(episodes.hold_action(None))
     np.testing.assert_allclose(turn.observation["tcp_pose"], before, atol=2e-3)
-    last = np.arange(sum(episodes.layout.action_sizes.values()), dtype=np.float32)
+    last = np.arange(sum(episodes.message_format.action_sizes.values()), dtype=np.float32)
     held = episodes.hold_action([last - 1, last])
     assert held.shape == last.shape
     np.testing.assert_array_equal(held[-2:], last[-2:])

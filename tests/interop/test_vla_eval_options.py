@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
-from duobench.interop.vla_eval_options import layout_for, tasks_by_id
-from duobench.policy.serving.layout import Layout, read_layout
+from duobench.interop.vla_eval_options import format_for, tasks_by_id
+from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.tasks import catalog
 from tests.evaluation import toy_tasks
 
@@ -20,12 +20,12 @@ DEFAULTS: dict[str, Any] = {
 }
 
 
-def chosen(**options: Any) -> Layout:
-    return layout_for(**DEFAULTS | options)
+def chosen(**options: Any) -> MessageFormat:
+    return format_for(**DEFAULTS | options)
 
 
-def test_without_parameters_it_is_the_layout() -> None:
-    assert chosen() == read_layout("vla_eval")
+def test_without_parameters_it_is_the_format() -> None:
+    assert chosen() == read_format("vla_eval")
 
 
 @pytest.mark.parametrize(
@@ -41,15 +41,15 @@ def test_without_parameters_it_is_the_layout() -> None:
 def test_control_mode_and_frame_are_an_action_mode(
     control_mode: str | None, relative_to: str | None, mode: str
 ) -> None:
-    layout = chosen(control_mode=control_mode, relative_to=relative_to)
-    assert layout.actions.mode == mode
+    message_format = chosen(control_mode=control_mode, relative_to=relative_to)
+    assert message_format.actions.mode == mode
 
 
 def test_what_is_shown_can_be_less() -> None:
-    layout = chosen(send_state=False, send_wrist_image=False, camera_resolution=[96, 128])
-    assert dict(layout.images) == {"images.head": "head"}
-    assert not layout.state
-    assert layout.image_size == (96, 128)
+    message_format = chosen(send_state=False, send_wrist_image=False, camera_resolution=[96, 128])
+    assert dict(message_format.images) == {"images.head": "head"}
+    assert not message_format.state
+    assert message_format.image_size == (96, 128)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,11 @@
-"""VLAgents' own server asked by our client, and its own evaluation with our tasks and policies."""
+"""Agents of VLAgents as our policies, and its own evaluation with our tasks and policies."""
 
 import json
 import os
 import signal
 import socket
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -23,10 +23,7 @@ from duobench.evaluation.records import EpisodeRecord
 from duobench.evaluation.suite import Episode, find_tasks
 from duobench.policy import Policy
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.calls import CallConnection, CallError
-from duobench.policy.serving.layout import read_layout
-from duobench.policy.serving.vlagents import VLAgentsPolicy
-from duobench.policy.serving.vlagents_messages import observation_text
+from duobench.policy.serving.client import RemotePolicy
 from tests.evaluation import toy_tasks
 from tests.interop.conftest import VLAGENTS_PYTHON
 
@@ -40,10 +37,12 @@ EXECUTED = 6
 Serve = Callable[..., tuple[subprocess.Popen[bytes], int]]
 
 
-def started(*words: str, **options: Any) -> subprocess.Popen[Any]:
+def started(
+    *words: str, variables: Mapping[str, str] | None = None, **options: Any
+) -> subprocess.Popen[Any]:
     """A program in the environment of VLAgents, which finds the tests of this folder."""
     path = os.pathsep.join([str(ROOT), str(ROOT / "src")])
-    env = {**os.environ, "PYTHONPATH": path}
+    env = {**os.environ, "PYTHONPATH": path, **(variables or {})}
     return subprocess.Popen([os.environ[VLAGENTS_PYTHON], *words], env=env, cwd=ROOT, **options)
 
 
@@ -57,9 +56,11 @@ def free_port() -> int:
 def serve() -> Iterator[Serve]:
     with ExitStack() as ending:
 
-        def start(*words: str, port: int | None = None) -> tuple[subprocess.Popen[bytes], int]:
+        def start(
+            *words: str, port: int | None = None, **variables: str
+        ) -> tuple[subprocess.Popen[bytes], int]:
             port = port or free_port()
-            process = started(*(word.format(port=port) for word in words))
+            process = started(*(word.format(port=port) for word in words), variables=variables)
             ending.callback(process.wait, TIMEOUT_S)
             ending.callback(process.kill)
             return process, port
@@ -79,13 +80,22 @@ def ours(policy: str) -> tuple[str, ...]:
     return (*verb, "--port", "{port}", "--kwargs", kwargs)
 
 
+WORDS = ("-m", "duobench.interop.vlagents", "start-server", "test")
+WAITS = "from tests.interop.vlagents_peer import wait_for; wait_for({port}, 'test')"
+BRIDGE = ("-m", "duobench", "serve", "--port", "{port}", "--policy")
+BRIDGE += ("duobench.interop.vlagents:served_agent",)
+
+
 @pytest.fixture
-def remote() -> Iterator[Callable[..., VLAgentsPolicy]]:
+def remote(serve: Serve) -> Iterator[Callable[..., RemotePolicy]]:
     with ExitStack() as ending:
 
-        def connect(port: int, **options: Any) -> VLAgentsPolicy:
+        def connect(agent: str, port: int, file: str = "vlagents", **options: Any) -> RemotePolicy:
+            """The policy behind a bridge to an agent."""
             options = {"wait_s": TIMEOUT_S, "answer_s": TIMEOUT_S} | options
-            policy = VLAgentsPolicy(RemoteServer(url=f"localhost:{port}", schemes=(), **options))
+            variables = {"DUOBENCH_VLAGENTS_AGENT": f"{agent}@localhost:{port}"}
+            _, bridge = serve(*BRIDGE, **variables, DUOBENCH_VLAGENTS_FORMAT=file)
+            policy = RemotePolicy(RemoteServer(url=f"ws://127.0.0.1:{bridge}", **options))
             ending.callback(policy.close)
             return policy
 
@@ -112,7 +122,7 @@ class Twin:
 
 def source(policy: Any) -> PolicySource:
     return PolicySource(
-        name="vlagents", metadata=policy.metadata, bind=lambda _env: policy, close=lambda: None
+        name="openpi", metadata=policy.metadata, bind=lambda _env: policy, close=lambda: None
     )
 
 
@@ -126,57 +136,90 @@ def played(which: PolicySource, task: str, episodes: int = 1) -> list[EpisodeRec
 
 
 def observation() -> dict[str, Any]:
-    pixels = {name: np.zeros((8, 8, 3), np.uint8) for name in ("head", "left_wrist", "right_wrist")}
-    return {"agent_pos": np.zeros(16), "tcp_pose": np.zeros(14), "pixels": pixels}
+    pixels = {
+        name: np.full((128, 128, 3), 7, np.uint8) for name in ("head", "left_wrist", "right_wrist")
+    }
+    agent_pos = np.arange(16, dtype=np.float32)
+    return {"agent_pos": agent_pos, "tcp_pose": np.zeros(14, np.float32), "pixels": pixels}
 
 
 def test_agent_at_their_server_plays_an_episode_as_it_does_here(
-    serve: Serve, remote: Callable[..., VLAgentsPolicy]
+    serve: Serve, remote: Callable[..., RemotePolicy]
 ) -> None:
     _, port = serve(*theirs("Leans"))
-    policy = remote(port, execute=EXECUTED)
+    policy = remote("Leans", port, execute=EXECUTED)
+    assert policy.metadata.name == "vlagents Leans"
+    assert policy.metadata.cameras == ("head", "left_wrist", "right_wrist")
     (record,) = played(source(policy), toy_tasks.WAVE_NAME)
     assert record.error is None
     assert record.steps > EXECUTED
-    assert record.versions["inference"] == "noise not controlled"
+    assert "noise not controlled" in record.versions["inference"]
     assert record == played(source(Twin(policy)), toy_tasks.WAVE_NAME)[0]
 
 
+def test_format_turns_grippers_and_renames_cameras(
+    serve: Serve, remote: Callable[..., RemotePolicy], tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'gripper = "closed_is_one"\nprompt = "language_instruction"\n'
+        '[images]\n"obs.left.cameras.head" = "left_wrist"\n'
+        '[state]\n"obs.left.joints" = ["left_arm"]\n"obs.left.gripper" = ["left_gripper"]\n'
+        '"obs.right.joints" = ["right_arm"]'
+    )
+    _, port = serve(*theirs("Leans"))
+    policy = remote("Leans", port, str(path))
+    assert policy.metadata.cameras == ("left_wrist",)
+    policy.reset("wave", 0)
+    np.testing.assert_array_equal(policy.act(observation())[:, [7, 15]], 0)
+
+
 def test_agent_that_is_slow_or_fails_fails_its_episode(
-    serve: Serve, remote: Callable[..., VLAgentsPolicy]
+    serve: Serve, remote: Callable[..., RemotePolicy]
 ) -> None:
     _, slow = serve(*theirs("Sleeps"))
-    _, failing = serve(*theirs("Fails"))
-    policy = remote(slow, answer_s=1.0)
+    policy = remote("Sleeps", slow, answer_s=1.0)
     policy.reset("Do it.", 0)
     with pytest.raises(PolicyTimeoutError, match="lives, but did not answer"):
         policy.act(observation())
-    policy = remote(failing)
-    for _ in range(2):  # the server goes on
-        policy.reset("wave", 0)
-        with pytest.raises(PolicyError, match="SystemExit: will not wave"):
-            policy.act(observation())
+    for agent, fault in (("Fails", "will not wave"), ("OneArmed", "right has not")):
+        _, port = serve(*theirs(agent))
+        policy = remote(agent, port)
+        for _ in range(2):  # server and bridge go on
+            policy.reset("wave", 0)
+            with pytest.raises(PolicyError, match=fault):
+                policy.act(observation())
 
 
-def test_server_that_dies_or_freezes_is_no_fault_of_the_agent(
-    serve: Serve, remote: Callable[..., VLAgentsPolicy]
+def test_server_that_dies_is_no_fault_of_the_agent(
+    serve: Serve, remote: Callable[..., RemotePolicy]
 ) -> None:
     process, port = serve(*theirs("Sleeps"))
-    policy = remote(port, answer_s=TIMEOUT_S)
+    policy = remote("Sleeps", port)
     policy.reset("Do it.", 0)
     process.kill()
     process.wait(TIMEOUT_S)
-    with pytest.raises(MachineryError, match="is lost"):
+    with pytest.raises(MachineryError, match="server of VLAgents is gone"):
         policy.act(observation())
     process, _ = serve(*theirs("Leans"), port=port)
-    with pytest.raises(MachineryError, match="another policy now"):
+    with pytest.raises(MachineryError, match="has another agent"):
         policy.reset("Do it.", 0)
-    policy = remote(port, answer_s=1.0)
+    process.kill()
+    process.wait(TIMEOUT_S)
+    serve(*theirs("Sleeps"), port=port)
     policy.reset("Do it.", 0)
+    assert policy.act(observation()).shape == (8, 16)
+
+
+def test_server_that_is_frozen_is_no_fault_of_the_agent(
+    serve: Serve, remote: Callable[..., RemotePolicy]
+) -> None:
+    process, port = serve(*theirs("Leans"))
+    policy = remote("Leans", port)
     process.send_signal(signal.SIGSTOP)
     os.waitpid(process.pid, os.WUNTRACED)  # until all of it stands still
-    with pytest.raises(MachineryError, match="nor does it answer anything else"):
-        policy.act(observation())
+    with pytest.raises(MachineryError, match="answers nothing"):
+        policy.reset("Do it.", 0)
     process.send_signal(signal.SIGCONT)
 
 
@@ -188,7 +231,6 @@ def test_their_evaluation_plays_our_episodes(
     serve: Serve, policy: str, options: dict[str, Any]
 ) -> None:
     _, port = serve(*ours(policy))
-    wait_for(port)
     words = ("evaluate", str(port), "bin_sort", json.dumps(options))
     peer = started(str(PEER), *words, stdout=subprocess.PIPE)
     told = json.loads(peer.communicate(timeout=10 * TIMEOUT_S)[0])
@@ -204,11 +246,11 @@ def test_their_evaluation_plays_our_episodes(
     ]
 
 
-def test_our_client_gets_from_their_server_what_our_policy_gives(
-    serve: Serve, remote: Callable[..., VLAgentsPolicy]
+def test_our_policy_at_their_server_comes_back_through_the_bridge(
+    serve: Serve, remote: Callable[..., RemotePolicy]
 ) -> None:
     _, port = serve(*ours("hold"))
-    policy = remote(port)
+    policy = remote("duobench", port)
     for instruction in ("Do it.", "Do that."):
         policy.reset(instruction, 0)
         seen = observation() | {"agent_pos": np.full(16, len(instruction), np.float32)}
@@ -217,38 +259,54 @@ def test_our_client_gets_from_their_server_what_our_policy_gives(
         np.testing.assert_array_equal(policy.act(seen), expected)
 
 
-def test_policy_plays_one_episode_at_a_time_and_repeats_its_answers(serve: Serve) -> None:
+def test_policy_plays_one_episode_at_a_time_and_tells_nothing_else(serve: Serve) -> None:
     _, port = serve(*ours("random"))
-    wait_for(port)
-    connection = CallConnection("localhost", port, lambda: TIMEOUT_S)
-    message = read_layout("vlagents").request(observation(), "Do it.")
-    for arm in message["obs"].values():
-        arm["gripper"] = 0.0
+    peer = started(str(PEER), "probe", str(port), "duobench", stdout=subprocess.PIPE)
+    told = json.loads(peer.communicate(timeout=TIMEOUT_S)[0])
+    first, second, again, other, repeated = told["answers"]
+    assert first != second == again
+    assert other != first == repeated
+    assert told["git"] == {}
+    refused, mode, attribute = told["errors"]
+    assert "one episode at a time" in refused
+    assert "the environment's 'cartesian'" in mode
+    assert "AttributeError" in attribute
+    assert not [error for error in told["errors"] if str(ROOT) in error]
 
-    def asked(seed: int, step: int) -> Any:
-        message["obs"]["left"]["info"] = {"policy_seed": seed, "episode_step": step}
-        text = observation_text(message)
-        return connection.call("act", text)
 
-    first, second = asked(1, 0), asked(1, 1)
-    assert first != second
-    assert asked(1, 1) == second
-    with pytest.raises(CallError, match="one episode at a time"):
-        asked(2, 1)
-    assert asked(2, 0) != first
-    assert asked(1, 0) == first
-    message["obs"]["left"]["info"] = {"episode_step": 0, "action_mode": "cartesian"}
-    text = observation_text(message)
-    with pytest.raises(CallError, match="the environment's 'cartesian'"):
-        connection.call("act", text)
-    with pytest.raises(CallError, match="AttributeError"):  # public attributes are not reached
-        connection.call("agent")
-    connection.close()
+@pytest.mark.parametrize(
+    ("agent", "file", "told"),
+    [
+        ("localhost:1", "vlagents", "AGENT@HOST:PORT"),
+        ("Leans@localhost:1", "aloha", "obs.ARM.joints"),
+        ("Other@localhost:{port}", "vlagents", "has another agent"),
+    ],
+)
+def test_bridge_that_cannot_be_says_why_in_a_sentence(
+    serve: Serve, agent: str, file: str, told: str
+) -> None:
+    _, port = serve(*theirs("Leans"))
+    variables = {"DUOBENCH_VLAGENTS_AGENT": agent.format(port=port)}
+    variables |= {"DUOBENCH_VLAGENTS_FORMAT": file}
+    words = [word.format(port=0) for word in BRIDGE]
+    process = started(*words, variables=variables, stderr=subprocess.PIPE)
+    error = process.communicate(timeout=TIMEOUT_S)[1].decode()
+    assert told in error
+    assert "Traceback" not in error
 
 
 def test_server_without_a_policy_ends(serve: Serve) -> None:
     process, _ = serve(*ours("hodl"))
     process.wait(TIMEOUT_S)
+
+
+def test_server_for_everybody_is_refused_unless_it_is_said(serve: Serve) -> None:
+    refused = started(*WORDS, "--host", "0.0.0.0", stderr=subprocess.PIPE)
+    assert "--let-anybody-connect" in refused.communicate(timeout=TIMEOUT_S)[1].decode()
+    assert refused.returncode == 1
+    _, port = serve(*WORDS, "--host", "0.0.0.0", "--let-anybody-connect", "--port", "{port}")
+    peer = started("-c", WAITS.format(port=port))
+    assert peer.wait(TIMEOUT_S) == 0
 
 
 def test_their_program_runs_through_our_launcher(tmp_path: Path) -> None:
@@ -268,20 +326,16 @@ def test_their_program_runs_through_our_launcher(tmp_path: Path) -> None:
 
 def test_program_without_the_whole_horizon_is_refused(serve: Serve, tmp_path: Path) -> None:
     _, port = serve(*ours("hold"))
-    wait_for(port)
     script = tmp_path / "short.py"
     script.write_text(
         "from duobench.interop.vlagents import register; register()\n"
         "from vlagents.envs.interface import AgentConfig, EvalConfig\n"
         "from vlagents.eval import multi_eval\n"
+        "from tests.interop.vlagents_peer import wait_for\n"
+        f"wait_for({port}, 'duobench')\n"
         f"agent = AgentConfig('localhost', 'duobench', {{}}, port={port})\n"
         "multi_eval(agent, [EvalConfig('duobench/bin_sort', {'cameras': False})], 1)\n"
     )
     process = started(str(script), stderr=subprocess.PIPE)
     told = process.communicate(timeout=TIMEOUT_S)[1].decode()
     assert "up to 216 control steps, but max_steps_per_episode is 100" in told
-
-
-def wait_for(port: int) -> None:
-    """Wait until a server has its policy."""
-    VLAgentsPolicy(RemoteServer(url=f"localhost:{port}", schemes=(), wait_s=TIMEOUT_S)).close()

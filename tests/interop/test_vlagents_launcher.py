@@ -1,7 +1,5 @@
 """Where VLAgents is missing or of another version, a sentence says so; nothing else needs it."""
 
-import subprocess
-import sys
 from importlib.metadata import PackageNotFoundError
 
 import pytest
@@ -9,13 +7,7 @@ import pytest
 from duobench.errors import DuoBenchError
 from duobench.interop import vlagents
 from duobench.interop.vlagents.__main__ import main
-
-CLIENT = """
-import sys
-for name in ("rpyc", "vlagents", "msgpack", "websockets"):
-    sys.modules[name] = None  # as where it is not installed
-import duobench.policy.serving.vlagents
-"""
+from duobench.policy import make
 
 
 def install(monkeypatch: pytest.MonkeyPatch, **versions: str) -> None:
@@ -43,6 +35,8 @@ def test_other_versions_are_refused_by_name(
     install(monkeypatch, **versions)
     with pytest.raises(DuoBenchError, match=told):
         vlagents.register()
+    with pytest.raises(DuoBenchError, match=told):
+        make("duobench.interop.vlagents:served_agent")
     with pytest.raises(SystemExit, match=f"error: .*{told}.*pip install"):
         main()
 
@@ -50,7 +44,3 @@ def test_other_versions_are_refused_by_name(
 def test_version_that_is_spoken_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     install(monkeypatch, vlagents="0.3.1", rpyc="6.0.2")
     vlagents.check_versions()
-
-
-def test_client_needs_no_package_of_others() -> None:
-    subprocess.run([sys.executable, "-c", CLIENT], check=True)

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from duobench.cli.interrupt import leave, leaving_at_once
-from duobench.errors import DuoBenchError, printable
+from duobench.errors import DuoBenchError, escaped
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             import_module("duobench.cli.verbs").run(arguments)
             sys.stdout.flush()
         except DuoBenchError as error:
-            sys.exit(f"error: {printable(str(error))}")
+            sys.exit(f"error: {escaped(str(error))}")
         except BrokenPipeError:  # whoever reads the output has seen enough
             _discard_output()
             sys.exit(1)

@@ -36,10 +36,11 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     batch: Literal["fixed", "dynamic"] | None = None,
     max_batch: int | None = None,
     server: str | None = None,
-    layout: str | None = None,
+    format: str | None = None,
     execute: int = 30,
     wait: float = 60.0,
     key_file: Path | None = None,
+    layout: str | None = None,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
@@ -49,8 +50,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     Args:
         policy: expert (also expert:human or expert:wide, which vary what it does), blind, hold,
             random, zero, lerobot:PATH_OR_ID for a checkpoint of LeRobot, module:attribute for a
-            policy of your own, or openpi, vla-eval or vlagents for one that is served, whichever it
-            speaks.
+            policy of your own, or openpi or vla-eval for one that is served, whichever it speaks.
         out: Folder of the run.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.
@@ -68,13 +68,13 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             batch up, so that results do not depend on the workers; dynamic takes what waits, which
             is faster. Default: fixed.
         max_batch: Observations that such a policy answers together, at most. Default: 8.
-        server: Address of a policy that is served, such as ws://127.0.0.1:8000 (for vlagents,
-            127.0.0.1:8080).
-        layout: Layout of a server that is not of DuoBench: aloha, droid, libero, vla_eval,
-            vlagents, or FILE.toml.
+        server: Address of a policy that is served, such as ws://127.0.0.1:8000.
+        format: Message format of a server that is not of DuoBench: aloha, droid, libero, vla_eval,
+            or FILE.toml.
         execute: Actions of a chunk of a served policy that are executed before the next request.
         wait: Seconds to wait for a server that is not there.
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
+        layout: Renamed: give --format.
     """
     load_engine()
     from duobench.cli.advice import advising, for_evaluation
@@ -86,7 +86,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     from duobench.evaluation.suite import Suite, find_tasks
 
     batching = _batching(batch, max_batch)
-    remote = _remote(policy, server, layout, execute, wait, key_file)
+    _check_old_names(policy, layout)
+    remote = _remote(policy, server, format, execute, wait, key_file)
     choice = PolicyChoice(name=policy, batching=batching, server=remote)
     choice.check()
     suite = Suite(
@@ -133,31 +134,45 @@ def _batching(mode: Literal["fixed", "dynamic"] | None, size: int | None) -> Bat
     return Batching(mode=mode or "fixed", size=MAX_BATCH if size is None else size)
 
 
+def _check_old_names(policy: str, layout: str | None) -> None:
+    """Say what is given today where an old command was given."""
+    if layout is not None:
+        raise PolicyError(
+            f"--layout is called --format now: --format {layout}. A layout is where objects start."
+        )
+    if policy.partition(":")[0] == "vlagents":
+        raise PolicyError(
+            "An agent of VLAgents takes two commands now. Where VLAgents is installed: "
+            "DUOBENCH_VLAGENTS_AGENT=AGENT@HOST:PORT duobench serve --policy "
+            "duobench.interop.vlagents:served_agent. Here: duobench eval --policy openpi "
+            "--server ws://127.0.0.1:8000 --workers 1. See docs/serving.md."
+        )
+
+
 def _remote(
     policy: str,
     server: str | None,
-    layout: str | None,
+    message_format: str | None,
     execute: int,
     wait: float,
     key_file: Path | None,
 ) -> RemoteServer | None:
     from duobench.policy.serving.access import read_key
     from duobench.policy.serving.address import SERVED, RemoteServer
-    from duobench.policy.serving.layout import read_layout
+    from duobench.policy.serving.message_format import read_format
 
     if (policy in SERVED) != (server is not None):
         *others, last = SERVED
         names = policy if policy in SERVED else f"{', '.join(others)} or {last}"
         raise PolicyError(f"--policy {names} and --server URL go together.")
     if server is None:
-        if layout is not None:
-            raise PolicyError("--layout is for a policy at a --server.")
+        if message_format is not None:
+            raise PolicyError("--format is for a policy at a --server.")
         return None
     return RemoteServer(
         url=server,
         key=read_key(key_file),
-        layout=None if layout is None else read_layout(layout),
+        message_format=None if message_format is None else read_format(message_format),
         execute=execute,
         wait_s=wait,
-        schemes=SERVED[policy].schemes,
     )

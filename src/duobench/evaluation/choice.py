@@ -56,9 +56,9 @@ def find_source(
     choice.check()
     if choice.server is None:
         return policies.source(choice.name, tasks, choice.batching)
-    kind = SERVED.get(choice.name, OPENPI)  # a policy of another name is hosted by another process
+    path = SERVED.get(choice.name, OPENPI)  # a policy of another name is hosted by another process
     with importing():
-        client = resolve_name(kind.client)
+        client = resolve_name(path)
     remote = client(replace(choice.server, answer_s=limits.served_s))
     return PolicySource(
         name=choice.name,

@@ -25,7 +25,7 @@ from duobench.errors import (
     OutputError,
     RenderingError,
     VideoError,
-    printable,
+    escaped,
     traceback_text,
 )
 from duobench.evaluation.choice import PolicyChoice
@@ -194,7 +194,7 @@ class EpisodeRunner:
         except BaseException as caught:  # noqa: BLE001 - kept in the record
             error = caught
             if self._recorder is not None:
-                reason = printable(f"{type(error).__name__}: {error}")
+                reason = escaped(f"{type(error).__name__}: {error}")
                 self._recorder.finish(kept=False, reason=reason)
             self._close_environment()  # whatever broke may have left it in any state
         record = recorder.record(self.setup)

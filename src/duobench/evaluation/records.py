@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from duobench.envs.config import EnvConfig
 from duobench.envs.execution import Step
-from duobench.errors import EvaluationError, PolicyTimeoutError, printable, traceback_text
+from duobench.errors import EvaluationError, PolicyTimeoutError, escaped, traceback_text
 from duobench.evaluation.rollout import Info, Observation
 from duobench.evaluation.suite import Episode, Setup
 from duobench.randomness import SUITE_VERSION
@@ -153,7 +153,7 @@ class EpisodeRecorder:
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Note what the reset sampled."""
         self._env = env
-        self._instruction = printable(info["instruction"])
+        self._instruction = escaped(info["instruction"])
         self._layout = info["layout"]
         if stage := info["stage"]:
             self._stage_changes.append((0, stage))

@@ -13,7 +13,7 @@ from duobench.envs.duo_env import base_of
 from duobench.envs.execution import Step, execute, optional_method
 from duobench.envs.reset_options import SPLIT
 from duobench.policy.compatibility import check_fits
-from duobench.policy.protocol import Policy, as_chunk
+from duobench.policy.policy import Policy, as_chunk
 from duobench.randomness import EVAL, policy_seed
 
 Observation = Mapping[str, Any]

@@ -29,7 +29,7 @@ from duobench.errors import (
     EvaluationError,
     MachineryError,
     MessageError,
-    printable,
+    escaped,
     traceback_text,
 )
 from duobench.evaluation.choice import find_source
@@ -256,7 +256,7 @@ def work(connection: int, clock: int) -> None:
     try:
         _obey(channel, orders, EpisodeClock(clock))
     except DuoBenchError as error:
-        _report(channel, Rejected(error=type(error).__name__, message=printable(str(error))))
+        _report(channel, Rejected(error=type(error).__name__, message=escaped(str(error))))
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
         text = f"A worker failed.\n{traceback_text(error)}"
         _report(channel, Rejected(error=EvaluationError.__name__, message=text))
@@ -289,7 +289,7 @@ def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: Epis
         try:
             report = runner.play(order.episode)
         except MachineryError as fault:
-            report = Faulty(fault=printable(str(fault)))
+            report = Faulty(fault=escaped(str(fault)))
         _report(channel, report)
     runner.close()
 

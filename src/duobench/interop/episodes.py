@@ -1,4 +1,4 @@
-"""Episodes as a program of others plays them: chunks in and observations out, as a layout says.
+"""Episodes as a program of others plays them: chunks in and observations out, as a format says.
 
 They are the episodes of the evaluation: the same seeds, horizons, stages and success.
 """
@@ -18,8 +18,8 @@ from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.execution import execute, optional_method
 from duobench.envs.registration import make
 from duobench.policy.batch import Observation
-from duobench.policy.protocol import dimensions
-from duobench.policy.serving.layout import Layout
+from duobench.policy.policy import dimensions
+from duobench.policy.serving.message_format import MessageFormat
 from duobench.randomness import episode_seed
 from duobench.tasks import catalog
 
@@ -42,20 +42,20 @@ class Turn:
 
 
 class Episodes:
-    """Plays episodes one after the other, in an environment that fits a layout."""
+    """Plays episodes one after the other, in an environment that fits a format."""
 
-    def __init__(self, layout: Layout, **options: Any) -> None:
+    def __init__(self, message_format: MessageFormat, **options: Any) -> None:
         """Choose the environments; one is made when it is needed.
 
         Args:
-            layout: What is shown, and what actions mean.
-            options: Of the environments, beside what follows from the layout; see
+            message_format: What is shown, and what actions mean.
+            options: Of the environments, beside what follows from the format; see
                 `duobench.envs.config.EnvConfig`.
 
         Raises:
             DuoBenchError: If there is no such environment.
         """
-        metadata = layout.metadata("", "", seeded=False)
+        metadata = message_format.metadata("", "", seeded=False)
         self._options = {
             "cameras": metadata.cameras,
             "image_size": metadata.image_size or IMAGE_SIZE,
@@ -63,7 +63,7 @@ class Episodes:
             **options,
         }
         EnvConfig.from_options(self._options)
-        self.layout = layout
+        self.message_format = message_format
         """What is shown, and what actions mean."""
         self._import_path: str | None = None
         self._env: gym.Env | None = None
@@ -95,7 +95,7 @@ class Episodes:
         """Execute a chunk, until its end or the episode's.
 
         Args:
-            actions: One action (n,) or a chunk (H, n), in the layout's order.
+            actions: One action (n,) or a chunk (H, n), in the format's order.
 
         Raises:
             PolicyError: If they are no chunk of finite numbers; the next episode can be played.
@@ -103,8 +103,8 @@ class Episodes:
         """
         if self._env is None or self._last is None:
             raise ResetNeededError("No episode is running; begin one first.")
-        chunk = self.layout.chunk([actions] if dimensions(actions) == 1 else actions)
-        turn, render_last = self._last, bool(self.layout.images)
+        chunk = self.message_format.chunk([actions] if dimensions(actions) == 1 else actions)
+        turn, render_last = self._last, bool(self.message_format.images)
         try:
             for step in execute(self._env, chunk, before=turn.steps, render_last=render_last):
                 turn = Turn(
@@ -121,24 +121,24 @@ class Episodes:
         return turn
 
     def shown(self, observation: Observation) -> dict[str, Any]:
-        """An observation of the running episode as the layout says."""
-        return self.layout.request(observation, self._instruction)
+        """An observation of the running episode as the format says."""
+        return self.message_format.request(observation, self._instruction)
 
     def hold_action(self, last: ArrayLike | None) -> NDArray[np.float32]:
-        """An action (n,) that keeps the arms where they were sent, in the layout's order.
+        """An action (n,) that keeps the arms where they were sent, in the format's order.
 
         Args:
             last: The last action or chunk that was executed; None if there was none, and then the
                 arms stay where they are measured.
         """
-        sizes = self.layout.action_sizes
+        sizes = self.message_format.action_sizes
         if last is not None:
             action = np.atleast_2d(np.asarray(last, dtype=np.float32))[-1].copy()
         elif self._last is None:
             action = np.zeros(sum(sizes.values()), np.float32)
         else:
-            action = self.layout.measured_action(self._last.observation)
-        if self.layout.actions.mode.endswith("relative"):
+            action = self.message_format.measured_action(self._last.observation)
+        if self.message_format.actions.mode.endswith("relative"):
             is_arm = np.repeat([not part.endswith("gripper") for part in sizes], [*sizes.values()])
             action[is_arm] = 0.0
         return action

@@ -20,13 +20,13 @@ from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
 from duobench.errors import OptionError, PolicyError, check_known
 from duobench.interop.episodes import Episodes, Turn
-from duobench.interop.vla_eval_options import Resolution, layout_for, tasks_by_id
+from duobench.interop.vla_eval_options import Resolution, format_for, tasks_by_id
 from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
 from duobench.tasks import catalog
 
 
 class DuoBench(StepBenchmark):
-    """The tasks of DuoBench, with actions and observations as a layout says."""
+    """The tasks of DuoBench, with actions and observations as a format says."""
 
     _ALL_RECORD_FIELDS: ClassVar = frozenset({"reward", "done", "success", "stage", "steps"})
     render_backends: ClassVar = frozenset({"gpu", "cpu"})
@@ -44,7 +44,7 @@ class DuoBench(StepBenchmark):
         control_mode: str | None = None,
         relative_to: str | None = None,
         binary_gripper: bool = False,
-        layout: str = "vla_eval",
+        format: str = "vla_eval",
         look: str = "default",
     ) -> None:
         """Choose what is played; the environment is made at the first reset.
@@ -60,15 +60,15 @@ class DuoBench(StepBenchmark):
             send_wrist_image: Whether the wrist cameras are shown.
             camera_resolution: [height, width] of the images, or a map from each camera to the same.
             control_mode: "joints", "cartesian_tquat" or "cartesian_rotvec"; None takes the
-                layout's, which is "joints".
-            relative_to: "none" or "last_step"; None takes the layout's, which is "none".
+                format's, which is "joints".
+            relative_to: "none" or "last_step"; None takes the format's, which is "none".
             binary_gripper: Whether openings are rounded to open or closed.
-            layout: Names and orders of observations and actions: the name of a layout, or the path
+            format: Names and orders of observations and actions: the name of a format, or the path
                 of a TOML file.
             look: How images look.
 
         Raises:
-            DuoBenchError: If there is no such task or layout, or no environment like that.
+            DuoBenchError: If there is no such task or format, or no environment like that.
         """
         super().__init__()
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
@@ -77,8 +77,8 @@ class DuoBench(StepBenchmark):
         self._first_episode = seed
         self._max_steps = max_steps
         self._recorder = NullEpisodeRecorder()
-        self._layout = layout_for(
-            layout,
+        self._format = format_for(
+            format,
             control_mode=control_mode,
             relative_to=relative_to,
             send_state=send_state,
@@ -86,7 +86,7 @@ class DuoBench(StepBenchmark):
             camera_resolution=camera_resolution,
         )
         self._episodes = Episodes(
-            self._layout,
+            self._format,
             horizon=max_steps,
             binary_gripper=binary_gripper,
             control_rate_hz=frequency,
@@ -135,7 +135,7 @@ class DuoBench(StepBenchmark):
         Raises:
             PolicyError: If they are missing, or no chunk of finite numbers.
         """
-        key = self._layout.actions.key
+        key = self._format.actions.key
         if key not in action:
             raise PolicyError(
                 f"The model server answers without {key!r}; it gives "
@@ -168,20 +168,20 @@ class DuoBench(StepBenchmark):
 
     def get_action_spec(self) -> dict[str, DimSpec]:
         """The components of an action, in their order."""
-        return _specs(action_spec(self._layout))
+        return _specs(action_spec(self._format))
 
     def get_observation_spec(self) -> dict[str, DimSpec]:
         """The components of an observation."""
-        return _specs(observation_spec(self._layout))
+        return _specs(observation_spec(self._format))
 
     def get_metadata(self) -> dict[str, Any]:
         """Most calls of an episode, for a server that gives one action a call; and their size."""
         longest = self._max_steps or max(catalog.get(name).horizon for name in self._tasks.values())
-        return {"max_steps": longest, "action_dim": sum(self._layout.action_sizes.values())}
+        return {"max_steps": longest, "action_dim": sum(self._format.action_sizes.values())}
 
     def get_hold_action(self, last_action: dict[str, Any] | None) -> dict[str, Any]:
         """An action that keeps the arms where they were sent, for real time."""
-        key = self._layout.actions.key
+        key = self._format.actions.key
         last = None if last_action is None else last_action.get(key)
         return {key: self._episodes.hold_action(last)}
 

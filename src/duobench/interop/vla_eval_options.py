@@ -1,4 +1,4 @@
-"""The parameters that vla-eval's own DuoBench has, turned into a layout."""
+"""The parameters that vla-eval's own DuoBench has, turned into a format."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import OptionError
-from duobench.policy.serving.layout import Layout, read_layout
+from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.policy.serving.vla_eval_specs import MODES
 from duobench.tasks import catalog
 from duobench.types import HEAD
@@ -16,7 +16,7 @@ Size = Sequence[int] | int
 Resolution = Mapping[str, Size] | Size
 
 
-def layout_for(
+def format_for(
     name: str,
     *,
     control_mode: str | None,
@@ -24,31 +24,33 @@ def layout_for(
     send_state: bool,
     send_wrist_image: bool,
     camera_resolution: Resolution | None,
-) -> Layout:
-    """A layout with what a configuration changes about it.
+) -> MessageFormat:
+    """A format with what a configuration changes about it.
 
     Args:
-        name: Name of a layout, or the path of a file that ends in `.toml`.
-        control_mode: What an arm's numbers are; None takes the layout's.
-        relative_to: What they are relative to; None takes the layout's.
+        name: Name of a format, or the path of a file that ends in `.toml`.
+        control_mode: What an arm's numbers are; None takes the format's.
+        relative_to: What they are relative to; None takes the format's.
         send_state: Whether there is a state.
         send_wrist_image: Whether the wrist cameras are shown.
         camera_resolution: [height, width] of all images, or of each by its camera.
 
     Raises:
-        DuoBenchError: If there is no such layout, or no environment like that.
+        DuoBenchError: If there is no such format, or no environment like that.
     """
-    layout = read_layout(name)
-    mode = _mode(layout.actions.mode, control_mode, relative_to)
+    message_format = read_format(name)
+    mode = _mode(message_format.actions.mode, control_mode, relative_to)
     images = {
-        key: camera for key, camera in layout.images.items() if send_wrist_image or camera == HEAD
+        key: camera
+        for key, camera in message_format.images.items()
+        if send_wrist_image or camera == HEAD
     }
     return replace(
-        layout,
+        message_format,
         images=images,
-        image_size=_size(camera_resolution, layout),
-        state=layout.state if send_state else {},
-        actions=replace(layout.actions, mode=mode),
+        image_size=_size(camera_resolution, message_format),
+        state=message_format.state if send_state else {},
+        actions=replace(message_format.actions, mode=mode),
     )
 
 
@@ -83,21 +85,21 @@ def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
     )
 
 
-def _size(resolution: Resolution | None, layout: Layout) -> tuple[int, int]:
+def _size(resolution: Resolution | None, message_format: MessageFormat) -> tuple[int, int]:
     if resolution is None:
-        return layout.image_size
+        return message_format.image_size
     if not isinstance(resolution, Mapping):
         return _checked(resolution)
     EnvConfig.from_options({"cameras": resolution.keys()})
     sizes = {_checked(size) for size in resolution.values()}
-    if not set(layout.images.values()) <= resolution.keys():
-        sizes.add(layout.image_size)
+    if not set(message_format.images.values()) <= resolution.keys():
+        sizes.add(message_format.image_size)
     if len(sizes) > 1:
         raise OptionError(
             "All images have one size here: give camera_resolution as [height, width], or with the "
             f"same size for each camera; got {resolution!r}."
         )
-    return sizes.pop() if sizes else layout.image_size
+    return sizes.pop() if sizes else message_format.image_size
 
 
 def _checked(size: object) -> tuple[int, int]:

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from duobench.policy.batch import SessionPolicy as SessionPolicy
     from duobench.policy.batch import noise as noise
     from duobench.policy.compatibility import check_fits as check_fits
-    from duobench.policy.protocol import Policy as Policy
-    from duobench.policy.protocol import PolicyMetadata as PolicyMetadata
-    from duobench.policy.protocol import as_chunk as as_chunk
+    from duobench.policy.policy import Policy as Policy
+    from duobench.policy.policy import PolicyMetadata as PolicyMetadata
+    from duobench.policy.policy import as_chunk as as_chunk
     from duobench.policy.registry import BASELINES as BASELINES
     from duobench.policy.registry import make as make
 

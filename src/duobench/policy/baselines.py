@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from duobench.policy.protocol import PolicyMetadata
+from duobench.policy.policy import PolicyMetadata
 from duobench.robot.joints import JOINT_RANGES
 from duobench.types import FLAT_SIZE, OPENING_SLOTS, Array
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import PolicyError
-from duobench.policy.protocol import PolicyMetadata, as_chunk
+from duobench.policy.policy import PolicyMetadata, as_chunk
 
 Observation = Mapping[str, Any]
 Chunk = NDArray[np.float32]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from duobench.errors import PolicyError
-from duobench.policy.protocol import PolicyMetadata
+from duobench.policy.policy import PolicyMetadata
 
 if TYPE_CHECKING:
     import gymnasium as gym

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from duobench.errors import PolicyError, traceback_text
+from duobench.errors import MachineryError, PolicyError, traceback_text
 from duobench.policy.batch import (
     Batching,
     BatchPolicy,
@@ -32,17 +32,20 @@ MAX_WAITING = 256
 
 
 class BusyError(Exception):
-    """Too many requests wait already, or the loop has ended; nothing is wrong with the policy."""
+    """Too many requests wait, the loop has ended, or what the policy asks is gone.
+
+    Nothing is wrong with the policy.
+    """
 
 
 @dataclass(slots=True, eq=False)
-class _Errand:
+class _Task:
     call: Callable[[], Any]
     future: Future[Any] = field(default_factory=Future)
 
 
 @dataclass(slots=True, eq=False)
-class _Question:
+class _InferenceRequest:
     session: Session
     observation: Observation
     future: Future[Chunk] = field(default_factory=Future)
@@ -51,8 +54,8 @@ class _Question:
 class InferenceLoop:
     """Answers from one thread what other threads ask.
 
-    A batch is what waits at the moment, `batching.size` observations at most; nobody waits for
-    a batch to become full.
+    A batch is what waits at the moment, `batching.size` observations at most; the loop does not
+    wait for it to become full.
     """
 
     def __init__(
@@ -72,9 +75,9 @@ class InferenceLoop:
         self._policy = policy
         self._batching = batching
         self._busy = busy
-        self._news = threading.Condition()
-        self._errands: deque[_Errand] = deque()
-        self._questions: deque[_Question] = deque()
+        self._events = threading.Condition()
+        self._tasks: deque[_Task] = deque()
+        self._requests: deque[_InferenceRequest] = deque()
         self._is_over = False
 
     def begin(self, instruction: str, seed: int) -> Future[Session]:
@@ -86,8 +89,8 @@ class InferenceLoop:
         Raises:
             BusyError: If too many requests wait, or the loop has ended.
         """
-        errand = _Errand(lambda: begin(self._policy, instruction, seed))
-        return self._queued(errand, self._errands).future
+        task = _Task(lambda: begin(self._policy, instruction, seed))
+        return self._queued(task, self._tasks).future
 
     def act(self, session: Session, observation: Observation) -> Future[Chunk]:
         """Ask for the next actions of an episode, once its last request is answered.
@@ -100,85 +103,88 @@ class InferenceLoop:
         Raises:
             BusyError: If too many requests wait, or the loop has ended.
         """
-        return self._queued(_Question(session, observation), self._questions).future
+        return self._queued(_InferenceRequest(session, observation), self._requests).future
 
     def end(self, session: Session) -> None:
         """Tell the policy, when it has time, that an episode is over."""
-        with self._news:
-            self._errands.append(_Errand(lambda: end(self._policy, session)))
-            self._news.notify()
+        with self._events:
+            self._tasks.append(_Task(lambda: end(self._policy, session)))
+            self._events.notify()
 
     def stop(self) -> None:
         """Let `run` return after the batch that it is at, and cancel the futures that wait."""
-        with self._news:
+        with self._events:
             self._is_over = True
-            self._news.notify()
+            self._events.notify()
 
     def run(self) -> None:
-        """Answer until somebody calls `stop`."""
+        """Answer until `stop` is called."""
         while self._wait():
-            while self._errands:
-                errand = self._errands.popleft()
-                if errand.future.set_running_or_notify_cancel():
-                    self._run_errand(errand)
+            while self._tasks:
+                task = self._tasks.popleft()
+                if task.future.set_running_or_notify_cancel():
+                    self._run_task(task)
             if batch := self._take():
                 self._answer(batch)
-        for waiting in (*self._errands, *self._questions):
+        for waiting in (*self._tasks, *self._requests):
             waiting.future.cancel()
 
     def _queued(self, request: T, queue: deque[T]) -> T:
-        with self._news:
-            if self._is_over or len(self._questions) + len(self._errands) >= MAX_WAITING:
+        with self._events:
+            if self._is_over or len(self._requests) + len(self._tasks) >= MAX_WAITING:
                 what = "has ended" if self._is_over else f"has {MAX_WAITING} requests waiting"
                 raise BusyError(f"The policy's server {what}.")
             queue.append(request)
-            self._news.notify()
+            self._events.notify()
         return request
 
     def _wait(self) -> bool:
         """Wait for something to do; whether the loop goes on."""
-        with self._news:
-            self._news.wait_for(lambda: self._is_over or self._errands or self._questions)
+        with self._events:
+            self._events.wait_for(lambda: self._is_over or self._tasks or self._requests)
             return not self._is_over
 
-    def _take(self) -> list[_Question]:
-        """The oldest questions that somebody still waits for, as many as a batch has."""
-        batch: list[_Question] = []
-        while self._questions and len(batch) < self._batching.size:
-            question = self._questions.popleft()
-            if question.future.set_running_or_notify_cancel():
-                batch.append(question)
+    def _take(self) -> list[_InferenceRequest]:
+        """The oldest requests that are not cancelled, as many as a batch has."""
+        batch: list[_InferenceRequest] = []
+        while self._requests and len(batch) < self._batching.size:
+            request = self._requests.popleft()
+            if request.future.set_running_or_notify_cancel():
+                batch.append(request)
         return batch
 
-    def _answer(self, batch: list[_Question]) -> None:
+    def _answer(self, batch: list[_InferenceRequest]) -> None:
         """Answer a batch; if that fails, each by itself, so that one of them spoils no other."""
-        sessions = [question.session for question in batch]
-        observations = [question.observation for question in batch]
+        sessions = [request.session for request in batch]
+        observations = [request.observation for request in batch]
         try:
             with self._busy():
                 chunks = answer(self._policy, sessions, observations, self._batching)
-        except BaseException as error:  # noqa: BLE001 - somebody else's code
+        except BaseException as error:  # noqa: BLE001 - a policy's code
             if len(batch) == 1:
                 _fail(batch[0].future, error)
                 return
         else:
-            for question, chunk in zip(batch, chunks, strict=True):
-                question.future.set_result(chunk)
+            for request, chunk in zip(batch, chunks, strict=True):
+                request.future.set_result(chunk)
             return
         _log.warning("A batch failed; its observations are answered one by one.")
-        for question in batch:
-            self._answer([question])
+        for request in batch:
+            self._answer([request])
 
-    def _run_errand(self, errand: _Errand) -> None:
+    def _run_task(self, task: _Task) -> None:
         try:
             with self._busy():
-                result = errand.call()
-        except BaseException as error:  # noqa: BLE001 - somebody else's code
-            _fail(errand.future, error)
+                result = task.call()
+        except BaseException as error:  # noqa: BLE001 - a policy's code
+            _fail(task.future, error)
         else:
-            errand.future.set_result(result)
+            task.future.set_result(result)
 
 
 def _fail(future: Future[Any], error: BaseException) -> None:
     """Give a future what was raised, `sys.exit` included, as an error of the policy."""
+    if isinstance(error, MachineryError):
+        future.set_exception(BusyError(str(error)))
+        return
     future.set_exception(PolicyError(traceback_text(error).strip()))

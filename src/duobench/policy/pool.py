@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from duobench.errors import PolicyError
 from duobench.policy.batch import Observation, Session
-from duobench.policy.protocol import Policy
+from duobench.policy.policy import Policy
 
 
 @dataclass(kw_only=True, slots=True)

@@ -15,7 +15,7 @@ from duobench.installing import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.batch import Batching, BatchPolicy, SessionPolicy
 from duobench.policy.lerobot.address import SCHEME as LEROBOT
-from duobench.policy.protocol import Policy, PolicyMetadata
+from duobench.policy.policy import Policy, PolicyMetadata
 from duobench.references import load
 
 BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
@@ -104,7 +104,7 @@ def _made(path: str) -> object:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        if is_ours and isinstance(error, DuoBenchError):
+        if isinstance(error, DuoBenchError) and (is_ours or scheme.startswith("duobench.")):
             raise
         trace = traceback_text(error, skip=1).strip()
         raise PolicyError(f"Policy {path!r} cannot be made.\n{trace}") from error

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from duobench.errors import DuoBenchError, LayoutError, UnknownNameError, check_known, printable
+from duobench.errors import DuoBenchError, LayoutError, UnknownNameError, check_known, escaped
 from duobench.objects.prop import Prop
 from duobench.randomness import EVAL, Choice, Uniform, generator
 from duobench.robot.cameras import OVERVIEW_VIEW, View
@@ -87,7 +87,7 @@ class Task:
         """Reject texts that cannot be printed, unknown props, and a task without stages."""
         stages = [text for stage in self.stages for text in (stage.name, stage.instruction)]
         for text in (self.id, self.title, self.instruction, *stages):
-            if text != printable(text):
+            if text != escaped(text):
                 raise DuoBenchError(f"The texts of task {self.id!a} are printable, got {text!a}.")
         names = [prop.name for prop in self.props]
         for name in self.placements:

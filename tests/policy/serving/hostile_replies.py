@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
-from duobench.errors import DuoBenchError, printable
+from duobench.errors import DuoBenchError, escaped
 from duobench.policy import Policy
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import RemotePolicy
@@ -22,7 +22,7 @@ from duobench.policy.serving.vla_eval import VlaEvalPolicy
 from tests.policy.serving.hostile import DTYPES, KINDS, SHAPES
 from tests.policy.serving.model_server import Message, ModelServer, frame, packed
 from tests.policy.serving.serving import TIMEOUT_S, foreign_server
-from tests.policy.serving.test_layout import observation
+from tests.policy.serving.test_message_format import observation
 
 Frame = bytes | str
 Chunk = dict[str, Any]
@@ -134,7 +134,7 @@ def play(name: str, count: int) -> Iterator[str]:
             except DuoBenchError as error:
                 text = str(error)
                 assert 0 < len(text) < LONGEST_MESSAGE
-                assert text == printable(text)
+                assert text == escaped(text)
                 yield type(error).__name__
             else:
                 yield "taken"

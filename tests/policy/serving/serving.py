@@ -42,13 +42,13 @@ class Serve:
 
 @contextmanager
 def foreign_server(
-    hello: dict[str, Any], answer: Callable[[bytes], bytes | str | None]
+    handshake: dict[str, Any], answer: Callable[[bytes], bytes | str | None]
 ) -> Iterator[int]:
     """Serve as others do: one message at a time, answered by a function; None leaves."""
 
-    def converse(connection: ServerConnection) -> None:
+    def serve_client(connection: ServerConnection) -> None:
         try:
-            connection.send(pack(hello))
+            connection.send(pack(handshake))
             for message in connection:
                 assert isinstance(message, bytes)
                 reply = answer(message)
@@ -58,7 +58,7 @@ def foreign_server(
         except ConnectionClosed:
             pass
 
-    with serve_websocket(converse, "127.0.0.1", 0, compression=None) as server:
+    with serve_websocket(serve_client, "127.0.0.1", 0, compression=None) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
         yield server.socket.getsockname()[1]

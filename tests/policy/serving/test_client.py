@@ -16,9 +16,9 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import RemotePolicy
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.dialect import VLLM_PATH
-from duobench.policy.serving.layout import Layout, read_layout
+from duobench.policy.serving.message_format import MessageFormat, read_format
 from tests.policy.serving.serving import BATCHING, TIMEOUT_S, Serve, foreign_server
-from tests.policy.serving.test_layout import observation
+from tests.policy.serving.test_message_format import observation
 from tests.policy.serving.test_server import Gated
 from tests.policy.test_batch import Network, Refuses, observations
 
@@ -61,6 +61,22 @@ def test_served_policy_answers_like_the_policy_itself(serve: Serve, remote: Conn
     assert policy.batching == BATCHING
     for seed in (1, 2, 1):
         assert played(policy, seed) == played(local, seed)
+
+
+class Bereft(Network):
+    """Asks somebody who is not there any more."""
+
+    def act_batch(self, sessions: Any, observations: Any) -> Any:  # noqa: ARG002 - all the same
+        raise MachineryError("Its model is gone." + "." * 200)
+
+
+def test_policy_that_cannot_be_asked_is_no_fault_of_the_policy(
+    serve: Serve, remote: Connect
+) -> None:
+    policy = remote(serve(Bereft()))
+    for _ in range(2):
+        with pytest.raises(MachineryError, match="Its model is gone"):
+            played(policy, 1)
 
 
 def test_part_of_a_chunk_may_be_executed_which_is_another_version(
@@ -231,7 +247,7 @@ def test_plain_openpi_gets_a_connection_for_each_episode_and_its_own_keys(
         return pack({"actions": CHUNK, "state": np.zeros(16)})
 
     with foreign_server({}, answer) as port:
-        policy = remote(port, layout=read_layout("aloha"), execute=3)
+        policy = remote(port, message_format=read_format("aloha"), execute=3)
         assert not policy.metadata.seeded
         assert policy.metadata.cameras == ("head", "left_wrist", "right_wrist")
         policy.reset("Do it.", 5)
@@ -253,9 +269,9 @@ def test_roboarena_is_told_what_each_message_is(remote: Connect) -> None:
         is_reset = seen[-1]["endpoint"] == "reset"
         return "reset successful" if is_reset else pack({"actions": CHUNK})
 
-    hello = {"needs_session_id": True, "n_external_cameras": 1, "needs_wrist_camera": True}
-    with foreign_server(hello, answer) as port:
-        policy = remote(port, layout=read_layout("droid"))
+    handshake = {"needs_session_id": True, "n_external_cameras": 1, "needs_wrist_camera": True}
+    with foreign_server(handshake, answer) as port:
+        policy = remote(port, message_format=read_format("droid"))
         for seed in (1, 2):
             policy.reset("Do it.", seed)
             assert np.shape(policy.act(observation())) == (5, 16)
@@ -277,7 +293,7 @@ def test_vllm_gives_bare_arrays_and_takes_seeds(remote: Connect) -> None:
         return array[array.index(b"\x84") :]
 
     with foreign_server({}, answer) as port:
-        policy = remote(port, VLLM_PATH, layout=Layout())
+        policy = remote(port, VLLM_PATH, message_format=MessageFormat())
         assert policy.metadata.seeded
         policy.reset("Do it.", 9)
         for _ in range(2):

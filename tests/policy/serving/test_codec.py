@@ -1,4 +1,5 @@
 import tracemalloc
+import warnings
 from typing import Any
 
 import msgpack
@@ -29,6 +30,13 @@ def test_scalar_has_the_bytes_of_the_protocol() -> None:
         "a163" "83c40d5f5f6e7067656e657269635f5fc3c40464617461c3c4056474797065a37c6231"
     )  # fmt: skip
     assert packed.hex() == expected
+
+
+def test_scalar_beyond_its_dtype_is_infinite_without_a_warning() -> None:
+    scalar = {b"__npgeneric__": True, b"data": 1e300, b"dtype": "<f4"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert unpack(msgpack.packb({"a": scalar}))["a"] == np.inf
 
 
 def test_array_has_keys_of_text_for_those_who_read_no_others() -> None:

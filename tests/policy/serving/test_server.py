@@ -18,8 +18,8 @@ from duobench.policy import Batching, Session, SessionPolicy
 from duobench.policy.inference import InferenceLoop
 from duobench.policy.serving import limits
 from duobench.policy.serving.codec import pack, unpack
-from duobench.policy.serving.conversation import Conversation
 from duobench.policy.serving.host import PolicyHost
+from duobench.policy.serving.session import ClientSession
 from tests.evaluation.processes import wait_until
 from tests.policy.serving.hostile import messages
 from tests.policy.serving.serving import TIMEOUT_S, Serve
@@ -65,12 +65,12 @@ def expected(seed: int, observation: dict[str, Any]) -> np.ndarray:
     return np.asarray(policy.act(observation))
 
 
-def test_conversation_is_that_of_the_protocol(serve: Serve) -> None:
+def test_session_is_that_of_the_protocol(serve: Serve) -> None:
     first, second = observations(seed=0, count=2)
     with dial(serve(Network())) as client:
-        hello = unpack(client.recv(TIMEOUT_S))
-        assert hello["duobench"]["name"] == "network"
-        assert hello["duobench"]["batch"] == "fixed"
+        handshake = unpack(client.recv(TIMEOUT_S))
+        assert handshake["duobench"]["name"] == "network"
+        assert handshake["duobench"]["batch"] == "fixed"
         reply = ask(client, first | {"prompt": "Do it."})
         np.testing.assert_array_equal(reply["actions"], expected(0, first))
         assert reply["server_timing"].keys() == {"infer_ms"}
@@ -145,7 +145,7 @@ def test_who_leaves_gives_the_place_back(serve: Serve) -> None:
             ask(client, {"endpoint": "reset", "prompt": "", "seed": 1})
         stays.send(pack(first))
         assert policy.asked.wait(TIMEOUT_S)
-        waiting = serve.hosts[0]._loop._questions
+        waiting = serve.hosts[0]._loop._requests
         leaves.send(pack(first))
         wait_until(lambda: len(waiting) == 1, "a request waits")
         leaves.close()
@@ -261,13 +261,13 @@ def test_twenty_thousand_hostile_requests_change_nothing() -> None:
     async def answers() -> tuple[int, int]:
         read = refused = 0
         for data in messages(20_000):
-            conversation = Conversation(loop)
+            session = ClientSession(loop)
             try:
-                await conversation.reply(data)
+                await session.reply(data)
                 read += 1
             except DuoBenchError:
                 refused += 1
-            conversation.close()
+            session.close()
         return read, refused
 
     read, refused = asyncio.run(answers())

@@ -12,13 +12,13 @@ from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, Ser
 from duobench.policy import Policy
 from duobench.policy.serving import limits
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.layout import Layout, read_layout
+from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.policy.serving.vla_eval import VlaEvalPolicy
 from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
 from tests.policy.serving.model_server import Message, ModelServer, acting, frame
 from tests.policy.serving.serving import TIMEOUT_S, Serve
 from tests.policy.serving.test_client import free_port
-from tests.policy.serving.test_layout import observation
+from tests.policy.serving.test_message_format import observation
 from tests.policy.test_batch import Network
 
 Connect = Callable[..., VlaEvalPolicy]
@@ -74,7 +74,7 @@ def test_single_action_is_a_chunk_of_one(remote: Connect) -> None:
         np.testing.assert_array_equal(policy.act(observation()), [OURS])
 
 
-def test_metadata_is_that_of_the_layout_and_what_the_server_tells(remote: Connect) -> None:
+def test_metadata_is_that_of_the_format_and_what_the_server_tells(remote: Connect) -> None:
     hello = {"model_server": "Pi0ModelServer", "observation_params": {"send_state": True}}
     with ModelServer(acting(CHUNK), hello).running() as port:
         metadata = remote(port, execute=30).metadata
@@ -83,14 +83,14 @@ def test_metadata_is_that_of_the_layout_and_what_the_server_tells(remote: Connec
         assert metadata.image_size == (224, 224)
         assert not metadata.seeded
         version = metadata.version or ""
-        assert version.startswith("vla-eval 0.8.0, Pi0ModelServer, layout ")
+        assert version.startswith("vla-eval 0.8.0, Pi0ModelServer, format ")
         assert version.endswith("first 30 actions of a chunk")
         assert str(port) not in version
         assert remote(port, execute=2).metadata.version != version
-        layout = Layout(images={"images.head": "head"}, prompt="task_description")
-        assert remote(port, execute=30, layout=read_layout("vla_eval")).metadata == metadata
+        message_format = MessageFormat(images={"images.head": "head"}, prompt="task_description")
+        assert remote(port, execute=30, message_format=read_format("vla_eval")).metadata == metadata
     with ModelServer(acting(CHUNK)).running() as port:
-        other = remote(port, layout=layout).metadata
+        other = remote(port, message_format=message_format).metadata
         assert other.cameras == ("head",)
 
 
@@ -121,21 +121,21 @@ def test_other_version_of_the_protocol_is_refused_by_name(remote: Connect, versi
         ({"action_spec": {"a": {"dims": "many"}}}, "describes its policy wrongly"),
     ],
 )
-def test_server_that_contradicts_the_layout_is_refused_before_the_first_step(
+def test_server_that_contradicts_the_format_is_refused_before_the_first_step(
     remote: Connect, hello: Message, message: str
 ) -> None:
-    layout = Layout(images={"images.head": "head"}, prompt="task_description")
+    message_format = MessageFormat(images={"images.head": "head"}, prompt="task_description")
     server = ModelServer(acting(CHUNK), hello)
     with server.running() as port, pytest.raises(ServingError, match=message):
-        remote(port, layout=layout)
+        remote(port, message_format=message_format)
 
 
 @pytest.mark.parametrize(
     "hello",
     [
         {
-            "action_spec": action_spec(read_layout("vla_eval")),
-            "observation_spec": observation_spec(read_layout("vla_eval")),
+            "action_spec": action_spec(read_format("vla_eval")),
+            "observation_spec": observation_spec(read_format("vla_eval")),
         },
         {"action_spec": {"actions": {"name": "raw", "dims": 0, "format": "raw"}}},
         {"observation_params": {"send_state": True, "send_wrist_image": True, "seed": 0}},
@@ -308,14 +308,6 @@ def test_nobody_is_told_without_the_address(remote: Connect) -> None:
     with pytest.raises(MachineryError, match="cannot be reached") as told:
         remote(port)
     assert str(port) not in str(told.value)
-
-
-def test_plain_addresses_belong_to_kinds_without_schemes() -> None:
-    assert RemoteServer(url="localhost:8080", schemes=()).parts.port == 8080
-    for url in ("ws://localhost:1", "localhost:x", ":1", "a:b@localhost:1"):
-        with pytest.raises(ServingError) as told:
-            RemoteServer(url=url, schemes=())
-        assert url not in str(told.value)
 
 
 def test_too_large_a_reply_is_refused_unread(

@@ -1,4 +1,4 @@
-"""The tasks as environments, and policies as an agent, of VLAgents 0.3.
+"""The tasks as environments, policies as an agent, and agents as policies, of VLAgents 0.3.
 
 VLAgents imports no module of anybody else, so its programs are started from here:
 `python -m duobench.interop.vlagents` has their verbs and options. In code, `register` is enough.
@@ -10,12 +10,13 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from duobench.errors import DuoBenchError
+from duobench.policy import Policy
 from duobench.tasks import catalog
 
 AGENT = "duobench"
 """The name of the agent that answers with a policy of DuoBench."""
 _NEEDED = {"vlagents": ("0.3.", "0.3.0"), "rpyc": ("6.", "6")}
-"""What versions begin with, and the first of them; before RPyC 6, whoever is connected can run code
+"""What versions begin with, and the first of them; before RPyC 6, every client can run code
 (CVE-2024-27758)."""
 
 
@@ -36,6 +37,18 @@ def register() -> None:
     for name in catalog.names():
         theirs.register_env(f"duobench/{name}", TaskEnv)
     theirs.register_agent(AGENT, PolicyAgent)
+
+
+def served_agent() -> Policy:
+    """The agent at a server of VLAgents that the environment names, for `duobench serve --policy`.
+
+    Raises:
+        DuoBenchError: If VLAgents is missing, or of another version, or there is no such agent.
+    """
+    check_versions()
+    from duobench.interop.vlagents.bridge import VLAgentsPolicy
+
+    return VLAgentsPolicy()
 
 
 def check_versions() -> None:

@@ -1,7 +1,7 @@
 """VLAgents' programs, with the tasks and policies of DuoBench: `python -m` and this package.
 
 The verbs and options are VLAgents' own. A server that is started here lets clients reach nothing
-but the methods that it offers, and unpickles nothing.
+but the methods that it offers, unpickles nothing, and tells nothing about its folder.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from importlib import import_module
 from typing import Any
 
-from duobench.errors import DuoBenchError, check_known
+from duobench.errors import DuoBenchError, ServingError, check_known
 from duobench.interop.vlagents import AGENT, register
+from duobench.policy.serving.access import is_loopback
 
 _END_S = 10.0
 """Seconds that a server may take to end."""
@@ -32,21 +33,49 @@ def main() -> None:
 
 
 def start_server(
-    agent_name: str, kwargs: str = "{}", port: int = 8080, host: str = "localhost"
+    agent_name: str,
+    kwargs: str = "{}",
+    port: int = 8080,
+    host: str = "localhost",
+    let_anybody_connect: bool = False,
 ) -> None:
     """Serve an agent until Ctrl-C.
 
-    The agent "duobench" answers with a policy of DuoBench: --kwargs='{"policy": "hold"}'. Whoever
-    reaches the host may ask, so stay on this machine, or in a network that you trust.
+    The agent "duobench" answers with a policy of DuoBench: --kwargs='{"policy": "hold"}'. Every
+    client that reaches the host may ask: any but this machine's needs --let-anybody-connect.
     """
     import rpyc  # pyright: ignore[reportMissingImports]
     from vlagents.server import AgentService  # pyright: ignore[reportMissingImports]
 
+    class Service(AgentService):
+        """The server's methods, without the commits and changes of the folder that it runs in."""
+
+        def exposed_git_status(self) -> str:
+            """Nothing, as JSON."""
+            return "{}"
+
+    if not let_anybody_connect:
+        _check_host(host)
     agents = import_module("vlagents").AGENTS
     check_known("agent", agent_name, agents)
-    service = AgentService(agents[agent_name](**json.loads(kwargs)), agent_name)
+    service = Service(agents[agent_name](**json.loads(kwargs)), agent_name)
+    options = {"include_local_traceback": False}
     with service:
-        rpyc.ThreadedServer(service, hostname=host, port=port).start()
+        rpyc.ThreadedServer(service, hostname=host, port=port, protocol_config=options).start()
+
+
+def _check_host(host: str) -> None:
+    """Reject an address that others reach.
+
+    Raises:
+        ServingError: If they do.
+    """
+    if not is_loopback(host):
+        raise ServingError(
+            f"A server of VLAgents at {host or 'every address'} answers everybody who reaches it, "
+            "without a key. Serve at 127.0.0.1, and reach it through an SSH tunnel; in a network "
+            "that you trust, `start-server` has the option --let-anybody-connect."
+        )
 
 
 def _app() -> Any:
@@ -73,6 +102,7 @@ def _server(
     python_path: str = sys.executable,
 ) -> Iterator[subprocess.Popen[bytes]]:
     """A server in a process of its own, as long as the block lasts."""
+    _check_host(host)
     command = [python_path.format(agent_name=agent_name), "-m", __package__ or "", "start-server"]
     options = [f"--port={port}", f"--host={host}", f"--kwargs={json.dumps(kwargs)}"]
     process = subprocess.Popen([*command, agent_name, *options])

@@ -16,8 +16,7 @@ from vlagents.policies.interface import (  # pyright: ignore[reportMissingImport
 
 from duobench.errors import PolicyError
 from duobench.policy import as_chunk
-from duobench.policy.serving.vlagents_messages import action_from
-from duobench.types import ARM_JOINTS, SIDES
+from duobench.types import ARM_JOINTS, SIDES, Array, real_array
 
 LEFT, RIGHT = map(str, SIDES)
 
@@ -86,11 +85,41 @@ def as_act(chunk: NDArray[np.float32]) -> Act:
     )
 
 
-def as_action(act: Mapping[str, SingleAct], size: int) -> NDArray[np.float32]:
+def as_action(act: Mapping[str, SingleAct], size: int | None = None) -> NDArray[np.float32]:
     """One of their actions as ours (size,).
+
+    Args:
+        act: The action of each arm.
+        size: How many numbers there must be; None takes any.
 
     Raises:
         PolicyError: If an arm or a gripper is missing, or it has another size.
     """
-    arms = {side: vars(arm) for side, arm in act.items()}
-    return as_chunk(action_from(arms)[None], size)[0]
+    parts = [_arm(act, str(side)) for side in SIDES]
+    left, right = map(len, parts)
+    if left != right:
+        raise PolicyError(
+            f"The agent gives the left arm {left} numbers and the right one {right}, the opening "
+            "included."
+        )
+    return as_chunk(np.concatenate(parts)[None], size)[0]
+
+
+def _arm(act: Mapping[str, SingleAct], side: str) -> Array:
+    """The numbers of an arm and the opening of its gripper."""
+    arm = act.get(side)
+    if arm is None or arm.action is None or arm.gripper is None:
+        raise PolicyError(
+            "An act has the arms `left` and `right`, each with an `action` and the opening of its "
+            f"`gripper`; {side} has not. There is: {', '.join(act)[:200] or 'nothing'}."
+        )
+    try:
+        action, gripper = (real_array(part, np.float64) for part in (arm.action, arm.gripper))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise PolicyError(f"The agent gives no numbers: {arm!r:.80}.") from error
+    if action.ndim != 1 or gripper.size != 1:
+        raise PolicyError(
+            "An `action` is a list of numbers and a `gripper` is one number, got arrays of shape "
+            f"{action.shape} and {gripper.shape}."
+        )
+    return np.append(action, gripper)

@@ -29,7 +29,7 @@ from duobench.policy.lerobot.address import SCHEME, parse
 from duobench.policy.lerobot.features import DIFFUSION, horizon, inputs
 from duobench.policy.lerobot.noise import EpisodeNoise
 from duobench.policy.lerobot.weights import check_loaded
-from duobench.policy.protocol import PolicyMetadata
+from duobench.policy.policy import PolicyMetadata
 
 _RENAMING = "rename_observations_processor"
 _DTYPES = ("bfloat16", "float32")

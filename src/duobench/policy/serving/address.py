@@ -1,4 +1,4 @@
-"""Where a policy is served, and in which layout: data, without a connection."""
+"""Where a policy is served, and in which format: data, without a connection."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from urllib.parse import SplitResult, urlsplit
 
 from duobench.errors import ServingError
 from duobench.policy.serving import access
-from duobench.policy.serving.layout import Layout
+from duobench.policy.serving.message_format import MessageFormat
 
 ANSWER_S = 110.0
 """Default seconds for one answer: under the limit of an evaluation, which ends the episode."""
@@ -18,60 +18,41 @@ WAIT_S = 60.0
 """Default seconds to wait for a server that is not there yet, or not there again."""
 MAX_S = 86_400.0
 """Most seconds for one answer, and to wait: a day; sockets know no endless time."""
-_WEBSOCKET = ("ws", "wss")
-"""What the address of a WebSocket begins with."""
+_SCHEMES = ("ws", "wss")
+"""What the address of a server begins with."""
+_FORM = "The address of a server is ws://HOST:PORT or wss://HOST:PORT."
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ServerKind:
-    """How servers of one kind are used."""
-
-    client: str
-    """Import path of the class that connects, a `ConnectedPolicy`."""
-    schemes: tuple[str, ...] = _WEBSOCKET
-    """What the address of such a server may begin with; without any, it is HOST:PORT."""
-
-
-OPENPI = ServerKind(client="duobench.policy.serving.client:RemotePolicy")
-"""Those of DuoBench, and all others that speak openpi's protocol."""
-SERVED: Mapping[str, ServerKind] = MappingProxyType(
-    {
-        "openpi": OPENPI,
-        "vla-eval": ServerKind(client="duobench.policy.serving.vla_eval:VlaEvalPolicy"),
-        "vlagents": ServerKind(
-            client="duobench.policy.serving.vlagents:VLAgentsPolicy", schemes=()
-        ),
-    }
+OPENPI = "duobench.policy.serving.client:RemotePolicy"
+"""Client of the servers of DuoBench, and of all others that speak openpi's protocol."""
+SERVED: Mapping[str, str] = MappingProxyType(
+    {"openpi": OPENPI, "vla-eval": "duobench.policy.serving.vla_eval:VlaEvalPolicy"}
 )
-"""Kinds of servers, by the name under which a policy that somebody else serves is evaluated."""
+"""Import paths of the clients, each a `ConnectedPolicy`, by the name under which a served
+policy is evaluated."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RemoteServer:
-    """Where a policy is served, and in which layout; nothing of it is written to a record."""
+    """Where a policy is served, and in which format; nothing of it is written to a record."""
 
     url: str
     """Address, such as ws://HOST:PORT, with a path if the server has one."""
     key: str | None = field(default=None, repr=False)
     """What the server asks for."""
-    layout: Layout | None = None
-    """Layout of a server that is not of DuoBench; None sends our own observations."""
+    message_format: MessageFormat | None = None
+    """Format of a server that is not of DuoBench; None sends our own observations."""
     execute: int | None = None
     """Actions that are executed of each chunk; None takes all."""
     answer_s: float = ANSWER_S
     """Seconds for one answer."""
     wait_s: float = WAIT_S
     """Seconds to wait for a server that is not there."""
-    schemes: tuple[str, ...] = _WEBSOCKET
-    """Those of its `ServerKind`."""
 
     def __post_init__(self) -> None:
         """Reject what is no address, or holds more than one."""
         parts = self.parts
-        if parts.scheme not in (self.schemes or ("",)) or not _is_host(parts.hostname):
-            raise ServingError(f"The address of a server is {self._form}.")
-        if not self.schemes and (parts.path or parts.port is None):
-            raise ServingError(f"The address of this kind of server is {self._form}.")
+        if parts.scheme not in _SCHEMES or not _is_host(parts.hostname):
+            raise ServingError(_FORM)
         if parts.username is not None or parts.query or parts.fragment:
             raise ServingError(
                 "The address of a server holds no key: put it into the environment variable "
@@ -95,15 +76,11 @@ class RemoteServer:
     def parts(self) -> SplitResult:
         """The parts of the address."""
         try:
-            parts = urlsplit(self.url if self.schemes else f"//{self.url}")
+            parts = urlsplit(self.url)
             parts.port  # noqa: B018 - raises where it is no number
         except ValueError as error:
-            raise ServingError(f"The address of a server is {self._form}.") from error
+            raise ServingError(_FORM) from error
         return parts
-
-    @property
-    def _form(self) -> str:
-        return " or ".join(f"{scheme}://HOST:PORT" for scheme in self.schemes) or "HOST:PORT"
 
 
 def _is_host(name: str | None) -> bool:

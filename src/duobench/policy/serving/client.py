@@ -13,16 +13,15 @@ from websockets.sync.client import ClientConnection
 
 from duobench.errors import MachineryError, MessageError, PolicyError, ServingError
 from duobench.policy.batch import Batching, Chunk, Observation
-from duobench.policy.protocol import PolicyMetadata, as_chunk
+from duobench.policy.policy import PolicyMetadata, as_chunk
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, read, unpack
-from duobench.policy.serving.connection import reported
+from duobench.policy.serving.connection import ConnectedPolicy, reported
 from duobench.policy.serving.dialect import OURS, Dialect, actions_of, dialect_of
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
-from duobench.policy.serving.websocket import WebSocketPolicy
 
 
-class RemotePolicy(WebSocketPolicy):
+class RemotePolicy(ConnectedPolicy):
     """A served policy, as a plain one."""
 
     health_path = HEALTH_PATH
@@ -40,21 +39,21 @@ class RemotePolicy(WebSocketPolicy):
         message, self._added = self._dialect.messages(self._instruction, seed)
         if self._dialect.reset is not None:
             is_text = self._dialect.is_reset_answered_in_text
-            self._exchange(connection, message, is_text=is_text)
+            self._request(connection, message, is_text=is_text)
 
     def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
-        layout = self._server.layout
-        if layout is not None:
-            request = layout.request(observation, self._instruction)
+        message_format = self._server.message_format
+        if message_format is not None:
+            request = message_format.request(observation, self._instruction)
         else:
             prompt = {} if self._dialect is OURS else {"prompt": self._instruction}
             request = {**observation, **prompt}
-        answer = self._exchange(connection, {**request, **self._added})
-        if layout is None:
+        answer = self._request(connection, {**request, **self._added})
+        if message_format is None:
             return as_chunk(actions_of(answer, "actions"), width=None)
-        return layout.chunk(actions_of(answer, layout.actions.key))
+        return message_format.chunk(actions_of(answer, message_format.actions.key))
 
-    def _exchange(
+    def _request(
         self, connection: ClientConnection, message: dict[str, Any], *, is_text: bool = False
     ) -> Any:
         connection.send(pack(message))
@@ -66,18 +65,18 @@ class RemotePolicy(WebSocketPolicy):
             raise reported(reply)
         return {}
 
-    def _greet(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
+    def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
         first = connection.recv(self._left())
         try:
-            hello = unpack(first if isinstance(first, bytes) else first.encode())
+            handshake = unpack(first if isinstance(first, bytes) else first.encode())
         except MessageError as error:
             raise MachineryError(f"What answers is no policy's server: {error}") from error
         server = self._server
-        self._dialect = dialect = dialect_of(hello, server.parts.path)
+        self._dialect = dialect = dialect_of(handshake, server.parts.path)
         if dialect is OURS:
-            return _described(hello[OURS.name], server)
-        name, facts = dialect.name, server.layout
-        return self._foreign_metadata(name, name, facts, seeded=dialect.has_seed), None
+            return _described(handshake[OURS.name], server)
+        name, facts = dialect.name, server.message_format
+        return self._metadata_from_format(name, name, facts, seeded=dialect.has_seed), None
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:

@@ -7,6 +7,8 @@ written for servers that read no others.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
@@ -16,11 +18,11 @@ import numpy as np
 
 from duobench.errors import MessageError
 from duobench.policy.serving import limits
-from duobench.policy.serving.arrays import array_from, dtype_from
 
 _ARRAY, _SCALAR = "__ndarray__", "__npgeneric__"
 _DATA, _DTYPE, _SHAPE = "data", "dtype", "shape"
 _PLAIN = (type(None), bool, int, float, str, bytes)
+_DTYPE_TEXT = re.compile(rf"[<>|=]?[{limits.DTYPE_KINDS}]\d+")
 
 
 def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
@@ -144,17 +146,45 @@ def _text(key: object) -> str:
 
 
 def _array(fields: dict[str, Any]) -> np.ndarray:
+    """A writable array, if its bytes are exactly as many as its shape and dtype say."""
     _expect(fields, _ARRAY, {_ARRAY, _DATA, _DTYPE, _SHAPE})
-    return array_from(fields[_DATA], fields[_DTYPE], fields[_SHAPE])
+    data, dtype, shape = fields[_DATA], _dtype(fields[_DTYPE]), fields[_SHAPE]
+    if (
+        not isinstance(shape, list)
+        or len(shape) > limits.MAX_DIMENSIONS
+        or not all(type(size) is int and size >= 0 for size in shape)
+    ):
+        raise MessageError(f"A shape has at most {limits.MAX_DIMENSIONS} sizes, got {shape!r:.80}.")
+    if not isinstance(data, bytes) or math.prod(shape) * dtype.itemsize != len(data):
+        size = len(data) if isinstance(data, bytes) else "no"
+        raise MessageError(
+            f"An array of shape {shape} and dtype {dtype.str} came with {size} bytes."
+        )
+    try:
+        array = np.frombuffer(data, dtype).reshape(shape)
+    except (ValueError, OverflowError) as error:  # no bytes at all, in a shape beyond all bounds
+        raise MessageError(f"There is no array of shape {shape}.") from error
+    return array.view(np.uint8) != 0 if dtype.kind == "b" else array.copy()
+
+
+def _dtype(text: object) -> np.dtype[Any]:
+    """A dtype by its name, such as "<f4", if arrays of it may be read."""
+    if isinstance(text, str) and len(text) <= limits.MAX_DTYPE_TEXT and _DTYPE_TEXT.fullmatch(text):
+        with suppress(TypeError):  # such as f3
+            dtype: np.dtype[Any] = np.dtype(text)
+            if dtype.itemsize:
+                return dtype
+    raise MessageError(f"Arrays of dtype {text!r:.40} are not read; <f4 and |u1 are, for example.")
 
 
 def _scalar(fields: dict[str, Any]) -> np.generic:
     _expect(fields, _SCALAR, {_SCALAR, _DATA, _DTYPE})
-    dtype, data = dtype_from(fields[_DTYPE]), fields[_DATA]
+    dtype, data = _dtype(fields[_DTYPE]), fields[_DATA]
     if not isinstance(data, _PLAIN[1:]):
         raise MessageError(f"A NumPy scalar is no {type(data).__name__}.")
     try:
-        return dtype.type(np.array(data).astype(dtype)[()])
+        with np.errstate(all="ignore"):  # a number beyond its dtype is infinite
+            return dtype.type(np.array(data).astype(dtype)[()])
     except (ValueError, TypeError, OverflowError) as error:
         raise MessageError(f"A NumPy scalar of {dtype} cannot be read: {error}.") from error
 

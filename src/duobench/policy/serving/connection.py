@@ -1,4 +1,4 @@
-"""A policy at a server, whatever is said on the connection to it.
+"""A policy at a server, at the other end of a WebSocket, whatever is said there.
 
 What the server's policy does wrong is a `PolicyError`, which fails an episode. What happens to the
 connection is a `MachineryError`, after which an episode can be played again from its start. Nothing
@@ -8,11 +8,18 @@ is read from a connection after an answer that did not come in time: it would be
 from __future__ import annotations
 
 import hashlib
+import http.client
+import math
+import socket
+import struct
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
-from typing import ClassVar, Generic, TypeVar
+from contextlib import ExitStack, contextmanager
+from typing import ClassVar
+
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
 
 from duobench.errors import (
     LONGEST_TEXT,
@@ -22,30 +29,34 @@ from duobench.errors import (
     PolicyError,
     PolicyTimeoutError,
     ServingError,
-    printable,
+    escaped,
 )
 from duobench.policy.batch import Batching, Chunk, Observation
-from duobench.policy.protocol import PolicyMetadata
+from duobench.policy.policy import PolicyMetadata
+from duobench.policy.serving import access, limits
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.layout import Layout, read_layout
-
-C = TypeVar("C")
+from duobench.policy.serving.message_format import MessageFormat, read_format
 
 _RETRY_S = 0.2
 """Pause between attempts to connect, in seconds."""
+_SHORTEST_S = 0.2
+"""Seconds for opening a connection, at least."""
+_NOT_ALLOWED = (401, 403)
+_LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
+"""What is raised where there is no connection, or no more."""
 
 
-class ConnectedPolicy(ABC, Generic[C]):
-    """A policy at a server; a subclass knows how that is reached, and what is said there."""
+class ConnectedPolicy(ABC):
+    """A policy at a server; a subclass knows what is said there."""
 
     metadata: PolicyMetadata
     """What the policy expects of the environment."""
     batching: Batching | None
     """How many observations the server answers together, if it tells."""
-    _usual_layout: ClassVar[str | None] = None
-    """Name of the layout of a server for which none is given; None takes openpi's keys."""
-    _breaks: ClassVar[tuple[type[Exception], ...]] = (OSError, EOFError)
-    """What is raised where there is no connection, or no more."""
+    health_path: ClassVar[str]
+    """Where a server of this kind says that it lives."""
+    _default_format: ClassVar[str | None] = None
+    """Name of the format of a server for which none is given; None takes openpi's keys."""
 
     def __init__(self, server: RemoteServer) -> None:
         """Connect, and learn what is served.
@@ -55,22 +66,23 @@ class ConnectedPolicy(ABC, Generic[C]):
 
         Raises:
             ServingError: If the server asks for another key, cannot be understood, or contradicts
-                the layout.
+                the format.
             MachineryError: If there is no server of this kind.
         """
         self._server = server
-        usual = self._usual_layout
-        self._layout = server.layout or (Layout() if usual is None else read_layout(usual))
+        default = self._default_format
+        self._format = server.message_format or (
+            MessageFormat() if default is None else read_format(default)
+        )
         self._ending = ExitStack()
-        self._connection: C | None = None
+        self._connection: ClientConnection | None = None
         self._served: tuple[PolicyMetadata, Batching | None] | None = None
         self._instruction = ""
-        self._give_up = 0.0
         self._deadline = time.monotonic() + server.wait_s + server.answer_s
         self._connect()
 
     def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode, once more if the connection was lost while nobody asked.
+        """Begin an episode, once more if the connection was lost since the last request.
 
         Raises:
             PolicyError: If the policy fails, or is too slow.
@@ -96,7 +108,7 @@ class ConnectedPolicy(ABC, Generic[C]):
         self._deadline = time.monotonic() + self._server.answer_s
         if self._connection is None:
             raise MachineryError("The connection to the policy's server is lost.")
-        with self._talking() as connection:
+        with self._exchange() as connection:
             return self._ask(connection, observation)[: self._server.execute]
 
     def close(self) -> None:
@@ -104,43 +116,35 @@ class ConnectedPolicy(ABC, Generic[C]):
         self._drop()
 
     @abstractmethod
-    def _dial(self) -> AbstractContextManager[C]:
-        """Connect once; errors are `_breaks`, or those of `_greet`."""
-
-    @abstractmethod
-    def _greet(self, connection: C) -> tuple[PolicyMetadata, Batching | None]:
+    def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
         """Say and read what comes first on every connection.
 
         Returns:
             What the policy expects, and how many observations are answered together, if known.
 
         Raises:
-            ServingError: If the server speaks otherwise, or contradicts the layout.
+            ServingError: If the server speaks otherwise, or contradicts the format.
             MachineryError: If what answers is no such server.
         """
 
     @abstractmethod
-    def _begin(self, connection: C, seed: int) -> None:
+    def _begin(self, connection: ClientConnection, seed: int) -> None:
         """Say that an episode begins."""
 
     @abstractmethod
-    def _ask(self, connection: C, observation: Observation) -> Chunk:
+    def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
         """The server's chunk for an observation, after whose errors the connection can be used."""
 
-    @abstractmethod
-    def _missing_sign(self) -> str | None:
-        """What a server that lives would do, and this one does not; None if it lives."""
-
-    def _foreign_metadata(
+    def _metadata_from_format(
         self, name: str, version: str, facts: object, *, seeded: bool = False
     ) -> PolicyMetadata:
-        """What a policy of others expects; its version also says in which layout."""
+        """What a policy of others expects; its version also says in which format."""
         digest = hashlib.sha256(repr(facts).encode(errors="replace")).hexdigest()[:16]
-        version = f"{version}, layout {digest}, {self._server.executed}"
-        return self._layout.metadata(name, version, seeded=seeded)
+        version = f"{version}, format {digest}, {self._server.executed}"
+        return self._format.metadata(name, version, seeded=seeded)
 
     def _start(self, seed: int) -> None:
-        with self._talking() as connection:
+        with self._exchange() as connection:
             self._begin(connection, seed)
 
     def _left(self) -> float:
@@ -150,12 +154,14 @@ class ConnectedPolicy(ABC, Generic[C]):
     def _late(self) -> DuoBenchError:
         """Whose fault it is that there was no answer: a server that still lives has waited too."""
         late = f"did not answer within {self._server.answer_s:g} s"
-        if missing := self._missing_sign():
-            return MachineryError(f"The policy's server {late}, nor does it {missing}.")
-        return PolicyTimeoutError(f"The policy's server lives, but {late}.")
+        if is_healthy(self._server, self.health_path):
+            return PolicyTimeoutError(f"The policy's server lives, but {late}.")
+        return MachineryError(
+            f"The policy's server {late}, nor does it say at {self.health_path} that it lives."
+        )
 
     @contextmanager
-    def _talking(self) -> Iterator[C]:
+    def _exchange(self) -> Iterator[ClientConnection]:
         """The connection, made if there is none; all but a policy's own errors end it."""
         try:
             yield self._connection or self._connect()
@@ -165,9 +171,9 @@ class ConnectedPolicy(ABC, Generic[C]):
             self._drop()
             if isinstance(error, TimeoutError):
                 raise self._late() from error
-            if isinstance(error, self._breaks):
+            if isinstance(error, _LOST):
                 raise MachineryError(
-                    f"The connection to the policy's server is lost: {printable(str(error))}."
+                    f"The connection to the policy's server is lost: {escaped(str(error))}."
                 ) from error
             if isinstance(error, MessageError):
                 raise MachineryError(
@@ -175,16 +181,21 @@ class ConnectedPolicy(ABC, Generic[C]):
                 ) from error
             raise
 
-    def _connect(self) -> C:
+    def _connect(self) -> ClientConnection:
         """Connect, and wait for a server that is not there."""
-        self._give_up = min(self._deadline, time.monotonic() + self._server.wait_s)
+        give_up = min(self._deadline, time.monotonic() + self._server.wait_s)
         while True:
             try:
-                connection = self._ending.enter_context(self._dial())
+                connection = self._ending.enter_context(self._opened())
                 self._recognize(connection)
-            except self._breaks as error:
+            except _LOST as error:
                 self._drop()
-                self._wait(_RETRY_S, str(error) or type(error).__name__)
+                if time.monotonic() + _RETRY_S >= give_up:
+                    fault = escaped(str(error) or type(error).__name__)
+                    raise MachineryError(
+                        f"The policy's server cannot be reached: {fault}."
+                    ) from error
+                time.sleep(_RETRY_S)
             except BaseException:
                 self._drop()
                 raise
@@ -192,10 +203,35 @@ class ConnectedPolicy(ABC, Generic[C]):
                 self._connection = connection
                 return connection
 
-    def _recognize(self, connection: C) -> None:
+    def _opened(self) -> ClientConnection:
+        """A connection that is new; what cannot be opened is one of `_LOST`."""
+        try:
+            connection = connect(
+                self._server.url,
+                additional_headers=access.headers(self._server.key),
+                open_timeout=max(min(limits.HANDSHAKE_S, self._left()), _SHORTEST_S),
+                close_timeout=limits.CLOSE_S,
+                ping_interval=None,  # some servers answer nothing at all while they infer
+                max_size=limits.MAX_REPLY,
+                compression=None,
+                proxy=None,
+            )
+        except InvalidStatus as error:
+            fault = f"HTTP status {error.response.status_code}"
+            if error.response.status_code in _NOT_ALLOWED and self._served is None:
+                raise ServingError(
+                    f"The policy's server refuses the key, or asks for one ({fault}). It is read "
+                    f"from {access.KEY_VARIABLE} or a file."
+                ) from error
+            raise ConnectionError(fault) from error
+        timeout = struct.pack("ll", math.ceil(self._server.answer_s), 0)
+        connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, timeout)
+        return connection
+
+    def _recognize(self, connection: ClientConnection) -> None:
         """Learn what is served: the same as before, or another run begins."""
         try:
-            served = self._greet(connection)
+            served = self._handshake(connection)
         except ServingError:
             if self._served is None:
                 raise
@@ -205,22 +241,31 @@ class ConnectedPolicy(ABC, Generic[C]):
         self._served = served
         self.metadata, self.batching = served
 
-    def _wait(self, pause_s: float, fault: str) -> None:
-        """Wait before the next attempt.
-
-        Raises:
-            MachineryError: If there is no time for one; it says what was wrong with the last.
-        """
-        if time.monotonic() + pause_s >= self._give_up:
-            raise MachineryError(f"The policy's server cannot be reached: {printable(fault)}.")
-        time.sleep(pause_s)
-
     def _drop(self) -> None:
-        """End the connection, without a word."""
+        """Close the connection, if there is one."""
         self._connection = None
         self._ending.close()
 
 
 def reported(words: str) -> PolicyError:
     """The error of a policy whose server says in words what went wrong."""
-    return PolicyError(f"The policy's server reports:\n{printable(words)[-LONGEST_TEXT:].strip()}")
+    return PolicyError(f"The policy's server reports:\n{escaped(words)[-LONGEST_TEXT:].strip()}")
+
+
+def is_healthy(server: RemoteServer, path: str = limits.HEALTH_PATH) -> bool:
+    """Whether a server says that it lives.
+
+    Args:
+        server: The server.
+        path: Where it says so; that of `duobench serve`, if not given.
+    """
+    parts = server.parts
+    kind = http.client.HTTPSConnection if parts.scheme == "wss" else http.client.HTTPConnection
+    connection = kind(parts.hostname or "", parts.port, timeout=limits.HEALTH_S)
+    try:
+        connection.request("GET", path)
+        return connection.getresponse().status == http.HTTPStatus.OK
+    except (OSError, http.client.HTTPException):
+        return False
+    finally:
+        connection.close()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from duobench.errors import PolicyError, printable
+from duobench.errors import PolicyError, escaped
 from duobench.policy.serving.connection import reported
 
 VLLM_PATH = "/v1/realtime/robot/openpi"
@@ -57,19 +57,19 @@ _VLLM = Dialect(
 )
 
 
-def dialect_of(hello: Mapping[str, Any], path: str) -> Dialect:
+def dialect_of(handshake: Mapping[str, Any], path: str) -> Dialect:
     """The dialect of a server.
 
     Args:
-        hello: Its first message.
+        handshake: Its first message.
         path: Path of its address.
     """
-    if "duobench" in hello:
+    if "duobench" in handshake:
         return OURS
     if path.rstrip("/") == VLLM_PATH:
         return _VLLM
-    if hello.keys() & _ROBOARENA_KEYS:
-        return _ROBOARENA_SESSIONS if hello.get("needs_session_id") else _ROBOARENA
+    if handshake.keys() & _ROBOARENA_KEYS:
+        return _ROBOARENA_SESSIONS if handshake.get("needs_session_id") else _ROBOARENA
     return _OPENPI
 
 
@@ -86,6 +86,6 @@ def actions_of(answer: Any, key: str) -> Any:
     if isinstance(kind := answer.get("type"), str) and kind == "error":
         raise reported(str(answer.get("message")))
     if key not in answer:
-        known = printable(", ".join(sorted(answer)))[:_LONGEST_LIST] or "nothing"
+        known = escaped(", ".join(sorted(answer)))[:_LONGEST_LIST] or "nothing"
         raise PolicyError(f"The policy's server answers without {key!r}; it gives {known}.")
     return answer[key]

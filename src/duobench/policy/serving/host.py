@@ -22,15 +22,17 @@ from websockets.http11 import Request, Response
 from duobench.errors import DuoBenchError, ServingError
 from duobench.policy.batch import Batching, BatchPolicy
 from duobench.policy.inference import BusyError, InferenceLoop
+from duobench.policy.policy import PolicyMetadata
 from duobench.policy.pool import PolicyPool
-from duobench.policy.protocol import PolicyMetadata
 from duobench.policy.registry import make, make_any, versioned_metadata
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack
-from duobench.policy.serving.conversation import Conversation
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
+from duobench.policy.serving.session import ClientSession
 
 _GOING_AWAY, _INTERNAL_ERROR, _TRY_AGAIN = 1001, 1011, 1013
+_LONGEST_REASON = 120
+"""Bytes of the reason for closing a connection; a WebSocket takes three more."""
 
 
 class PolicyHost:
@@ -65,7 +67,7 @@ class PolicyHost:
         self._policy = policy
         self._loop = InferenceLoop(policy, batching, busy=busy)
         served = {**asdict(metadata), "batch": batching.mode, "max_batch": batching.size}
-        self._hello = pack({"duobench": {"protocol": PROTOCOL, **served}})
+        self._handshake = pack({"duobench": {"protocol": PROTOCOL, **served}})
         self._key = key
         self._clients = 0
         self._over = asyncio.Event()
@@ -80,7 +82,7 @@ class PolicyHost:
         """The port that it listens at."""
 
     def run(self) -> None:
-        """Answer until somebody calls `stop`, then close server and policy."""
+        """Answer until `stop` is called, then close server and policy."""
         try:
             self._loop.run()
         finally:
@@ -98,7 +100,7 @@ class PolicyHost:
     ) -> None:
         try:
             server = await serve(
-                self._converse,
+                self._serve_client,
                 host,
                 port,
                 process_request=self._admit,
@@ -120,7 +122,7 @@ class PolicyHost:
             await self._over.wait()
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer what is no conversation, and turn away who may not have one."""
+        """Answer what asks for no session, and turn away who may not have one."""
         if request.path == HEALTH_PATH:
             return connection.respond(http.HTTPStatus.OK, "OK\n")
         if not access.is_allowed(request.headers.get("Authorization"), self._key):
@@ -129,26 +131,27 @@ class PolicyHost:
             return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n")
         return None
 
-    async def _converse(self, connection: ServerConnection) -> None:
+    async def _serve_client(self, connection: ServerConnection) -> None:
         """Answer one client until it leaves; its mistakes end its own connection only."""
         self._clients += 1
-        conversation = Conversation(self._loop)
+        session = ClientSession(self._loop)
         try:
-            await _send(connection, self._hello)
+            await _send(connection, self._handshake)
             while True:
                 async with asyncio.timeout(limits.IDLE_S):
                     frame = await connection.recv()
-                reply = await _unless_gone(connection, conversation.reply(frame))
+                reply = await _unless_gone(connection, session.reply(frame))
                 if reply is None:
                     return
                 await _send(connection, reply)
-                conversation.note_sent()
+                session.note_sent()
         except websockets.ConnectionClosed:
             pass
         except TimeoutError:
             await connection.close(_GOING_AWAY, "Silent for too long.")
         except BusyError as error:
-            await connection.close(_TRY_AGAIN, str(error))
+            reason = str(error).encode()[:_LONGEST_REASON].decode(errors="ignore")
+            await connection.close(_TRY_AGAIN, reason)
         except DuoBenchError as error:
             with suppress(TimeoutError, websockets.ConnectionClosed):
                 await _send(connection, str(error))
@@ -156,13 +159,13 @@ class PolicyHost:
             await connection.close(_INTERNAL_ERROR, reason)
         finally:
             self._clients -= 1
-            conversation.close()
+            session.close()
 
 
 async def _unless_gone(
     connection: ServerConnection, answering: Coroutine[Any, Any, bytes]
 ) -> bytes | None:
-    """An answer, or None once nobody is there any more to get it."""
+    """An answer, or None once the client has left."""
     answer = asyncio.create_task(answering)
     gone = asyncio.create_task(connection.wait_closed())
     try:

@@ -1,6 +1,6 @@
 """What server and client agree on, and what each accepts from the other, all in one place.
 
-Whoever sends more, or takes longer, is refused; what is refused costs little memory and time.
+A peer that sends more, or takes longer, is refused; that costs little memory and time.
 """
 
 PROTOCOL = 1
@@ -14,8 +14,6 @@ MAX_REQUEST = 16 << 20
 """Bytes of a message to a server: three images of 720 x 1280 take 8.3 MB."""
 MAX_REPLY = 64 << 20
 """Bytes of a message to a client."""
-MAX_CALL_REPLY = 4 << 20
-"""Bytes of an answer of RPyC, unpacked: 1,000 actions of two arms take half a megabyte."""
 MAX_ARRAY_ITEMS = 4096
 """Items of one MessagePack array."""
 MAX_MAP_ITEMS = 1024

@@ -14,26 +14,25 @@ from typing import Any
 import msgspec
 from websockets.sync.client import ClientConnection
 
-from duobench.errors import DuoBenchError, MachineryError, MessageError, ServingError, printable
+from duobench.errors import DuoBenchError, MachineryError, MessageError, ServingError, escaped
 from duobench.policy.batch import Batching, Chunk, Observation
-from duobench.policy.protocol import PolicyMetadata, dimensions
+from duobench.policy.policy import PolicyMetadata, dimensions
 from duobench.policy.serving.codec import pack, unpack
-from duobench.policy.serving.connection import reported
+from duobench.policy.serving.connection import ConnectedPolicy, reported
 from duobench.policy.serving.dialect import actions_of
 from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.vla_eval_specs import Declared, contradictions
-from duobench.policy.serving.websocket import WebSocketPolicy
 from duobench.versions import __version__
 
 _LONGEST_NAME = 80
 """Characters of a server's name and version that are kept."""
 
 
-class VlaEvalPolicy(WebSocketPolicy):
+class VlaEvalPolicy(ConnectedPolicy):
     """A policy at a model server, as a plain one; its noise follows from no seed."""
 
     health_path = "/health"
-    _usual_layout = "vla_eval"
+    _default_format = "vla_eval"
     _seq = 0
     _start_seq = 0
     _is_playing = False
@@ -41,7 +40,7 @@ class VlaEvalPolicy(WebSocketPolicy):
     def close(self) -> None:
         """End the episode, and close the connection."""
         if self._connection is not None:
-            with suppress(DuoBenchError), self._talking() as connection:
+            with suppress(DuoBenchError), self._exchange() as connection:
                 self._end_episode(connection)
         self._drop()
 
@@ -59,7 +58,7 @@ class VlaEvalPolicy(WebSocketPolicy):
 
     def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
         """The chunk for an observation; an answer with a single action is a chunk of one."""
-        request = self._layout.request(observation, self._instruction)
+        request = self._format.request(observation, self._instruction)
         number = self._send(connection, "observation", request)
         kind, answer, seq = self._receive(connection)
         if kind == "error" and seq in (number, self._start_seq):
@@ -69,8 +68,8 @@ class VlaEvalPolicy(WebSocketPolicy):
             raise MessageError(f"An observation is answered by an action, got {kind!r:.40}.")
         if seq != number:
             raise MessageError(f"Message {number} was answered, but the answer is to {seq!r:.40}.")
-        actions = actions_of(answer, self._layout.actions.key)
-        return self._layout.chunk([actions] if dimensions(actions) == 1 else actions)
+        actions = actions_of(answer, self._format.actions.key)
+        return self._format.chunk([actions] if dimensions(actions) == 1 else actions)
 
     def _send(self, connection: ClientConnection, kind: str, payload: dict[str, Any]) -> int:
         """Send a message; its number."""
@@ -94,7 +93,7 @@ class VlaEvalPolicy(WebSocketPolicy):
             raise MessageError("A message has a type, a payload and a seq.")
         return kind, payload, seq
 
-    def _greet(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
+    def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
         self._is_playing = False  # the server has ended the episode on the last connection
         ours = {"harness_version": __version__, "protocol_version": VLA_EVAL_PROTOCOL}
         self._send(connection, "hello", ours)
@@ -114,13 +113,13 @@ class VlaEvalPolicy(WebSocketPolicy):
             declared = msgspec.convert(hello, Declared)
         except msgspec.ValidationError as error:
             raise ServingError(f"The server describes its policy wrongly: {error}.") from error
-        if problems := list(contradictions(declared, self._layout)):
+        if problems := list(contradictions(declared, self._format)):
             raise ServingError(
-                f"The server and the layout contradict each other: {'; '.join(problems)}. Use a "
-                "layout that says what this server does, or a server that was made for this one."
+                f"The server and the format contradict each other: {'; '.join(problems)}. Use a "
+                "format that says what this server does, or a server that was made for this one."
             )
-        name = printable(declared.model_server)[:_LONGEST_NAME] or "vla_eval"
-        harness = printable(declared.harness_version)[:_LONGEST_NAME] or "unknown"
+        name = escaped(declared.model_server)[:_LONGEST_NAME] or "vla_eval"
+        harness = escaped(declared.harness_version)[:_LONGEST_NAME] or "unknown"
         facts = {key: hello.get(key) for key in ("observation_params", "action_spec")}
         version = f"vla-eval {harness}, {name}"
-        return self._foreign_metadata(name, version, (self._layout, facts)), None
+        return self._metadata_from_format(name, version, (self._format, facts)), None

@@ -1,7 +1,7 @@
-"""What a layout shows and takes, in the words of vla-eval, and where a server says otherwise.
+"""What a format shows and takes, in the words of vla-eval, and where a server says otherwise.
 
 A specification is a map of component names to `name`, `dims`, `format` and more. The formats are
-those that vla-eval 0.8 has names for; what is called otherwise is left to whoever called it so.
+those that vla-eval 0.8 has names for; others are not compared.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from duobench.envs import action_modes
-from duobench.policy.serving.layout import Layout
+from duobench.policy.serving.message_format import MessageFormat
 
 MODES: Mapping[tuple[str, str], str] = MappingProxyType(
     {
@@ -65,7 +65,7 @@ class DeclaredSpec(msgspec.Struct, frozen=True):
 
 
 class Declared(msgspec.Struct, frozen=True):
-    """What a server says about itself, and what of it can contradict a layout."""
+    """What a server says about itself, and what of it can contradict a format."""
 
     model_server: str = ""
     """Name of its class."""
@@ -79,32 +79,32 @@ class Declared(msgspec.Struct, frozen=True):
     """What it expects."""
 
 
-def action_spec(layout: Layout) -> dict[str, Spec]:
+def action_spec(message_format: MessageFormat) -> dict[str, Spec]:
     """The components of an action, in their order."""
     specs: dict[str, Spec] = {}
-    for part in layout.actions.order:
+    for part in message_format.actions.order:
         side, _, what = part.partition("_")
         if what == "gripper":
-            form = _GRIPPER[layout.gripper]
+            form = _GRIPPER[message_format.gripper]
             specs[part] = {"name": what, "dims": 1, "format": form, "range": [0.0, 1.0]}
         else:
-            size = action_modes.get(layout.actions.mode).arm_size
+            size = action_modes.get(message_format.actions.mode).arm_size
             unnamed = {"name": what, "dims": size, "format": _RAW}
-            for spec in _ARM.get(layout.actions.mode, (unnamed,)):
+            for spec in _ARM.get(message_format.actions.mode, (unnamed,)):
                 specs[f"{side}_{spec['name']}"] = dict(spec)
     return specs
 
 
-def observation_spec(layout: Layout) -> dict[str, Spec]:
+def observation_spec(message_format: MessageFormat) -> dict[str, Spec]:
     """The components of an observation."""
     specs: dict[str, Spec] = {"language": {"name": "language", "dims": 0, "format": "language"}}
-    form = _RGB if layout.image_order == "hwc" else "rgb_chw_uint8"
-    for key in layout.images:
+    form = _RGB if message_format.image_order == "hwc" else "rgb_chw_uint8"
+    for key in message_format.images:
         specs[key.rpartition(".")[2]] = {"name": "image", "dims": 0, "format": form}
-    for key, size in layout.state_sizes.items():
-        parts = layout.state[key]
+    for key, size in message_format.state_sizes.items():
+        parts = message_format.state[key]
         has_poses = any(part.endswith("pose") for part in parts)
-        specs["state" if len(layout.state) == 1 else key] = {
+        specs["state" if len(message_format.state) == 1 else key] = {
             "name": "state",
             "dims": size,
             "format": "joint_positions_and_poses" if has_poses else "joint_positions",
@@ -114,49 +114,54 @@ def observation_spec(layout: Layout) -> dict[str, Spec]:
     return specs
 
 
-def contradictions(declared: Declared, layout: Layout) -> Iterator[str]:
-    """What a server says about itself and a layout says otherwise, one sentence part each."""
-    yield from _of_actions(declared.action_spec, layout)
-    yield from _of_observations(declared.observation_spec, layout)
-    yield from _of_parameters(declared.observation_params, layout)
+def contradictions(declared: Declared, message_format: MessageFormat) -> Iterator[str]:
+    """What a server says about itself and a format says otherwise, one sentence part each."""
+    yield from _of_actions(declared.action_spec, message_format)
+    yield from _of_observations(declared.observation_spec, message_format)
+    yield from _of_parameters(declared.observation_params, message_format)
 
 
-def _of_actions(declared: Mapping[str, DeclaredSpec], layout: Layout) -> Iterator[str]:
-    ours = action_spec(layout)
+def _of_actions(
+    declared: Mapping[str, DeclaredSpec], message_format: MessageFormat
+) -> Iterator[str]:
+    ours = action_spec(message_format)
     formats = {spec["format"] for spec in ours.values()}
     for name, spec in declared.items():
         if spec.format in _FORMATS - formats:
             known = ", ".join(sorted(formats))
-            yield f"it gives {name!r:.40} as {spec.format}, and the layout's actions are {known}"
+            yield f"it gives {name!r:.40} as {spec.format}, and the format's actions are {known}"
         elif name in ours and spec.dims not in (0, ours[name]["dims"]):
-            yield f"it gives {spec.dims} numbers as {name!r}, and the layout {ours[name]['dims']}"
-    width, given = sum(layout.action_sizes.values()), sum(spec.dims for spec in declared.values())
+            yield f"it gives {spec.dims} numbers as {name!r}, and the format {ours[name]['dims']}"
+    width = sum(message_format.action_sizes.values())
+    given = sum(spec.dims for spec in declared.values())
     if given > width:
-        yield f"its actions have {given} numbers, and the layout's {width}"
+        yield f"its actions have {given} numbers, and the format's {width}"
 
 
-def _of_observations(declared: Mapping[str, DeclaredSpec], layout: Layout) -> Iterator[str]:
-    ours = observation_spec(layout)
-    sizes = sum(layout.state_sizes.values())
+def _of_observations(
+    declared: Mapping[str, DeclaredSpec], message_format: MessageFormat
+) -> Iterator[str]:
+    ours = observation_spec(message_format)
+    sizes = sum(message_format.state_sizes.values())
     for name, spec in declared.items():
-        if spec.format == _RGB and not layout.images:
-            yield "it expects images, and the layout shows none"
-        elif spec.format == _RGB and layout.image_order != "hwc":
-            yield "it expects images with channels last, and the layout's have them first"
+        if spec.format == _RGB and not message_format.images:
+            yield "it expects images, and the format shows none"
+        elif spec.format == _RGB and message_format.image_order != "hwc":
+            yield "it expects images with channels last, and the format's have them first"
         elif spec.format == _RGB and name in _CAMERAS and name not in ours:
-            yield f"it expects the image {name!r}, which the layout does not show"
-        elif name.startswith("state") and not layout.state:
-            yield "it expects a state, and the layout has none"
+            yield f"it expects the image {name!r}, which the format does not show"
+        elif name.startswith("state") and not message_format.state:
+            yield "it expects a state, and the format has none"
         elif name.startswith("state") and spec.dims not in (0, sizes):
-            yield f"it expects a state of {spec.dims} numbers, and the layout's has {sizes}"
+            yield f"it expects a state of {spec.dims} numbers, and the format's has {sizes}"
 
 
-def _of_parameters(wanted: Mapping[str, Any], layout: Layout) -> Iterator[str]:
-    if wanted.get("send_state") and not layout.state:
-        yield "it asks for a state (send_state), and the layout has none"
-    cameras = set(layout.images.values())
+def _of_parameters(wanted: Mapping[str, Any], message_format: MessageFormat) -> Iterator[str]:
+    if wanted.get("send_state") and not message_format.state:
+        yield "it asks for a state (send_state), and the format has none"
+    cameras = set(message_format.images.values())
     if wanted.get("send_wrist_image") and cameras <= {"head"}:
-        yield "it asks for wrist images (send_wrist_image), and the layout shows none"
+        yield "it asks for wrist images (send_wrist_image), and the format shows none"
     if wanted.get("binary_gripper"):
         yield "it asks for grippers that are rounded (binary_gripper), which an evaluation does not"
     control, relative = (wanted.get(name) for name in ("control_mode", "relative_to"))
@@ -165,10 +170,10 @@ def _of_parameters(wanted: Mapping[str, Any], layout: Layout) -> Iterator[str]:
         for (theirs, frame), mode in MODES.items()
         if _is_one(control, theirs) and _is_one(relative, frame)
     ]
-    if not (control is None and relative is None) and layout.actions.mode not in modes:
+    if not (control is None and relative is None) and message_format.actions.mode not in modes:
         yield (
             f"its actions have control_mode {control!r:.40} and relative_to {relative!r:.40}, and "
-            f"the layout's are {layout.actions.mode}"
+            f"the format's are {message_format.actions.mode}"
         )
 
 

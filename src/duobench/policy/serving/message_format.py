@@ -1,6 +1,6 @@
-"""Layouts: which names, orders and shapes a foreign policy server has for what we call otherwise.
+"""Message formats: the names, orders and shapes that a foreign policy server has for what we send.
 
-A layout is data, a TOML file. Keys of a server that lie in maps inside each other are written with
+A format is data, a TOML file. Keys of a server that lie in maps inside each other are written with
 dots between them: `images.cam_high`.
 """
 
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from duobench.envs import action_modes
 from duobench.errors import ServingError, UnknownNameError, check_known
 from duobench.policy.batch import Chunk, Observation
-from duobench.policy.protocol import PolicyMetadata, as_chunk, dimensions
+from duobench.policy.policy import PolicyMetadata, as_chunk, dimensions
 from duobench.types import ARM_JOINTS, SIDE_SIZE
 
 _PACKAGE = "duobench.policy.serving"
-LAYOUTS = ("aloha", "droid", "libero", "vla_eval", "vlagents")
-"""Layouts that come with the package."""
+FORMATS = ("aloha", "droid", "libero", "vla_eval", "vlagents")
+"""Message formats that come with the package."""
 _PARTS: tuple[str, ...] = ("left_arm", "left_gripper", "right_arm", "right_gripper")
 """Parts of a state and of an action, in our order."""
 _POSES: tuple[str, ...] = ("left_pose", "right_pose")
@@ -35,7 +35,7 @@ _RATIO = 9 / 16
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ActionLayout:
+class ActionFormat:
     """How a server gives actions."""
 
     key: str = "actions"
@@ -57,7 +57,7 @@ class ActionLayout:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Layout:
+class MessageFormat:
     """What a server expects and gives."""
 
     images: Mapping[str, str] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class Layout:
     """Their key for the instruction."""
     gripper: Literal["open_is_one", "closed_is_one"] = "open_is_one"
     """What a gripper's 1 means to them, in states and actions."""
-    actions: ActionLayout = field(default_factory=ActionLayout)
+    actions: ActionFormat = field(default_factory=ActionFormat)
     """How they give actions."""
 
     def __post_init__(self) -> None:
@@ -103,7 +103,7 @@ class Layout:
         return self.image_size[0] - self.rendered_size[0]
 
     def metadata(self, name: str, version: str, *, seeded: bool) -> PolicyMetadata:
-        """What a policy with this layout expects of the environment."""
+        """What a policy with this format expects of the environment."""
         return PolicyMetadata(
             name=name,
             version=version,
@@ -142,7 +142,7 @@ class Layout:
         """Actions of the server (H, n) as ours.
 
         Raises:
-            PolicyError: If they are no chunk of as many numbers as the layout says.
+            PolicyError: If they are no chunk of as many numbers as the format says.
         """
         sizes = self.action_sizes
         if dimensions(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
@@ -183,37 +183,37 @@ class Layout:
                 parts[part] = 1 - parts[part]
 
 
-def read_layout(name: str) -> Layout:
-    """A layout by its name, or from a TOML file.
+def read_format(name: str) -> MessageFormat:
+    """A format by its name, or from a TOML file.
 
     Args:
-        name: One of `LAYOUTS`, or the path of a file that ends in `.toml`.
+        name: One of `FORMATS`, or the path of a file that ends in `.toml`.
 
     Raises:
-        UnknownNameError: If there is no such layout, or it has a key that no layout has.
+        UnknownNameError: If there is no such format, or it has a key that no format has.
         ServingError: If the file cannot be read, or a value is of a wrong type.
     """
-    if name in LAYOUTS:
-        path = files(_PACKAGE).joinpath("layouts", f"{name}.toml")
+    if name in FORMATS:
+        path = files(_PACKAGE).joinpath("formats", f"{name}.toml")
     elif name.endswith(".toml"):
         path = Path(name)
     else:
-        raise UnknownNameError("layout", name, [*LAYOUTS, "FILE.toml"])
+        raise UnknownNameError("format", name, [*FORMATS, "FILE.toml"])
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise ServingError(f"The layout {name} cannot be read: {error}.") from error
+        raise ServingError(f"The format {name} cannot be read: {error}.") from error
     except tomllib.TOMLDecodeError as error:
-        raise ServingError(f"The layout {name} is no TOML: {error}.") from error
-    _check_names("key of a layout", document, [each.name for each in fields(Layout)])
+        raise ServingError(f"The format {name} is no TOML: {error}.") from error
+    _check_names("key of a format", document, [each.name for each in fields(MessageFormat)])
     actions = document.get("actions")
     if isinstance(actions, dict):
-        known = [each.name for each in fields(ActionLayout)]
-        _check_names("key of a layout's actions", actions, known)
+        known = [each.name for each in fields(ActionFormat)]
+        _check_names("key of a format's actions", actions, known)
     try:
-        return msgspec.convert(document, Layout)
+        return msgspec.convert(document, MessageFormat)
     except msgspec.ValidationError as error:
-        raise ServingError(f"The layout {name} is invalid: {error}.".replace("`$.", "`")) from error
+        raise ServingError(f"The format {name} is invalid: {error}.".replace("`$.", "`")) from error
 
 
 def _check_names(kind: str, names: Iterable[str], known: Collection[str]) -> None:
@@ -234,6 +234,6 @@ def _check_keys(keys: Sequence[str]) -> None:
     for key in keys:
         if keys.count(key) > 1 or any(other.startswith(f"{key}.") for other in keys):
             raise ServingError(
-                f"The layout puts several things at {key!r}; images, states and the prompt have a "
+                f"The format puts several things at {key!r}; images, states and the prompt have a "
                 "place each."
             )

@@ -1,4 +1,4 @@
-"""What one client says to a server that speaks openpi's protocol, and what it is answered.
+"""The session of one client with a server that speaks openpi's protocol.
 
 A client that says `reset` with prompt and seed gets answers that follow from these.
 """
@@ -55,8 +55,8 @@ class _Episode:
         return _Episode(prompt=prompt, seed=number, session_id=session_id)
 
 
-class Conversation:
-    """What one connection has said so far."""
+class ClientSession:
+    """Episodes and requests of one connection."""
 
     def __init__(self, loop: InferenceLoop) -> None:
         """Begin without an episode; the loop answers."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from duobench.errors import DuoBenchError, PolicyError, ServingError, UnknownNameError
-from duobench.policy.serving.layout import LAYOUTS, Layout, read_layout
+from duobench.policy.serving.message_format import FORMATS, MessageFormat, read_format
 
 PARTS = ["left_arm", "left_gripper", "right_arm", "right_gripper"]
 
@@ -26,19 +26,19 @@ def written(folder: Path, text: str) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("name", LAYOUTS)
-def test_layout_of_the_package_asks_and_understands(name: str) -> None:
-    layout = read_layout(name)
-    metadata = layout.metadata(name, "1", seeded=False)
+@pytest.mark.parametrize("name", FORMATS)
+def test_message_format_of_the_package_asks_and_understands(name: str) -> None:
+    message_format = read_format(name)
+    metadata = message_format.metadata(name, "1", seeded=False)
     assert metadata.image_size == (224, 224)
     assert "head" in metadata.cameras
-    request = layout.request(observation(), "Do it.")
-    assert request[layout.prompt] == "Do it."
-    assert layout.chunk(np.zeros((50, 16))).shape == (50, 16)
+    request = message_format.request(observation(), "Do it.")
+    assert request[message_format.prompt] == "Do it."
+    assert message_format.chunk(np.zeros((50, 16))).shape == (50, 16)
 
 
 def test_aloha_nests_images_with_channels_first() -> None:
-    request = read_layout("aloha").request(observation(), "Do it.")
+    request = read_format("aloha").request(observation(), "Do it.")
     np.testing.assert_array_equal(
         request["images"]["cam_high"], observation()["pixels"]["head"].transpose(2, 0, 1)
     )
@@ -46,47 +46,47 @@ def test_aloha_nests_images_with_channels_first() -> None:
 
 
 def test_droid_orders_arms_before_grippers_both_ways() -> None:
-    layout = read_layout("droid")
-    request = layout.request(observation(), "Do it.")
+    message_format = read_format("droid")
+    request = message_format.request(observation(), "Do it.")
     np.testing.assert_array_equal(request["observation/gripper_position"], [7, 15])
     joined = np.concatenate(
         [request["observation/joint_position"], request["observation/gripper_position"]]
     )
-    np.testing.assert_array_equal(layout.chunk(joined[None]), np.arange(16)[None])
+    np.testing.assert_array_equal(message_format.chunk(joined[None]), np.arange(16)[None])
 
 
 def test_vla_eval_nests_images_and_orders_arms_before_grippers() -> None:
-    layout = read_layout("vla_eval")
-    request = layout.request(observation(), "Do it.")
+    message_format = read_format("vla_eval")
+    request = message_format.request(observation(), "Do it.")
     assert request["images"].keys() == {"head", "left_wrist", "right_wrist"}
     np.testing.assert_array_equal(request["states"], np.arange(16))
     given = np.concatenate([np.arange(7), np.arange(8, 15), [7, 15]])
-    np.testing.assert_array_equal(layout.chunk(given[None]), np.arange(16)[None])
-    np.testing.assert_array_equal(layout.measured_action(observation()), given)
+    np.testing.assert_array_equal(message_format.chunk(given[None]), np.arange(16)[None])
+    np.testing.assert_array_equal(message_format.measured_action(observation()), given)
 
 
 def test_poses_are_parts_of_a_state(tmp_path: Path) -> None:
-    layout = read_layout(written(tmp_path, '[state]\ntools = ["right_pose", "left_pose"]'))
-    state = layout.request(observation(), "")["tools"]
+    message_format = read_format(written(tmp_path, '[state]\ntools = ["right_pose", "left_pose"]'))
+    state = message_format.request(observation(), "")["tools"]
     np.testing.assert_array_equal(state, [*range(107, 114), *range(100, 107)])
 
 
 def test_gripper_polarity_is_turned_in_states_and_actions(tmp_path: Path) -> None:
     text = 'gripper = "closed_is_one"\n[state]\nstate = ["left_gripper", "right_arm"]'
-    layout = read_layout(written(tmp_path, text))
-    assert layout.request(observation(), "")["state"][0] == 1 - 7
+    message_format = read_format(written(tmp_path, text))
+    assert message_format.request(observation(), "")["state"][0] == 1 - 7
     given = np.tile(np.arange(16, dtype=np.float32), (2, 1))
-    chunk = layout.chunk(given)
+    chunk = message_format.chunk(given)
     np.testing.assert_array_equal(chunk[:, [7, 15]], [[-6, -14]] * 2)
     np.testing.assert_array_equal(np.delete(chunk, [7, 15], 1), np.delete(given, [7, 15], 1))
 
 
 def test_letterbox_keeps_the_ratio_between_black_bars(tmp_path: Path) -> None:
     text = 'resize = "letterbox"\n[images]\nfront = "head"'
-    layout = read_layout(written(tmp_path, text))
-    assert layout.metadata("", "", seeded=True).image_size == (126, 224)
+    message_format = read_format(written(tmp_path, text))
+    assert message_format.metadata("", "", seeded=True).image_size == (126, 224)
     seen = observation((126, 224))
-    image = layout.request(seen, "")["front"]
+    image = message_format.request(seen, "")["front"]
     assert image.shape == (224, 224, 3)
     assert not image[:49].any()
     assert not image[175:].any()
@@ -94,20 +94,20 @@ def test_letterbox_keeps_the_ratio_between_black_bars(tmp_path: Path) -> None:
 
 
 def test_batch_of_one_chunk_is_a_chunk_and_other_widths_are_refused(tmp_path: Path) -> None:
-    layout = Layout()
-    assert layout.chunk(np.zeros((1, 4, 16))).shape == (4, 16)
+    message_format = MessageFormat()
+    assert message_format.chunk(np.zeros((1, 4, 16))).shape == (4, 16)
     with pytest.raises(PolicyError, match=r"\(H, 16\)"):
-        layout.chunk(np.zeros((4, 14)))
+        message_format.chunk(np.zeros((4, 14)))
     with pytest.raises(PolicyError, match="array of numbers"):
-        layout.chunk([[1.0], [1.0, 2.0]])
-    relative = read_layout(written(tmp_path, '[actions]\nmode = "cartesian_relative"'))
+        message_format.chunk([[1.0], [1.0, 2.0]])
+    relative = read_format(written(tmp_path, '[actions]\nmode = "cartesian_relative"'))
     assert relative.chunk(np.zeros((4, 14))).shape == (4, 14)
 
 
 @pytest.mark.parametrize(
     ("text", "error", "message"),
     [
-        ('imagse = "x"', UnknownNameError, "key of a layout 'imagse'. Did you mean 'images'"),
+        ('imagse = "x"', UnknownNameError, "key of a format 'imagse'. Did you mean 'images'"),
         ('[actions]\nodrer = ["x"]', UnknownNameError, "'odrer'. Did you mean 'order'"),
         ('[state]\ns = ["left_amr"]', UnknownNameError, "'left_amr'. Did you mean 'left_arm'"),
         ('[actions]\norder = ["left_arm"]', ServingError, "each once"),
@@ -123,15 +123,15 @@ def test_batch_of_one_chunk_is_a_chunk_and_other_widths_are_refused(tmp_path: Pa
         ("=", ServingError, "no TOML"),
     ],
 )
-def test_layout_with_a_mistake_is_refused_in_words(
+def test_message_format_with_a_mistake_is_refused_in_words(
     tmp_path: Path, text: str, error: type[DuoBenchError], message: str
 ) -> None:
     with pytest.raises(error, match=message):
-        read_layout(written(tmp_path, text))
+        read_format(written(tmp_path, text))
 
 
 def test_unknown_layout_lists_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'aloha'"):
-        read_layout("alhoa")
+        read_format("alhoa")
     with pytest.raises(ServingError, match="cannot be read"):
-        read_layout(str(tmp_path / "absent.toml"))
+        read_format(str(tmp_path / "absent.toml"))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench import checks
-from duobench.errors import PolicyError, printable
+from duobench.errors import PolicyError, escaped
 from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, real_array
 
 _LONGEST_SHOWN = 400
@@ -64,7 +64,7 @@ class PolicyMetadata:
         for name in ("name", "action_mode", "version", "dtype", "device"):
             kinds = str if name in {"name", "action_mode"} else str | None
             value = getattr(self, name)
-            if not isinstance(value, kinds) or (value and value != printable(value)):
+            if not isinstance(value, kinds) or (value and value != escaped(value)):
                 raise PolicyError(f"The {name} of a policy is printable text, got {value!a}.")
         if not all(isinstance(camera, str) for camera in self.cameras):
             raise PolicyError(f"The cameras of a policy are names, got {self.cameras!r}.")
