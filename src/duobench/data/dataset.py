@@ -68,7 +68,9 @@ class DataSet:
         if not create and not data.description.exists():
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
         about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)
-        begin_or_continue(data.description, about, SCHEMA, oldest=OLDEST_SCHEMA, what="data set")
+        begin_or_continue(
+            data.path, data.description, about, SCHEMA, oldest=OLDEST_SCHEMA, what="data set"
+        )
         return data
 
     @property
