@@ -169,8 +169,14 @@ def encode(value: DataclassInstance, schema: int) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def decode(text: bytes | str, kind: type[T], schema: int) -> T:
+def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = None) -> T:
     """A data class from the text that `encode` gave.
+
+    Args:
+        text: The text.
+        kind: The data class.
+        schema: The version of its fields that is written today.
+        oldest: The first version whose fields it can take too; by default that of today.
 
     Raises:
         FileError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
@@ -183,8 +189,11 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
     if not isinstance(document, dict):
         raise FileError(f"A JSON object is expected, not a {type(document).__name__}.")
     actual = document.pop("schema", None)
-    if actual != schema or isinstance(actual, bool):
-        raise FileError(f"Schema {actual!r}; this version reads {schema}.")
+    readable = range(schema if oldest is None else oldest, schema + 1)
+    if actual not in readable or isinstance(actual, bool):
+        raise FileError(
+            f"Schema {actual!r}; this version reads {' and '.join(map(str, readable))}."
+        )
     if unknown := sorted(document.keys() - {field.name for field in fields(kind)}):
         raise FileError(f"Unknown fields: {', '.join(unknown)}.")
     try:
@@ -195,14 +204,14 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
         raise FileError(str(error)) from error
 
 
-def read(path: Path, kind: type[T], schema: int) -> T:
+def read(path: Path, kind: type[T], schema: int, oldest: int | None = None) -> T:
     """A data class from a file that `encode` filled.
 
     Raises:
         FileError: See `decode`; the message names file and field.
     """
     try:
-        return decode(path.read_bytes(), kind, schema)
+        return decode(path.read_bytes(), kind, schema, oldest)
     except (FileError, OSError) as error:
         reason = f"{error.strerror}." if isinstance(error, OSError) else error
         raise FileError(f"Cannot read {path}: {reason}") from error

@@ -94,9 +94,9 @@ def _by_states(
     look: str,
 ) -> None:
     from duobench.data import ImageSource, Recording
-    from duobench.evaluation.folder import VIDEO_SUFFIX
     from duobench.evaluation.video import encode_video
     from duobench.files import write
+    from duobench.results.folder import VIDEO_SUFFIX
     from duobench.tasks import catalog
 
     if not cameras:

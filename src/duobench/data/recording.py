@@ -104,6 +104,16 @@ class Recording:
             return _info_of(pq.read_schema(path))
 
     @staticmethod
+    def info_of(content: bytes) -> EpisodeInfo:
+        """What the content of a file says about the episode as a whole; fast.
+
+        Raises:
+            DataError: See `read`.
+        """
+        with _reading("a recording"):
+            return _info_of(pq.read_schema(pa.BufferReader(content)))
+
+    @staticmethod
     def read_length(path: Path) -> int:
         """Number of actions of a recording; fast.
 
@@ -119,7 +129,11 @@ class Recording:
         Raises:
             OutputError: It cannot be written.
         """
-        content = to_bytes(
+        write(path, self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """The recording as the content of its file."""
+        return to_bytes(
             _to_table(self),
             compression="zstd",
             compression_level=COMPRESSION_LEVEL,
@@ -129,7 +143,6 @@ class Recording:
             write_page_checksum=True,
             store_schema=True,
         )
-        write(path, content)
 
 
 def _to_table(recording: Recording) -> pa.Table:
@@ -186,7 +199,7 @@ def _numbers(column: Column, rows: pa.Array) -> NDArray[Any]:
 
 
 @contextmanager
-def _reading(path: Path) -> Iterator[None]:
+def _reading(path: Path | str) -> Iterator[None]:
     try:
         yield
     except (OSError, pa.ArrowException, DataError) as error:

@@ -33,14 +33,14 @@ from duobench.errors import (
     printable,
     traceback_text,
 )
-from duobench.evaluation.choice import find_source
+from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
-from duobench.evaluation.limits import EpisodeClock
-from duobench.evaluation.policies import PolicySource
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Episode, Setup, TaskInfo
+from duobench.evaluation.policies import PolicySource, find_source
 from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.suite import Episode, TaskInfo
 
 T = TypeVar("T")
 
@@ -68,26 +68,35 @@ class Stop(msgspec.Struct, tag=True, frozen=True):
     """To a worker: free everything and leave."""
 
 
-class Hosting(msgspec.Struct, tag=True, frozen=True):
+class Ready(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the policy is made."""
+
+    run: Run
+    """What is played, and by what."""
+    versions: dict[str, str | None]
+    """Versions of everything that a result may depend on."""
+
+
+class StartHost(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the policy answers many episodes; this worker serves it, and plays none."""
 
     server: RemoteServer
 
 
-class Reached(msgspec.Struct, tag=True, frozen=True):
+class Progress(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the episode has begun, or reached a new stage."""
 
     record: EpisodeRecord
     """Its record so far."""
 
 
-class Faulty(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the episode could not be played; play it again."""
+class EpisodeError(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the machinery failed, and the episode is unplayed; play it again."""
 
     fault: str
 
 
-class Rejected(msgspec.Struct, tag=True, frozen=True):
+class Refused(msgspec.Struct, tag=True, frozen=True):
     """From a worker: what the run needs cannot be done by any worker."""
 
     error: str
@@ -95,10 +104,10 @@ class Rejected(msgspec.Struct, tag=True, frozen=True):
     message: str
 
 
-Order = Job | Play | Stop
+Request = Job | Play | Stop
 """To a worker; a job comes first, which has it make the policy."""
-Report = Setup | Hosting | Reached | EpisodeResult | Faulty | Rejected
-"""From a worker; the setup says that the policy is made."""
+Report = Ready | StartHost | Progress | EpisodeResult | EpisodeError | Refused
+"""From a worker."""
 
 
 class Channel(Generic[T]):
@@ -116,7 +125,7 @@ class Channel(Generic[T]):
         self._decoder = msgspec.json.Decoder(kind)
         self._rest = bytearray()
 
-    def send(self, message: Order | Report) -> None:
+    def send(self, message: Request | Report) -> None:
         """Send a message.
 
         Raises:
@@ -170,7 +179,7 @@ class Worker:
         """Whether it has made the policy."""
         self.episode: Episode | None = None
         """What it is playing."""
-        self.reached: EpisodeRecord | None = None
+        self.progress: EpisodeRecord | None = None
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
         """The task whose environment it has."""
@@ -192,10 +201,10 @@ class Worker:
             os.close(memory)
         self.send(job)
 
-    def send(self, order: Order) -> None:
-        """Give an order; whether the worker still lives is found out elsewhere."""
+    def send(self, request: Request) -> None:
+        """Send a request; whether the worker still lives is found out elsewhere."""
         with suppress(OSError):
-            self.channel.send(order)
+            self.channel.send(request)
 
     def death(self) -> str | None:
         """How the process ended, in words; None while it lives.
@@ -244,23 +253,24 @@ def _module_folders() -> list[str]:
 
 
 def work(connection: int, clock: int) -> None:
-    """What a worker process does until it is ordered to stop or its parent is gone.
+    """What a worker process does until it is asked to stop or its parent is gone.
 
     Args:
         connection: File descriptor of its socket.
         clock: File descriptor of its clock.
     """
     signal.signal(signal.SIGINT, lambda _number, _frame: None)  # the parent's to handle
-    channel: Channel[Order] = Channel(socket.socket(fileno=connection), Order)  # pyright: ignore[reportArgumentType]
-    orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(channel, orders, os.getppid()), daemon=True).start()
+    channel: Channel[Request] = Channel(socket.socket(fileno=connection), Request)  # pyright: ignore[reportArgumentType]
+    requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
+    arguments = (channel, requests, os.getppid())
+    threading.Thread(target=_watch_parent, args=arguments, daemon=True).start()
     try:
-        _obey(channel, orders, EpisodeClock(clock))
+        _serve(channel, requests, EpisodeClock(clock))
     except DuoBenchError as error:
-        _report(channel, Rejected(error=type(error).__name__, message=printable(str(error))))
+        _report(channel, Refused(error=type(error).__name__, message=printable(str(error))))
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
         text = f"A worker failed.\n{traceback_text(error)}"
-        _report(channel, Rejected(error=EvaluationError.__name__, message=text))
+        _report(channel, Refused(error=EvaluationError.__name__, message=text))
     # Exit handlers are the policy's; taking the interpreter down is skipped: graphics drivers
     # have crashed there. The parent ends whatever is left.
     atexit._run_exitfuncs()
@@ -269,35 +279,37 @@ def work(connection: int, clock: int) -> None:
     os._exit(0)
 
 
-def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: EpisodeClock) -> None:
+def _serve(
+    channel: Channel[Request], requests: queue.SimpleQueue[Request], clock: EpisodeClock
+) -> None:
     """Make the policy, then play one episode after the other."""
-    job = orders.get()
+    job = requests.get()
     if not isinstance(job, Job):
         return
-    source = find_source(job.policy, job.tasks, job.limits)
+    source = find_source(job.policy, job.suite.tasks, job.limits)
     if source.batch_policy is not None:
-        _host(channel, orders, clock, source)
+        _host(channel, requests, clock, source)
         return
     runner = EpisodeRunner(
         source,
         job,
         clock,
-        lambda record: _report(channel, Reached(record=record)),
+        lambda record: _report(channel, Progress(record=record)),
         is_interruptible=False,
     )
-    _report(channel, runner.setup)
-    while isinstance(order := orders.get(), Play):
+    _report(channel, Ready(run=runner.run, versions=runner.versions))
+    while isinstance(request := requests.get(), Play):
         try:
-            report = runner.play(order.episode)
+            report = runner.play(request.episode)
         except MachineryError as fault:
-            report = Faulty(fault=printable(str(fault)))
+            report = EpisodeError(fault=printable(str(fault)))
         _report(channel, report)
     runner.close()
 
 
 def _host(
-    channel: Channel[Order],
-    orders: queue.SimpleQueue[Order],
+    channel: Channel[Request],
+    requests: queue.SimpleQueue[Request],
     clock: EpisodeClock,
     source: PolicySource,
 ) -> None:
@@ -310,13 +322,13 @@ def _host(
     host = PolicyHost(
         source.batch_policy, source.metadata, source.batching, key=key, busy=clock.answering
     )
-    threading.Thread(target=lambda: (orders.get(), host.stop()), daemon=True).start()
+    threading.Thread(target=lambda: (requests.get(), host.stop()), daemon=True).start()
     url = f"ws://127.0.0.1:{host.port}"
-    _report(channel, Hosting(server=RemoteServer(url=url, key=key, wait_s=_HOST_WAIT_S)))
+    _report(channel, StartHost(server=RemoteServer(url=url, key=key, wait_s=_HOST_WAIT_S)))
     host.run()
 
 
-def _report(channel: Channel[Order], report: Report) -> None:
+def _report(channel: Channel[Request], report: Report) -> None:
     """Tell the parent; without one there is no reason to be here."""
     try:
         channel.send(report)
@@ -329,13 +341,15 @@ def _end_group() -> None:
     os.killpg(0, signal.SIGKILL)
 
 
-def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order], parent: int) -> None:
-    """Pass orders on; when the parent has died, however it died, end the group at once."""
+def _watch_parent(
+    channel: Channel[Request], requests: queue.SimpleQueue[Request], parent: int
+) -> None:
+    """Pass requests on; when the parent has died, however it died, end the group at once."""
     try:
         while os.getppid() == parent:
             if wait([channel.socket], LOOK_S):
-                for order in channel.receive():
-                    orders.put(order)
+                for request in channel.receive():
+                    requests.put(request)
     except (EOFError, OSError):
         pass
     _end_group()

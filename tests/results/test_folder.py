@@ -10,14 +10,14 @@ import pytest
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, OtherRunError, OutputError
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.records import RECORD_SCHEMA
 from duobench.files import encode, locked
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
+from duobench.results.folder import RunFolder
+from duobench.results.limits import TimeLimits
+from duobench.results.records import RECORD_SCHEMA
 from tests.evaluation.processes import is_running
-from tests.evaluation.samples import (
+from tests.results.samples import (
     LIFT,
     TASKS,
     VERSIONS,
