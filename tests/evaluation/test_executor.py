@@ -10,7 +10,7 @@ import pytest
 
 from duobench.errors import MachineryError, RenderingError
 from duobench.evaluation import executor
-from duobench.evaluation.worker import Channel, EpisodeError, Report, Request
+from duobench.evaluation.messages import Channel, EpisodeError, Report, Request
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks

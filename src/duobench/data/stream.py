@@ -7,7 +7,7 @@ killed process leaves can be read up to its last whole row; see `recover`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BufferedWriter
@@ -55,13 +55,20 @@ class _Head:
 class EpisodeRows:
     """Takes the rows of one episode, in memory."""
 
-    def __init__(self, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
+    def __init__(
+        self,
+        info: EpisodeInfo,
+        sizes: Mapping[str, int],
+        take: Callable[[Recording], None] = lambda _recording: None,
+    ) -> None:
         """Begin without rows.
 
         Args:
             info: What is known about the episode at its start.
             sizes: Numbers in one row of `action` and `state`.
+            take: Takes the episode when it is whole.
         """
+        self._take = take
         self.info = info
         """What is known about it at its start."""
         self._head = _Head(info=info, sizes=dict(sizes))
@@ -102,13 +109,8 @@ class EpisodeRows:
         return _recording(replace(self.info, outcome=outcome, last_hash=last_hash), self.rows)
 
     def finish(self, outcome: Outcome, last_hash: str | None) -> None:
-        """Take the episode as whole.
-
-        Raises:
-            OutputError: It cannot be written.
-            DataError: Somebody has put another episode in its place.
-        """
-        raise NotImplementedError
+        """Give the whole episode away."""
+        self._take(self.recording(outcome, last_hash))
 
     def discard(self) -> None:
         """Forget the episode if it was not finished."""
@@ -128,21 +130,10 @@ class RecordingBuffer:
     ) -> EpisodeRows:
         """Begin the recording of an episode; the one before is forgotten."""
         self.content = None
-        return _BufferedRows(self, info, sizes)
+        return EpisodeRows(info, sizes, self._take)
 
-
-class _BufferedRows(EpisodeRows):
-    """The rows of an episode that ends in a buffer."""
-
-    def __init__(
-        self, buffer: RecordingBuffer, info: EpisodeInfo, sizes: Mapping[str, int]
-    ) -> None:
-        super().__init__(info, sizes)
-        self._buffer = buffer
-
-    def finish(self, outcome: Outcome, last_hash: str | None) -> None:
-        """Put the whole episode into the buffer."""
-        self._buffer.content = self.recording(outcome, last_hash).to_bytes()
+    def _take(self, recording: Recording) -> None:
+        self.content = recording.to_bytes()
 
 
 class EpisodeStream(EpisodeRows):

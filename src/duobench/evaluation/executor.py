@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -16,10 +15,7 @@ import msgspec
 from duobench import errors
 from duobench.errors import EvaluationError, MachineryError, MessageError, RenderingError
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
-from duobench.evaluation.policies import find_source
-from duobench.evaluation.recorder import EpisodeRecorder
-from duobench.evaluation.worker import (
-    LOOK_S,
+from duobench.evaluation.messages import (
     EpisodeError,
     Play,
     Progress,
@@ -28,17 +24,18 @@ from duobench.evaluation.worker import (
     Report,
     StartHost,
     Stop,
-    Worker,
 )
+from duobench.evaluation.policies import find_source
+from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.evaluation.schedule import Schedule
+from duobench.evaluation.worker import LOOK_S, Worker
 from duobench.policy.registry import PolicyKind
 from duobench.results.run import Run
-from duobench.results.suite import Episode, TaskInfo
+from duobench.results.suite import Episode
 from duobench.sim import rendering
 
 _log = logging.getLogger(__name__)
 
-MAX_PLAYS = 3
-"""How often an episode is begun before a fault of the machinery ends the run."""
 MAX_FAILED_STARTS = 3
 """Workers that die one after the other while they start, until the run gives up."""
 SHUTDOWN_TIMEOUT_S = 10.0
@@ -87,34 +84,19 @@ class Executor(Protocol):
         ...
 
 
-class _JobExecutor:
-    """What both executors know: their job, and what went wrong in it."""
-
-    def __init__(self, job: Job) -> None:
-        """Remember what to play, and how."""
-        self._job = job
-        self._faults: Counter[Episode] = Counter()
-
-    def _note_fault(self, episode: Episode, fault: str) -> None:
-        """Note a fault of the machinery; an episode that had too many of them ends the run."""
-        self._faults[episode] += 1
-        if self._faults[episode] == MAX_PLAYS:
-            raise MachineryError(
-                f"{episode.task.id}, episode {episode.index} cannot be played; in each of "
-                f"{MAX_PLAYS} attempts something failed, the last time: {fault} What is "
-                "finished is kept, and the rest is still to be played."
-            )
-
-
-class LocalExecutor(_JobExecutor):
+class LocalExecutor:
     """Plays in this process: for debugging, notebooks and tests.
 
-    It cannot outlive a policy that crashes its process, it cannot stop one that hangs (an answer
+    It cannot outlive a policy that ends its process, it cannot stop one that hangs (an answer
     that comes too late fails the episode once it comes), and it leaves alone what a policy has
     started. `ProcessExecutor` does all of that, with one worker too.
     """
 
-    _runner: EpisodeRunner | None = None
+    def __init__(self, job: Job) -> None:
+        """Remember what to play, and how."""
+        self._job = job
+        self._schedule = Schedule()
+        self._runner: EpisodeRunner | None = None
 
     def prepare(self) -> Run:
         """Make the policy, and say what is played by what."""
@@ -132,7 +114,7 @@ class LocalExecutor(_JobExecutor):
                 try:
                     result = self._runner.play(episode)
                 except MachineryError as fault:
-                    self._note_fault(episode, str(fault))
+                    self._schedule.note_fault(episode, str(fault))
             yield result
 
     def close(self) -> None:
@@ -142,7 +124,7 @@ class LocalExecutor(_JobExecutor):
             self._runner = None
 
 
-class ProcessExecutor(_JobExecutor):
+class ProcessExecutor:
     """Plays in processes of their own, side by side; one that hangs or dies is replaced.
 
     Workers are new processes that import only what they need: a script that calls this needs no
@@ -151,13 +133,13 @@ class ProcessExecutor(_JobExecutor):
 
     def __init__(self, job: Job, workers: int) -> None:
         """Remember what to play, by at most so many processes, which are started when needed."""
-        super().__init__(job)
+        self._job = job
+        self._schedule = Schedule()
         self._for_workers = self._job
         self._most = workers
         self._host: Worker | None = None
         self._is_hosted = False
         self._workers: list[Worker] = []
-        self._waiting: dict[str, deque[Episode]] = {}
         self._failed_starts = 0
         self._ready: Ready | None = None
 
@@ -172,9 +154,8 @@ class ProcessExecutor(_JobExecutor):
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
         """Play episodes; those of a task go to as few workers as keeps all of them busy."""
-        for episode in episodes:
-            self._waiting.setdefault(episode.task.id, deque()).append(episode)
-        while self._left() or any(worker.episode for worker in self._workers):
+        self._schedule.add(episodes)
+        while self._schedule.left or any(worker.episode for worker in self._workers):
             self._dispatch()
             yield from self._poll()
 
@@ -195,25 +176,15 @@ class ProcessExecutor(_JobExecutor):
     def _dispatch(self) -> None:
         """Give waiting episodes to idle workers, and start more workers for the rest."""
         for worker in self._workers:
-            if worker.is_ready and worker.episode is None and self._left():
-                worker.episode = self._next(worker.task)
+            if worker.is_ready and worker.episode is None and self._schedule.left:
+                worker.episode = self._schedule.next(worker.task)
                 worker.task, worker.progress = worker.episode.task, None
                 worker.send(Play(episode=worker.episode))
         starting = sum(not worker.is_ready for worker in self._workers)
-        wanted = min(self._left() - starting, self._most - len(self._workers))
+        wanted = min(self._schedule.left - starting, self._most - len(self._workers))
         if self._is_hosted and self._host is None:  # the next one is to be the host
             wanted = 1 - len(self._workers)
         self._workers.extend(Worker(self._for_workers) for _ in range(wanted))
-
-    def _next(self, task: TaskInfo | None) -> Episode:
-        """Take the next episode: of the task that a worker has, else of the one with most left."""
-        longest = max(self._waiting.values(), key=len)
-        queue = self._waiting.get(task.id) if task else None
-        return (queue or longest).popleft()
-
-    def _left(self) -> int:
-        """How many episodes wait to be played."""
-        return sum(map(len, self._waiting.values()))
 
     def _poll(self) -> Iterator[EpisodeResult]:
         """Wait for reports, a moment at most, and act on them."""
@@ -289,8 +260,7 @@ class ProcessExecutor(_JobExecutor):
     def _replay(self, worker: Worker, fault: str) -> None:
         """Have the episode of a worker played again."""
         if worker.episode is not None:
-            self._note_fault(worker.episode, fault)
-            self._waiting[worker.episode.task.id].appendleft(worker.episode)
+            self._schedule.replay(worker.episode, fault)
             worker.episode = None
 
     def _replace(self, worker: Worker, fault: str) -> None:
