@@ -155,12 +155,13 @@ class AnswersTwice(RandomPolicy):
     def __init__(self) -> None:
         super().__init__()
         from duobench.evaluation import worker
+        from duobench.evaluation.episode import EpisodeResult
 
         report = worker._report
 
         def twice(channel: Any, message: Any) -> None:
             report(channel, message)
-            if isinstance(message, worker.EpisodeResult) and mark("twice"):
+            if isinstance(message, EpisodeResult) and mark("twice"):
                 report(channel, message)
 
         worker._report = twice

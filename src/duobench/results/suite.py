@@ -59,11 +59,6 @@ class Episode:
     """Which layouts it is one of."""
 
     @property
-    def name(self) -> str:
-        """Name of its files."""
-        return f"{self.index:05d}"
-
-    @property
     def seed(self) -> int:
         """Seed of the reset: a pure function of (task, suite version, split, episode)."""
         return episode_seed(self.task.id, self.index, self.split)
