@@ -142,7 +142,13 @@ class Serving:
     @contextmanager
     def process(self) -> Iterator[subprocess.Popen[bytes]]:
         """Serve as long as the block lasts, or until it is killed."""
-        words = ["serve", "--policy", named(toy_batches.Wanders).name.text, "--port", str(self.port)]
+        words = [
+            "serve",
+            "--policy",
+            named(toy_batches.Wanders).name.text,
+            "--port",
+            str(self.port),
+        ]
         source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
         with subprocess.Popen(
             [sys.executable, "-m", "duobench", *words, "--max-batch", str(FIXED.size)],
