@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from duobench.errors import EvaluationError
-from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.looks import catalog as looks
+from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.tasks import catalog
 
 
