@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import gymnasium as gym
 
 from duobench.envs.episode_state import EpisodeState
 from duobench.errors import printable
-from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.randomness import SUITE_VERSION
 from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.results.targets import pack_targets
 from duobench.types import Array
+
+if TYPE_CHECKING:
+    from duobench.evaluation.rollout import Info, Observation, Step
 
 
 class EpisodeRecorder:
@@ -43,7 +46,7 @@ class EpisodeRecorder:
         self._env = env
         self._start = _state(env)
         self._instruction = printable(info["instruction"])
-        self._layout = info["layout"]
+        self._layout = info.get("layout", {})
         if stage := info["stage"]:
             self._stage_changes.append((0, stage))
         self._on_stage()
