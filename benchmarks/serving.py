@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measure import Measurement, Work, seconds
-from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.evaluate import evaluate
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.suite import Suite, find_tasks
+from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching, PolicyMetadata, Session, SessionPolicy
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import RemotePolicy
 from duobench.policy.serving.host import PolicyHost
+from duobench.results.folder import RunFolder
+from duobench.results.suite import Suite, find_tasks
 from duobench.types import POLICY_CAMERAS
 
 MILLI = 1e-3
@@ -102,7 +102,7 @@ def _socket() -> Measurement:
 
 def _calls_per_second(workers: int) -> float:
     """Calls a second of an evaluation, while all of its workers play."""
-    choice = PolicyChoice(name=f"{__name__}:{Costly.__name__}", batching=Batching(mode="dynamic"))
+    choice = PolicyChoice.parse(f"{__name__}:{Costly.__name__}", batching=Batching(mode="dynamic"))
     suite = Suite(tasks=find_tasks([TASK]), episodes=2 * workers + 1)
     with TemporaryDirectory() as folder:
         log = Path(folder) / "calls"

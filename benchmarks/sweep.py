@@ -38,8 +38,8 @@ from duobench.tasks import catalog
 from duobench.types import OPENING_SLOTS
 
 OPEN_CLOSE = "open_close"
-EXPERTS = (policies.EXPERT, *(f"{policies.EXPERT}:{name}" for name in VARIETIES))
-POLICIES = (*EXPERTS, policies.BLIND, *BASELINES, OPEN_CLOSE)
+EXPERTS = ("expert", *(f"expert:{name}" for name in VARIETIES))
+POLICIES = (*EXPERTS, "blind", *BASELINES, OPEN_CLOSE)
 HALF_PERIOD = 30
 """Control steps for which grippers stay closed, or open."""
 SEEDS_A_JOB = 10
@@ -127,7 +127,7 @@ def play(job: Job) -> list[Outcome]:
 def main() -> None:
     """Play what the arguments name, and print one row a task."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.sweep", description=__doc__)
-    parser.add_argument("--policy", choices=POLICIES, default=policies.EXPERT)
+    parser.add_argument("--policy", choices=POLICIES, default="expert")
     parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
     parser.add_argument("--split", choices=SPLITS, default=EVAL)
     parser.add_argument("--seeds", type=int, default=100)

@@ -16,9 +16,9 @@ import pytest
 
 import duobench
 from duobench.envs.ids import env_id
-from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.files import decode
 from duobench.randomness import episode_seed
+from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.sim.duo import HOME
 from tests.experts.baseline_episodes import Episode, play_alone
 

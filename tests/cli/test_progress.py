@@ -4,7 +4,7 @@ import pytest
 from rich.console import Console
 
 from duobench.cli.progress import EpisodesPlayed, display
-from tests.evaluation.samples import SORT, sample_record, sample_records, sample_run
+from tests.results.samples import SORT, sample_record, sample_records, sample_run
 
 
 def shown(*, terminal: bool, records: list, finished: int) -> str:
@@ -15,7 +15,7 @@ def shown(*, terminal: bool, records: list, finished: int) -> str:
         played = EpisodesPlayed(live)
         played.on_run_start(run, records[:finished])
         for record in records[finished:]:
-            played.on_record(record)
+            played.on_episode(record)
     return out.getvalue()
 
 
@@ -43,7 +43,8 @@ def test_broken_episode_is_told_with_its_reason() -> None:
         *sample_records(sample_run(episodes=1))[:2],
         sample_record(SORT, 0, (), error="T\nE: x\n"),
     ]
-    assert "sort, episode 0 crashed: E: x" in shown(terminal=False, records=records, finished=0)
+    text = shown(terminal=False, records=records, finished=0)
+    assert "sort, episode 0 failed with an error: E: x" in text
 
 
 def test_one_is_not_told_as_several() -> None:

@@ -4,8 +4,8 @@ import re
 from rich.console import Console
 
 from duobench.cli.table import results_table
-from duobench.evaluation.metrics import summarize
-from tests.evaluation.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
+from duobench.results.metrics import summarize
+from tests.results.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
 
 
 def printed(run_records: list, expected: int, width: int = 130) -> list[str]:
@@ -21,7 +21,7 @@ def test_row_has_rate_interval_progress_and_distribution() -> None:
     assert "sort|4|75.0|30.1–95.4|0.833|0:0|1:1|2:0|3:3" in lines
     assert "lift|0/4|–|0.0–100.0|–|0:0|1:0|2:0" in lines
     assert "All tasks|4/12|75.0|30.1–95.4|0.833" in lines
-    assert not any("Crashed" in line for line in lines)
+    assert not any("Errors" in line for line in lines)
 
 
 def test_category_of_several_tasks_has_a_row() -> None:
@@ -33,7 +33,7 @@ def test_category_of_several_tasks_has_a_row() -> None:
 
 def test_broken_episodes_are_shown() -> None:
     lines = printed([sample_record(LIFT, 0, (), error="boom")], expected=1)
-    assert any(line.startswith("Task|Episodes|Crashed") for line in lines)
+    assert any(line.startswith("Task|Episodes|Errors") for line in lines)
     assert any(line.startswith("lift|1|1|0.0|") for line in lines)
 
 

@@ -10,7 +10,7 @@ from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.replay import Replayer, replay_all
 from duobench.errors import DataError
 from duobench.evaluation.demonstrations import record
-from duobench.evaluation.suite import find_tasks
+from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from tests.data.tools import TASK, recorded
 

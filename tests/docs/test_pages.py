@@ -24,12 +24,13 @@ from duobench.envs.action_modes import ACTION_MODES
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import base_of
 from duobench.envs.ids import VERSION
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
-from duobench.evaluation.report import SUMMARY_SCHEMA
-from duobench.evaluation.suite import RUN_SCHEMA, Suite, find_tasks
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
+from duobench.results.limits import TimeLimits
+from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.results.report import SUMMARY_SCHEMA
+from duobench.results.run import RUN_SCHEMA
+from duobench.results.suite import Suite, find_tasks
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.robot.workcell import FLOOR_Z
 from duobench.scene.compose import SUBSTEPS

@@ -11,8 +11,8 @@ import numpy as np
 
 import duobench
 from duobench.evaluation import Step, rollout
-from duobench.evaluation.folder import RunFolder
 from duobench.policy import make
+from duobench.results.folder import RunFolder
 from tests.docs.markdown import DOCS, blocks, modules
 
 PAGE = DOCS / "policies.md"

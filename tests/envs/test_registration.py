@@ -17,7 +17,7 @@ import duobench
 from duobench.envs import ActionChunks, ResetNeededError
 from duobench.envs.ids import env_id
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
-from duobench.evaluation.suite import find_tasks
+from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from tests.envs.tools import TASK, sim_of

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.evaluate import evaluate
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.metrics import Results
-from duobench.evaluation.suite import Suite, find_tasks
+from duobench.evaluation.policies import PolicyChoice
+from duobench.results.folder import RunFolder
+from duobench.results.metrics import Results
+from duobench.results.suite import Suite, find_tasks
 from tests.evaluation import toy_tasks
 
 Play = Callable[..., tuple[RunFolder, Results]]

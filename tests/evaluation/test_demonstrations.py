@@ -11,11 +11,12 @@ import pytest
 
 from duobench.data import ActorKind, DataSet, Outcome, Recording
 from duobench.data.stream import INTERRUPTED
-from duobench.errors import DataError, EvaluationError, MachineryError, OtherRunError, OutputError
+from duobench.errors import DataError, EvaluationError, OtherRunError, OutputError
 from duobench.evaluation.demonstrations import ATTEMPTS, record
-from duobench.evaluation.suite import find_tasks
 from duobench.files import locked
+from duobench.results.suite import find_tasks
 from tests.data.tools import room
+from tests.evaluation import toy_tasks
 from tests.evaluation.toy_tasks import seed_of
 
 TASKS = ("bin_sort",)
@@ -153,6 +154,19 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     time.sleep(2.0)  # workers notice that their parent is gone
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
     assert contents(killed) == contents(whole)
+    assert not killed.partials()
+
+
+def test_a_recording_of_another_episode_is_dropped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
+    asked = {"tasks": [toy_tasks.WAVE_NAME], "keep_failures": True}
+    first, again = DataSet.open(tmp_path / "first"), DataSet.open(tmp_path / "again")
+    played(first, f"{toy_tasks.__name__}:SwapsRecordings", workers=1, **asked)
+    assert (tmp_path / "swapped-once").exists()
+    played(again, f"{toy_tasks.__name__}:SwapsRecordings", workers=1, **asked)
+    assert contents(first) == contents(again)
 
 
 def renamed(data: DataSet) -> None:
@@ -191,7 +205,7 @@ def test_failures_that_were_kept_do_not_count_as_successes(tmp_path: Path) -> No
 
 def test_a_full_disk_is_no_failure_of_the_policy(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path / "full")
-    with room(30_000), pytest.raises(MachineryError, match="File too large"):
+    with room(30_000), pytest.raises(OutputError, match="File too large"):
         played(data, episodes=1)
     assert not (data.path / ATTEMPTS).exists()
     whole = DataSet.open(tmp_path / "whole")

@@ -14,10 +14,11 @@ from duobench.errors import (
     UnknownNameError,
 )
 from duobench.evaluation.evaluate import evaluate
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Run, find_tasks
+from duobench.results.folder import RunFolder
+from duobench.results.limits import TimeLimits
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared, small_suite
 
@@ -259,8 +260,8 @@ class Counts:
         assert run.policy == "hold"
         self.finished.append(len(finished))
 
-    def on_record(self, record: EpisodeRecord) -> None:
-        self.told.append((record.task, record.episode))
+    def on_episode(self, played: EpisodeRecord) -> None:
+        self.told.append((played.task, played.episode))
 
 
 def test_observers_hear_of_every_record_once(play: Play) -> None:
@@ -277,9 +278,9 @@ def test_observers_hear_of_every_record_once(play: Play) -> None:
 
 def test_records_that_vanish_during_the_run_are_an_error(play: Play, tmp_path: Path) -> None:
     class Removes(Counts):
-        def on_record(self, record: EpisodeRecord) -> None:
-            if record.episode == 1:
-                RunFolder(tmp_path / "run").record(record.task, 0).unlink()
+        def on_episode(self, played: EpisodeRecord) -> None:
+            if played.episode == 1:
+                RunFolder(tmp_path / "run").record(played.task, 0).unlink()
 
     with pytest.raises(EvaluationError, match=r"2 of 4 records are missing .*plays what is miss"):
         play("hold", episodes=2, observers=[Removes()])

@@ -10,9 +10,9 @@ import pytest
 
 from duobench.errors import MachineryError, RenderingError
 from duobench.evaluation import executor
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.suite import find_tasks
-from duobench.evaluation.worker import Channel, Faulty, Order, Report
+from duobench.evaluation.messages import Channel, EpisodeError, Report, Request
+from duobench.results.limits import TimeLimits
+from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until
@@ -56,6 +56,17 @@ def test_result_that_cannot_be_read_is_played_again(
     assert_same_episodes(folder, reference, 2)
 
 
+@pytest.mark.parametrize("policy", ["AnswersForAnother", "AnswersTwice"])
+def test_result_that_nobody_asked_for_is_dropped(
+    play: Play, reference: dict[str, bytes], tmp_path: Path, policy: str
+) -> None:
+    folder, results = play(policy, workers=1, episodes=2)
+    assert list((tmp_path / "marks").iterdir())
+    assert results.overall.errors == 0
+    assert_same_episodes(folder, reference, 4)
+    assert len(folder.timing.read_text().splitlines()) == 4
+
+
 def test_policy_that_spoils_its_clock_fails_its_episode_alone(play: Play) -> None:
     _, results = play("SpoilsClock", workers=1, episodes=2, tasks=find_tasks([toy_tasks.NOD_NAME]))
     for record in results.tasks[0].records:
@@ -64,9 +75,9 @@ def test_policy_that_spoils_its_clock_fails_its_episode_alone(play: Play) -> Non
 
 
 def test_time_to_read_a_message_grows_with_its_length_alone() -> None:
-    reports: list[Report] = [Faulty("long" * (10 << 20)), Faulty("short")]
+    reports: list[Report] = [EpisodeError("long" * (10 << 20)), EpisodeError("short")]
     ours, theirs = socket.socketpair()
-    sender: Channel[Order] = Channel(theirs, Order)  # pyright: ignore[reportArgumentType]
+    sender: Channel[Request] = Channel(theirs, Request)  # pyright: ignore[reportArgumentType]
     receiver: Channel[Report] = Channel(ours, Report)  # pyright: ignore[reportArgumentType]
     thread = threading.Thread(target=lambda: [sender.send(report) for report in reports])
     received: list[Report] = []

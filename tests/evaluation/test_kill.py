@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.evaluation.folder import RunFolder
+from duobench.results.folder import RunFolder
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import children, is_running, wait_until
 
@@ -17,7 +17,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from rich.console import Console
-from duobench.evaluation.folder import RunFolder
+from duobench.results.folder import RunFolder
 from duobench.cli.table import results_table
 from duobench.evaluation.evaluate import evaluate
 from tests.evaluation.conftest import small_suite

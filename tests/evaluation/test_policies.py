@@ -7,7 +7,7 @@ from benchmarks.steps import Steps
 from duobench.errors import UnknownNameError
 from duobench.evaluation.policies import BlindPolicy, source
 from duobench.evaluation.rollout import rollout
-from duobench.evaluation.suite import find_tasks
+from duobench.results.suite import find_tasks
 from tests.experts.baseline_episodes import make
 
 TASKS = ("bin_sort", "carry_pot")

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from duobench.data import DataSet, Recording
-from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.demonstrations import record as record_demonstrations
 from duobench.evaluation.evaluate import evaluate
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import find_tasks
+from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import HoldPolicy, Session
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.dialect import VLLM_PATH
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.randomness import TRAIN, policy_seed
+from duobench.results.folder import RunFolder
+from duobench.results.records import EpisodeRecord
+from duobench.results.suite import find_tasks
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import small_suite
 from tests.evaluation.toy_tasks import WAVE_NAME, seed_of
@@ -35,7 +35,7 @@ BLIND = MessageFormat(state={"state": ("left_arm", "left_gripper", "right_arm", 
 
 def played(folder: Path, policy: str, server: RemoteServer | None = None) -> list[EpisodeRecord]:
     """Records of episodes of both tasks, whose seeds are those that the suite says."""
-    choice = PolicyChoice(name=policy, server=server)
+    choice = PolicyChoice.parse(policy, server=server)
     results = evaluate(choice, small_suite(episodes=EPISODES), RunFolder(folder), workers=0)
     records = [record for task in results.tasks for record in task.records]
     assert [record.error for record in records] == [None] * len(TASKS) * EPISODES

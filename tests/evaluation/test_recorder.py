@@ -1,22 +1,29 @@
 import duobench
 from duobench.envs.config import EnvConfig
 from duobench.errors import PolicyTimeoutError
-from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord, EpisodeRecorder
+from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import rollout
-from duobench.evaluation.suite import Episode, Setup, find_tasks
 from duobench.files import decode, encode
 from duobench.policy import PolicyMetadata, make
 from duobench.randomness import episode_seed, policy_seed
-from duobench.versions import record_versions
+from duobench.results.limits import TimeLimits
+from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.suite import Episode, Suite, find_tasks
+from duobench.versions import package_versions, record_versions
 from tests.evaluation import toy_tasks
 
 (WAVE,) = find_tasks([toy_tasks.WAVE_NAME])
-SETUP = Setup(
+RUN = Run(
     policy="random",
+    suite=Suite(tasks=(WAVE,)),
+    videos=0,
+    limits=TimeLimits(),
     metadata=PolicyMetadata(name="random", version="7"),
     config=EnvConfig(cameras=()),
-    versions=record_versions(None),
+    versions=package_versions(),
 )
+VERSIONS = record_versions(None)
 
 
 def test_record_says_what_the_environment_said() -> None:
@@ -33,7 +40,7 @@ def test_record_says_what_the_environment_said() -> None:
 
         policy = make("hold" if index % 2 else "random")  # which reach other stages
         rollout(env, policy, seed=episode.seed, watchers=[recorder, Keeps(episode)])
-        record = recorder.record(SETUP)
+        record = recorder.record(RUN, VERSIONS)
         assert decode(encode(record, RECORD_SCHEMA), EpisodeRecord, RECORD_SCHEMA) == record
         stages = [info["stage"] for info in infos]
         assert [record.stage_after(number + 1) for number in range(len(stages))] == stages
@@ -53,7 +60,7 @@ def test_record_says_what_the_environment_said() -> None:
 
 def test_episode_that_never_began_still_has_a_record() -> None:
     recorder = EpisodeRecorder(Episode(task=WAVE, index=3))
-    record = recorder.record(SETUP).broken(PolicyTimeoutError("too late"), 0)
+    record = recorder.record(RUN, VERSIONS).broken(PolicyTimeoutError("too late"), 0)
     assert record.error == "PolicyTimeoutError: too late\n"
     assert record.policy_version == "7"
     assert (record.success, record.final_stage, record.steps, record.state_hash) == (

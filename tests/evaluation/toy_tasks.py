@@ -18,6 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from duobench.errors import RenderingError
@@ -129,6 +130,60 @@ class SpoilsOnce(RandomPolicy):
                     if stat.S_ISSOCK(os.fstat(int(path.name)).st_mode):
                         os.write(int(path.name), b"\0\0\0\0\0\0\0\5hello")
         return super().act(observation)
+
+
+class AnswersForAnother(RandomPolicy):
+    """Random, in a process that once plays another episode than the one that it was asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        from duobench.evaluation.episode import EpisodeRunner
+
+        play = EpisodeRunner.play
+
+        def other(runner: Any, episode: Any) -> Any:
+            if episode.index == 1 and mark(f"other-{episode.task.id}"):
+                episode = replace(episode, index=0)
+            return play(runner, episode)
+
+        EpisodeRunner.play = other
+
+
+class AnswersTwice(RandomPolicy):
+    """Random, in a process that once gives a result twice."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        from duobench.evaluation import worker
+        from duobench.evaluation.episode import EpisodeResult
+
+        report = worker._report
+
+        def twice(channel: Any, message: Any) -> None:
+            report(channel, message)
+            if isinstance(message, EpisodeResult) and mark("twice"):
+                report(channel, message)
+
+        worker._report = twice
+
+
+class SwapsRecordings(HoldPolicy):
+    """Still, in a process that once gives the recording of the episode before."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        from duobench.evaluation.episode import EpisodeRunner
+
+        play, before = EpisodeRunner.play, []
+
+        def swapped(runner: Any, episode: Any) -> Any:
+            result = play(runner, episode)
+            before.append(result.recording)
+            if episode.index == 1 and mark("swapped-once"):
+                result = msgspec.structs.replace(result, recording=before[0])
+            return result
+
+        EpisodeRunner.play = swapped
 
 
 class SpoilsClock(HoldPolicy):

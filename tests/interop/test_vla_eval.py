@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 import duobench
-from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.evaluate import evaluate
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.metrics import Results
-from duobench.evaluation.suite import Suite, find_tasks
+from duobench.evaluation.policies import PolicyChoice
 from duobench.policy.serving.address import RemoteServer
 from duobench.randomness import episode_seed
+from duobench.results.folder import RunFolder
+from duobench.results.metrics import Results
+from duobench.results.suite import Suite, find_tasks
 from tests.docs.markdown import DOCS, ROOT, blocks, table
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import wait_until
@@ -56,7 +56,7 @@ def server(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 def played_by_us(folder: Path, url: str, workers: int = 0) -> Results:
-    choice = PolicyChoice(name="vla-eval", server=RemoteServer(url=url))
+    choice = PolicyChoice.parse("vla-eval", server=RemoteServer(url=url))
     suite = Suite(tasks=find_tasks([toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME]), episodes=EPISODES)
     return evaluate(choice, suite, RunFolder(folder), workers=workers, videos=0)
 

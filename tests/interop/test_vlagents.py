@@ -15,15 +15,13 @@ import pytest
 
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError
 from duobench.evaluation import policies
-from duobench.evaluation.choice import PolicyChoice
 from duobench.evaluation.episode import EpisodeRunner, Job
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.policies import PolicySource
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Episode, find_tasks
+from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.policy import Policy
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import RemotePolicy
+from duobench.results.records import EpisodeRecord
+from duobench.results.suite import Episode, Suite, find_tasks
 from tests.evaluation import toy_tasks
 from tests.interop.conftest import VLAGENTS_PYTHON
 
@@ -121,14 +119,12 @@ class Twin:
 
 
 def source(policy: Any) -> PolicySource:
-    return PolicySource(
-        name="openpi", metadata=policy.metadata, bind=lambda _env: policy, close=lambda: None
-    )
+    return PolicySource(metadata=policy.metadata, bind=lambda _env: policy, close=lambda: None)
 
 
 def played(which: PolicySource, task: str, episodes: int = 1) -> list[EpisodeRecord]:
     (info,) = find_tasks([task])
-    job = Job(policy=PolicyChoice(name=which.name), tasks=(info,), limits=TimeLimits())
+    job = Job(policy=PolicyChoice.parse("hold"), suite=Suite(tasks=(info,)))
     runner = EpisodeRunner(which, job)
     records = [runner.play(Episode(task=info, index=index)).record for index in range(episodes)]
     runner.close()

@@ -23,7 +23,7 @@ from duobench.errors import DuoBenchError
 from duobench.policy.batch import Batching, SessionPolicy
 from duobench.policy.lerobot.noise import EpisodeNoise
 from duobench.policy.lerobot.policy import LeRobotPolicy
-from duobench.policy.registry import make_any
+from duobench.policy.registry import PolicyName, make_any
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE, change
 
@@ -54,7 +54,7 @@ def test_weights_that_pi05_fails_to_load_without_a_word_are_noticed(
 
 
 def load(folder: Path, query: str = "") -> LeRobotPolicy:
-    made = make_any(f"lerobot:{folder}?device=cpu{query}")
+    made = make_any(PolicyName.parse(f"lerobot:{folder}?device=cpu{query}"))
     assert isinstance(made, LeRobotPolicy)
     return made
 

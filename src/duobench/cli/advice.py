@@ -17,7 +17,7 @@ from duobench.errors import (
 )
 
 if TYPE_CHECKING:
-    from duobench.evaluation.folder import RunFolder
+    from duobench.results.folder import RunFolder
 
 
 class AdvisedError(DuoBenchError):
@@ -88,10 +88,9 @@ def for_evaluation(folder: RunFolder, error: DuoBenchError) -> str | None:
     """What would help after an error of an evaluation in a folder."""
     match error:
         case OtherRunError() if folder.description.exists():
-            return (
-                "Give --out another folder, or delete this one; its own command is: "
-                f"{folder.read_run().command}"
-            )
+            command = folder.read_run().command
+            known = f"; its own command is: {command}" if command else "."
+            return f"Give --out another folder, or delete this one{known}"
         case OtherRunError() | LockedError():
             return "Give --out another folder."
         case OutputError():

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from duobench.cli.console import console, counted
+from duobench.cli.console import command_line, console, counted
 from duobench.cli.engine import load_engine
 from duobench.cli.interrupt import raising
 from duobench.errors import PolicyError
@@ -15,10 +15,10 @@ from duobench.errors import PolicyError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.metrics import Results
-    from duobench.evaluation.suite import Suite
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
+    from duobench.results.metrics import Results
+    from duobench.results.suite import Suite
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -45,7 +45,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """Roll a policy out on tasks, and leave records, a table and a report.
 
     The same command in the same folder goes on where it was stopped, also with more episodes. The
-    exit code is 1 if an episode crashed with an error.
+    exit code is 1 if an episode failed with an error.
 
     Args:
         policy: expert (also expert:human or expert:wide, which vary what it does), blind, hold,
@@ -57,13 +57,13 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         first_episode: Index of the first episode; seeds follow from task and index alone.
         workers: Processes that play side by side; the results do not depend on it. With 0 this
             process plays, for a debugger; it cannot stop a policy that hangs or outlive one that
-            crashes.
+            ends its process.
         videos: How many episodes of each task have a video.
         look: Look of the images that the policy sees: wood_table, dark, random:7, ... (see
             docs/looks.md).
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
         episode_timeout: Seconds that an episode may take.
-        retry_broken: Play the episodes again that crashed in an earlier call.
+        retry_broken: Play the episodes again that failed with an error in an earlier call.
         batch: For a policy of your own that answers many episodes at a time: fixed fills every
             batch up, so that results do not depend on the workers; dynamic takes what waits, which
             is faster. Default: fixed.
@@ -76,20 +76,20 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
         layout: Renamed: give --format.
     """
+    command = command_line("eval", evaluate, locals())
     load_engine()
     from duobench.cli.advice import advising, for_evaluation
     from duobench.cli.progress import EpisodesPlayed, display
-    from duobench.evaluation.choice import PolicyChoice
     from duobench.evaluation.evaluate import evaluate as play
-    from duobench.evaluation.folder import RunFolder
-    from duobench.evaluation.limits import TimeLimits
-    from duobench.evaluation.suite import Suite, find_tasks
+    from duobench.evaluation.policies import PolicyChoice
+    from duobench.results.folder import RunFolder
+    from duobench.results.limits import TimeLimits
+    from duobench.results.suite import Suite, find_tasks
 
     batching = _batching(batch, max_batch)
     _check_old_names(policy, layout)
     remote = _remote(policy, server, format, execute, wait, key_file)
-    choice = PolicyChoice(name=policy, batching=batching, server=remote)
-    choice.check()
+    choice = PolicyChoice.parse(policy, batching=batching, server=remote)
     suite = Suite(
         tasks=find_tasks(tasks), episodes=episodes, first_episode=first_episode, look=look
     )
@@ -107,21 +107,22 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             workers=workers,
             observers=[EpisodesPlayed(shown)],
             retry_broken=retry_broken,
+            command=command,
         )
     _show(results, suite, out / folder.page.name, screen)
 
 
 def _show(results: Results, suite: Suite, page: Path, screen: Console) -> None:
-    """Print the results; the exit code is 1 if an episode crashed."""
+    """Print the results; the exit code is 1 if an episode failed with an error."""
     from duobench.cli.table import results_table
 
     screen.print(results_table(results, suite.episodes))
     screen.print(f"Report: {page}")
     if results.overall.errors:
         screen.print(
-            f"{counted(results.overall.errors, 'episode')} crashed, which counts as failed; "
-            "the report has the tracebacks. To play what crashed again, give the same command "
-            "with --retry-broken; a policy that was changed needs another --out.",
+            f"{counted(results.overall.errors, 'episode')} failed with an error; the report has "
+            "the tracebacks. To play them again, give the same command with --retry-broken; a "
+            "policy that was changed needs another --out.",
         )
         sys.exit(1)
 

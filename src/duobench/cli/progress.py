@@ -19,8 +19,8 @@ from rich.progress import (
 
 from duobench.cli.console import counted
 from duobench.evaluation.demonstrations import Attempt
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Run, TaskInfo
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
 
 PLAIN_LINES = 10
 """About how many lines of progress are printed where nothing can be overwritten."""
@@ -119,11 +119,12 @@ class EpisodesPlayed:
         for record in finished:
             self._shown.advance(record.task, succeeded=record.success, earlier=True)
 
-    def on_record(self, record: EpisodeRecord) -> None:
-        """Count an episode, and say why it crashed."""
-        if record.error:
-            self._shown.say(f"{record.task}, episode {record.episode} crashed: {record.reason}")
-        self._shown.advance(record.task, succeeded=record.success)
+    def on_episode(self, played: EpisodeRecord) -> None:
+        """Count an episode, and say with what error it failed."""
+        if played.error:
+            name = f"{played.task}, episode {played.episode}"
+            self._shown.say(f"{name} failed with an error: {played.reason}")
+        self._shown.advance(played.task, succeeded=played.success)
 
 
 class EpisodesKept:
@@ -133,16 +134,16 @@ class EpisodesKept:
         """Show it in a display."""
         self._shown = shown
 
-    def on_start(self, tasks: Sequence[TaskInfo], wanted: int, attempts: Sequence[Attempt]) -> None:
+    def on_run_start(self, run: Run, finished: Sequence[Attempt]) -> None:
         """Say what is going to be done, and what was kept earlier."""
-        totals = {task.id: wanted for task in tasks}
-        kept = [attempt.task for attempt in attempts if attempt.kept and attempt.task in totals]
-        heading = f"{counted(len(tasks), 'task')}, {counted(sum(totals.values()), 'episode')}"
+        totals = {task.id: run.suite.episodes for task in run.suite.tasks}
+        kept = [attempt.task for attempt in finished if attempt.kept and attempt.task in totals]
+        heading = f"{counted(len(totals), 'task')}, {counted(run.suite.size, 'episode')}"
         heading += f", {len(kept)} already recorded" if kept else ""
         self._shown.begin(heading, totals)
         for task in kept:
             self._shown.advance(task, earlier=True)
 
-    def on_attempt(self, attempt: Attempt) -> None:
+    def on_episode(self, played: Attempt) -> None:
         """Count the episode, if it is kept."""
-        self._shown.advance(attempt.task, int(attempt.kept))
+        self._shown.advance(played.task, int(played.kept))

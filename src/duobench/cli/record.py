@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from duobench.cli.console import console, counted
+from duobench.cli.console import command_line, console, counted
 from duobench.cli.engine import load_engine
 from duobench.cli.interrupt import raising
 
@@ -45,13 +45,14 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
         episode_timeout: Seconds that an episode may take.
     """
+    command = command_line("record", record, locals())
     load_engine()
     from duobench.cli.advice import advising, for_recording
     from duobench.cli.progress import EpisodesKept, display
     from duobench.data import DataSet
     from duobench.evaluation import demonstrations
-    from duobench.evaluation.limits import TimeLimits
-    from duobench.evaluation.suite import find_tasks
+    from duobench.results.limits import TimeLimits
+    from duobench.results.suite import find_tasks
 
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     chosen = find_tasks(tasks)
@@ -67,6 +68,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             limits=TimeLimits(act_s=act_timeout, episode_s=episode_timeout),
             workers=workers,
             observers=[EpisodesKept(shown)],
+            command=command,
         )
     screen.print(_summary(attempts))
 

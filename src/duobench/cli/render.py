@@ -35,8 +35,8 @@ def render(
     from duobench.envs import RandomizedReset
     from duobench.envs.reset_options import checked_seed
     from duobench.envs.sim_env import SimEnv
-    from duobench.evaluation.suite import find_tasks
     from duobench.files import make_folder, writing
+    from duobench.results.suite import find_tasks
     from duobench.robot.cameras import OVERVIEW
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog

@@ -94,9 +94,9 @@ def _by_states(
     look: str,
 ) -> None:
     from duobench.data import ImageSource, Recording
-    from duobench.evaluation.folder import VIDEO_SUFFIX
     from duobench.evaluation.video import FRAME_RATE
     from duobench.files import replacing
+    from duobench.results.folder import VIDEO_SUFFIX
     from duobench.tasks import catalog
     from duobench.video import VP9, write_video
 

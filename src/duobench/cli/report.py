@@ -20,8 +20,8 @@ def report(folder: tyro.conf.Positional[Path]) -> None:
     find_folder(folder, "run.json")
     load_engine()
     from duobench.cli.table import results_table
-    from duobench.evaluation.folder import RunFolder
-    from duobench.evaluation.report import read_results, write_report
+    from duobench.results.folder import RunFolder
+    from duobench.results.report import read_results, write_report
 
     run_folder = RunFolder(folder)
     run, results = read_results(run_folder)

@@ -6,7 +6,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from duobench.evaluation.metrics import (
+from duobench.results.metrics import (
     Results,
     Score,
     TaskResult,
@@ -28,32 +28,32 @@ def results_table(results: Results, expected_episodes: int) -> Table:
     """
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
     table.add_column("Task", no_wrap=True)
-    crashed = ("Crashed",) if results.overall.errors else ()
-    for heading in ("Episodes", *crashed, "Success\n%", "95 %\ninterval", "Final\nprogress"):
+    errors = ("Errors",) if results.overall.errors else ()
+    for heading in ("Episodes", *errors, "Success\n%", "95 %\ninterval", "Final\nprogress"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("Episodes by\nlast stage")
     for category in results.categories:
         members = [one for one in results.tasks if one.task.category == category.label]
         for one in members:
-            cells = _cells(one.task.id, one.score, expected_episodes, bool(crashed))
+            cells = _cells(one.task.id, one.score, expected_episodes, bool(errors))
             table.add_row(*cells, _stages(one))
         if len(members) > 1:
             expected = expected_episodes * len(members)
-            cells = _cells(category.label, category, expected, bool(crashed))
+            cells = _cells(category.label, category, expected, bool(errors))
             table.add_row(*cells, style="italic")
         table.add_section()
     expected = expected_episodes * len(results.tasks)
-    cells = _cells(results.overall.label, results.overall, expected, bool(crashed))
+    cells = _cells(results.overall.label, results.overall, expected, bool(errors))
     table.add_row(*cells, style="bold")
     return table
 
 
-def _cells(name: str, score: Score, expected: int, with_crashed: bool) -> list[str]:
+def _cells(name: str, score: Score, expected: int, with_errors: bool) -> list[str]:
     """The cells that every row has; a run that is not finished says how far it is."""
     episodes = str(score.episodes) if score.episodes == expected else f"{score.episodes}/{expected}"
-    crashed = [str(score.errors)] if with_crashed else []
+    errors = [str(score.errors)] if with_errors else []
     rate = percent(score.success_rate)
-    return [name, episodes, *crashed, rate, interval_percent(score), progress_text(score)]
+    return [name, episodes, *errors, rate, interval_percent(score), progress_text(score)]
 
 
 def _stages(result: TaskResult) -> Text:

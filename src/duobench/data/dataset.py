@@ -12,7 +12,7 @@ from duobench.data import stream
 from duobench.data.recording import Recording
 from duobench.data.schema import OLDEST_SCHEMA, SCHEMA, EpisodeInfo
 from duobench.errors import DataError, check_known
-from duobench.files import begin_or_continue, differences, lock, read, writing
+from duobench.files import begin_or_continue, differences, lock, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
@@ -154,6 +154,28 @@ class DataSet:
             number += 1
             with suppress(DataError):  # another process has just taken the name
                 return self.new_stream(info, sizes, f"{number:05d}")
+
+    def add(self, task: str, name: str, content: bytes) -> Path:
+        """Add an episode that was recorded elsewhere, in one atomic step.
+
+        What a killed recording of the same episode has left is removed.
+
+        Args:
+            task: Id of the task.
+            name: Name of its file.
+            content: The content of its file, see `Recording.to_bytes`.
+
+        Returns:
+            The file.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        path, partial = self.episode(task, name), self.partial(task, name)
+        write(path, content)
+        with writing(partial):
+            partial.unlink(missing_ok=True)
+        return path
 
     def recover(self, partial: Path) -> Path:
         """Turn what a killed recording has left into an episode that says that it was cut.

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from duobench.backend import DuoLimits
 from duobench.data.dataset import DataSet
 from duobench.data.schema import Actor, EpisodeInfo, Outcome
-from duobench.data.stream import EpisodeStream, outcome_of
+from duobench.data.stream import EpisodeRows, RecordingBuffer, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
 from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, Info, Observation
@@ -51,7 +51,7 @@ class Recorder(DuoWrapper):
     def __init__(
         self,
         env: gym.Env,
-        data: DataSet | str | Path,
+        data: DataSet | RecordingBuffer | str | Path,
         actor: Actor | None = None,
         *,
         keep: Callable[[Outcome], bool] = lambda _outcome: True,
@@ -61,7 +61,7 @@ class Recorder(DuoWrapper):
         Args:
             env: An environment that takes single actions and says the stage in `info`; on real arms
                 no states are recorded, since there are none.
-            data: Data set that episodes are added to, or its folder.
+            data: Data set that episodes are added to, or its folder; or what takes them in memory.
             actor: Who or what acts.
             keep: Whether a finished episode is written at all; by default every one is.
 
@@ -71,15 +71,15 @@ class Recorder(DuoWrapper):
         """
         super().__init__(env)
         self._sim = _simulated(self.base)
-        self.data = data if isinstance(data, DataSet) else DataSet.open(data)
-        """The data set."""
+        self.data = DataSet.open(data) if isinstance(data, str | Path) else data
+        """What takes the episodes."""
         self.actor = actor or Actor()
         """Who or what acts, from the next episode on."""
         self.next_name: str | None = None
         """Name of the next episode's file; without one it is the next free number."""
         self._intended: Array | None = None
         self._keep = keep
-        self._stream: EpisodeStream | None = None
+        self._stream: EpisodeRows | None = None
         observed = getattr(env.observation_space, "spaces", {})
         if missing := [name for name in OBSERVED if name not in observed]:
             raise DataError(
@@ -153,14 +153,6 @@ class Recorder(DuoWrapper):
                 self._end(cut=False, reason=info.get(TRUNCATION_REASON))
         return observation, float(reward), terminated, truncated, info
 
-    def begin_as(self, name: str) -> None:
-        """Name the next episode, and forget what a killed process has left of it.
-
-        Nobody else may be recording an episode of that name.
-        """
-        self.next_name = name
-        self.data.partial(self.task, name).unlink(missing_ok=True)
-
     def intend(self, action: ArrayLike) -> None:
         """Say what the actor wants the next action to be recorded as.
 
@@ -201,7 +193,7 @@ class Recorder(DuoWrapper):
         self.finish(reason="The environment was closed.")
         super().close()
 
-    def _see(self, stream: EpisodeStream, observation: Observation, info: Info) -> None:
+    def _see(self, stream: EpisodeRows, observation: Observation, info: Info) -> None:
         backend = self.base.backend
         stream.append(
             {

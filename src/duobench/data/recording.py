@@ -111,6 +111,16 @@ class Recording:
             return _info_of(pq.read_schema(path))
 
     @staticmethod
+    def info_of(content: bytes) -> EpisodeInfo:
+        """What the content of a file says about the episode as a whole; fast.
+
+        Raises:
+            DataError: See `read`.
+        """
+        with _reading("a recording"):
+            return _info_of(pq.read_schema(pa.BufferReader(content)))
+
+    @staticmethod
     def read_length(path: Path) -> int:
         """Number of actions of a recording; fast.
 
@@ -126,7 +136,11 @@ class Recording:
         Raises:
             OutputError: It cannot be written.
         """
-        content = to_bytes(
+        write(path, self.to_bytes())
+
+    def to_bytes(self) -> bytes:
+        """The recording as the content of its file."""
+        return to_bytes(
             _to_table(self),
             compression="zstd",
             compression_level=COMPRESSION_LEVEL,
@@ -136,7 +150,6 @@ class Recording:
             write_page_checksum=True,
             store_schema=True,
         )
-        write(path, content)
 
 
 def _to_table(recording: Recording) -> pa.Table:
@@ -193,7 +206,7 @@ def _numbers(column: Column, rows: pa.Array) -> NDArray[Any]:
 
 
 @contextmanager
-def _reading(path: Path) -> Iterator[None]:
+def _reading(path: Path | str) -> Iterator[None]:
     try:
         yield
     except (OSError, pa.ArrowException, DataError) as error:

@@ -1,13 +1,13 @@
-"""An episode while it is being recorded: an append-only file that survives a kill.
+"""An episode while it is being recorded, in memory or in a file that survives a kill.
 
-Rows are appended as they lie in memory, a few at a time, after a head that says what they are. When
-the episode ends, all of it is written as Parquet, and the file is removed. What a killed process
-leaves can be read up to its last whole row; see `recover`.
+Rows are appended to the file as they lie in memory, a few at a time, after a head that says what
+they are. When the episode ends, all of it is written as Parquet, and the file is removed. What a
+killed process leaves can be read up to its last whole row; see `recover`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BufferedWriter
@@ -52,8 +52,92 @@ class _Head:
         return np.dtype(fields, align=True)
 
 
-class EpisodeStream:
-    """Takes the rows of one episode."""
+class EpisodeRows:
+    """Takes the rows of one episode, in memory."""
+
+    def __init__(
+        self,
+        info: EpisodeInfo,
+        sizes: Mapping[str, int],
+        take: Callable[[Recording], None] = lambda _recording: None,
+    ) -> None:
+        """Begin without rows.
+
+        Args:
+            info: What is known about the episode at its start.
+            sizes: Numbers in one row of `action` and `state`.
+            take: Takes the episode when it is whole.
+        """
+        self._take = take
+        self.info = info
+        """What is known about it at its start."""
+        self._head = _Head(info=info, sizes=dict(sizes))
+        self._rows = np.zeros(_FIRST_CAPACITY, self._head.row_type())
+        self._count = 0
+
+    @property
+    def rows(self) -> NDArray[Any]:
+        """All rows so far, with a field for each column; the action of the last one is to come."""
+        return self._rows[: self._count]
+
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Append what was seen; its action follows with `act`.
+
+        Args:
+            row: Values by the name of the column, of those that do not belong to the action.
+
+        Raises:
+            OutputError: The row cannot be written.
+        """
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
+        for name, value in row.items():
+            self._rows[name][self._count] = value
+        self._count += 1
+
+    def act(self, row: Mapping[str, Any]) -> None:
+        """Complete the last row with its action and what the step gave.
+
+        Args:
+            row: Values by the name of the column, of those that belong to the action.
+        """
+        for name, value in row.items():
+            self._rows[name][self._count - 1] = value
+
+    def recording(self, outcome: Outcome, last_hash: str | None) -> Recording:
+        """The whole episode."""
+        return _recording(replace(self.info, outcome=outcome, last_hash=last_hash), self.rows)
+
+    def finish(self, outcome: Outcome, last_hash: str | None) -> None:
+        """Give the whole episode away."""
+        self._take(self.recording(outcome, last_hash))
+
+    def discard(self) -> None:
+        """Forget the episode if it was not finished."""
+
+
+class RecordingBuffer:
+    """Takes what a recorder records, in memory, for somebody else to write."""
+
+    content: bytes | None = None
+    """The last episode that was finished, as the content of its file."""
+
+    def new_stream(
+        self,
+        info: EpisodeInfo,
+        sizes: Mapping[str, int],
+        name: str | None = None,  # noqa: ARG002 - whoever writes it names it
+    ) -> EpisodeRows:
+        """Begin the recording of an episode; the one before is forgotten."""
+        self.content = None
+        return EpisodeRows(info, sizes, self._take)
+
+    def _take(self, recording: Recording) -> None:
+        self.content = recording.to_bytes()
+
+
+class EpisodeStream(EpisodeRows):
+    """Takes the rows of one episode, in a file."""
 
     def __init__(self, path: Path, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
         """Begin a file, which is locked for as long as it is open.
@@ -68,16 +152,13 @@ class EpisodeStream:
             DataError: There is an episode of that name, or one is being recorded, or was left by a
                 crash.
         """
+        super().__init__(info, sizes)
         self.path = path
         """Where the finished episode will be."""
-        self.info = info
-        """What is known about it at its start."""
-        head = _Head(info=info, sizes=dict(sizes))
-        self._rows = np.zeros(_FIRST_CAPACITY, head.row_type())
-        self._count = self._written = 0
+        self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
-        text = encode(head, SCHEMA).encode(errors="replace")
+        text = encode(self._head, SCHEMA).encode(errors="replace")
         with writing(self._partial):
             self._file = _new_file(self._partial)
         try:
@@ -91,36 +172,11 @@ class EpisodeStream:
             raise
         self._start = self._file.tell()
 
-    @property
-    def rows(self) -> NDArray[Any]:
-        """All rows so far, with a field for each column; the action of the last one is to come."""
-        return self._rows[: self._count]
-
     def append(self, row: Mapping[str, Any]) -> None:
-        """Append what was seen; its action follows with `act`.
-
-        Args:
-            row: Values by the name of the column, of those that do not belong to the action.
-
-        Raises:
-            OutputError: The file cannot be written.
-        """
-        if self._count == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
-        for name, value in row.items():
-            self._rows[name][self._count] = value
-        self._count += 1
+        """Append what was seen, and write what is complete now and then."""
+        super().append(row)
         if self._count - self._written > BATCH_ROWS:
             self._flush(self._count - 1)  # all but the last row, whose action is still to come
-
-    def act(self, row: Mapping[str, Any]) -> None:
-        """Complete the last row with its action and what the step gave.
-
-        Args:
-            row: Values by the name of the column, of those that belong to the action.
-        """
-        for name, value in row.items():
-            self._rows[name][self._count - 1] = value
 
     def finish(self, outcome: Outcome, last_hash: str | None) -> None:
         """Write the whole episode as Parquet and remove the stream.
@@ -129,8 +185,7 @@ class EpisodeStream:
             OutputError: It cannot be written; the stream stays, for `recover`.
             DataError: Somebody has put another episode there; the stream stays too.
         """
-        info = replace(self.info, outcome=outcome, last_hash=last_hash)
-        recording = _recording(info, self.rows)
+        recording = self.recording(outcome, last_hash)
         try:
             self._check_free()
             recording.write(self.path)

@@ -56,6 +56,19 @@ class EpisodeState:
     """What relative Cartesian actions have added up to, by side."""
 
     @property
+    def physics_hash(self) -> str:
+        """SHA-256 over the physics alone."""
+        return hashlib.sha256(self.physics.tobytes()).hexdigest()
+
+    @property
+    def progress_hash(self) -> str | None:
+        """SHA-256 over the stage and what its constraints remember; None without stages."""
+        if self.progress is None:
+            return None
+        text = json.dumps(asdict(self.progress), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
     def hash(self) -> str:
         """SHA-256 over all of it; equal states, equal hashes."""
         digest = hashlib.sha256(self.physics.tobytes())

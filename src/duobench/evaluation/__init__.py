@@ -10,35 +10,35 @@ from duobench.references import lazy
 
 if TYPE_CHECKING:
     from duobench.envs.execution import Step as Step
-    from duobench.evaluation.choice import PolicyChoice as PolicyChoice
     from duobench.evaluation.demonstrations import Attempt as Attempt
     from duobench.evaluation.demonstrations import record as record
     from duobench.evaluation.episode import Job as Job
-    from duobench.evaluation.evaluate import Observer as Observer
     from duobench.evaluation.evaluate import evaluate as evaluate
     from duobench.evaluation.executor import Executor as Executor
     from duobench.evaluation.executor import LocalExecutor as LocalExecutor
     from duobench.evaluation.executor import ProcessExecutor as ProcessExecutor
-    from duobench.evaluation.folder import RunFolder as RunFolder
-    from duobench.evaluation.limits import TimeLimits as TimeLimits
-    from duobench.evaluation.metrics import Results as Results
-    from duobench.evaluation.metrics import Score as Score
-    from duobench.evaluation.metrics import TaskResult as TaskResult
-    from duobench.evaluation.metrics import summarize as summarize
-    from duobench.evaluation.metrics import wilson_interval as wilson_interval
+    from duobench.evaluation.observer import Observer as Observer
     from duobench.evaluation.policies import ExpertPolicy as ExpertPolicy
+    from duobench.evaluation.policies import PolicyChoice as PolicyChoice
     from duobench.evaluation.policies import PolicySource as PolicySource
     from duobench.evaluation.policies import source as source
-    from duobench.evaluation.records import EpisodeRecord as EpisodeRecord
-    from duobench.evaluation.report import read_results as read_results
-    from duobench.evaluation.report import write_report as write_report
     from duobench.evaluation.rollout import Watcher as Watcher
     from duobench.evaluation.rollout import rollout as rollout
-    from duobench.evaluation.suite import Episode as Episode
-    from duobench.evaluation.suite import Run as Run
-    from duobench.evaluation.suite import Suite as Suite
-    from duobench.evaluation.suite import TaskInfo as TaskInfo
-    from duobench.evaluation.suite import find_tasks as find_tasks
     from duobench.evaluation.video import VideoRecorder as VideoRecorder
+    from duobench.results.folder import RunFolder as RunFolder
+    from duobench.results.limits import TimeLimits as TimeLimits
+    from duobench.results.metrics import Results as Results
+    from duobench.results.metrics import Score as Score
+    from duobench.results.metrics import TaskResult as TaskResult
+    from duobench.results.metrics import summarize as summarize
+    from duobench.results.metrics import wilson_interval as wilson_interval
+    from duobench.results.records import EpisodeRecord as EpisodeRecord
+    from duobench.results.report import read_results as read_results
+    from duobench.results.report import write_report as write_report
+    from duobench.results.run import Run as Run
+    from duobench.results.suite import Episode as Episode
+    from duobench.results.suite import Suite as Suite
+    from duobench.results.suite import TaskInfo as TaskInfo
+    from duobench.results.suite import find_tasks as find_tasks
 
 lazy(__name__)

@@ -10,25 +10,24 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from duobench.data import DataSet, Recording
 from duobench.data.dataset import EPISODES, SUFFIX
-from duobench.data.stream import INTERRUPTED
 from duobench.errors import EvaluationError, OtherRunError
-from duobench.evaluation.episode import RecordingPlan
-from duobench.evaluation.evaluate import executor_for
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import RUN_SCHEMA, Episode, Run, Suite, TaskInfo
+from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
+from duobench.evaluation.executor import executor_for
+from duobench.evaluation.observer import Observer
+from duobench.evaluation.policies import PolicyChoice
 from duobench.files import begin_or_continue, encode, locked, read, remove_temporary, write
-from duobench.randomness import TRAIN, episode_seed
-from duobench.versions import package_versions
+from duobench.randomness import TRAIN
+from duobench.results.limits import TimeLimits
+from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
+from duobench.results.suite import Episode, Suite, TaskInfo
 
 RUN, ATTEMPTS = "record.json", "attempts.json"
 """What is recorded, and how the episodes went that were played for it."""
 ATTEMPTS_SCHEMA = 1
-MAX_ATTEMPTS = 10
+MAX_EPISODES_PER_SUCCESS = 10
 """Episodes that are played for one that succeeds, on average, before a task is given up."""
 
 
@@ -49,7 +48,7 @@ class Attempt:
     kept: bool
     """Whether it is in the data set."""
     error: str | None
-    """The last line of what made it crash."""
+    """The last line of the error that it failed with."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,18 +57,6 @@ class Attempts:
 
     attempts: tuple[Attempt, ...] = ()
     """In order."""
-
-
-class Observer(Protocol):
-    """Something that shows how far a recording is."""
-
-    def on_start(self, tasks: Sequence[TaskInfo], wanted: int, attempts: Sequence[Attempt]) -> None:
-        """It begins, or goes on with what was played before."""
-        ...
-
-    def on_attempt(self, attempt: Attempt) -> None:
-        """One more episode was played."""
-        ...
 
 
 def record(  # noqa: PLR0913
@@ -82,7 +69,8 @@ def record(  # noqa: PLR0913
     keep_failures: bool = False,
     limits: TimeLimits | None = None,
     workers: int = 1,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[Observer[Attempt]] = (),
+    command: str = "",
 ) -> list[Attempt]:
     """Record episodes of a policy until a data set has enough of every task.
 
@@ -97,6 +85,7 @@ def record(  # noqa: PLR0913
         limits: How long the policy may take.
         workers: Processes that play side by side; with 0 this process plays.
         observers: Called about the progress, in this process.
+        command: The command that starts the recording, for its description.
 
     Returns:
         Every episode that was played, by task and index.
@@ -107,35 +96,31 @@ def record(  # noqa: PLR0913
         EvaluationError: If the policy hardly ever succeeds; what is finished is kept.
         PolicyError: If the policy cannot be made, or does not fit the environment.
     """
-    limits = limits or TimeLimits()
-    suite = Suite(tasks=tuple(tasks), episodes=episodes)
-    plan = RecordingPlan(folder=str(data.path), split=split, keep_failures=keep_failures)
-    executor = executor_for(policy, suite, limits, 0, workers, plan)
+    plan = RecordingPlan(split=split, keep_failures=keep_failures)
+    job = Job(
+        policy=PolicyChoice.parse(policy),
+        suite=Suite(tasks=tuple(tasks), episodes=episodes),
+        limits=limits or TimeLimits(),
+        command=command,
+        recording=plan,
+    )
+    executor = executor_for(job, workers)
     with locked(data.path), closing(executor):
-        setup = executor.prepare()
-        run = Run(
-            policy=policy,
-            suite=suite,
-            videos=0,
-            limits=limits,
-            metadata=setup.metadata,
-            config=setup.config,
-            versions=package_versions(),
-        )
+        run = executor.prepare()
         log = _begin(data, run, plan)
         for observer in observers:
-            observer.on_start(suite.tasks, episodes, list(log.values()))
+            observer.on_run_start(run, list(log.values()))
         while missing := [
             Episode(task=task, index=index, split=split)
-            for task in suite.tasks
+            for task in job.suite.tasks
             for index in _next(task, log, episodes)
         ]:
             for result in executor.play(missing):
-                attempt = _attempt(result.record, keep_failures=keep_failures)
+                attempt = _write(data, result)
                 log[attempt.task, attempt.episode] = attempt
-                _write(data, log)
+                _write_attempts(data, log)
                 for observer in observers:
-                    observer.on_attempt(attempt)
+                    observer.on_episode(attempt)
     return sorted(log.values())
 
 
@@ -151,6 +136,7 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
         path,
         run,
         RUN_SCHEMA,
+        oldest=OLDEST_RUN_SCHEMA,
         what="recording",
         foreign=f"{EPISODES}/*/*{SUFFIX}",
         advice="Record into a folder of its own; data sets can be merged afterwards.",
@@ -177,15 +163,9 @@ def _kept(path: Path, plan: RecordingPlan) -> Attempt:
         DataError: It cannot be read.
     """
     task, index = path.parent.name, int(path.stem) if path.stem.isdecimal() else 0
-    info, seed = Recording.read_info(path), episode_seed(task, index, plan.split)
+    info = Recording.read_info(path)
     outcome = info.outcome
-    if (
-        path.stem != f"{index:05d}"
-        or (info.task, info.seed, info.split) != (task, seed, plan.split)
-        or outcome is None
-        or outcome.reason == INTERRUPTED
-        or not plan.keeps(outcome)
-    ):
+    if path.stem != f"{index:05d}" or outcome is None or not plan.is_of(info, task, index):
         raise OtherRunError(
             f"{path} was not recorded here under this name: it was renamed, merged, recovered, or "
             "recorded with other options. Move it away."
@@ -210,7 +190,7 @@ def _next(task: TaskInfo, log: Mapping[tuple[str, int], Attempt], wanted: int) -
             missing.append(index)
         kept += attempt is None or attempt.kept
         index += 1
-        if index > MAX_ATTEMPTS * wanted:
+        if index > MAX_EPISODES_PER_SUCCESS * wanted:
             raise EvaluationError(
                 f"Only {kept - len(missing)} of the first {index - len(missing)} episodes of "
                 f"{task.id} succeeded; {wanted} are wanted. What succeeded is kept."
@@ -218,18 +198,22 @@ def _next(task: TaskInfo, log: Mapping[tuple[str, int], Attempt], wanted: int) -
     return missing
 
 
-def _attempt(record: EpisodeRecord, *, keep_failures: bool) -> Attempt:
+def _write(data: DataSet, result: EpisodeResult) -> Attempt:
+    """Write the recording of an episode, if it is kept."""
+    record, recording = result.record, result.recording
+    if recording is not None:
+        data.add(record.task, f"{record.episode:05d}", recording)
     return Attempt(
         task=record.task,
         episode=record.episode,
         success=record.success,
         stage=record.final_stage,
         steps=record.steps,
-        kept=record.success or keep_failures,
+        kept=recording is not None,
         error=record.reason or None,
     )
 
 
-def _write(data: DataSet, log: Log) -> None:
+def _write_attempts(data: DataSet, log: Log) -> None:
     attempts = Attempts(attempts=tuple(sorted(log.values())))
     write(data.path / ATTEMPTS, encode(attempts, ATTEMPTS_SCHEMA))

@@ -8,39 +8,41 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import gymnasium as gym
 import msgspec
 import numpy as np
 
-from duobench.data import Actor, ActorKind, DataSet, Outcome, Recorder
+from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
+from duobench.data.stream import INTERRUPTED, RecordingBuffer
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.registration import make
 from duobench.envs.sim_env import sim_of
 from duobench.errors import (
+    DataError,
     DuoBenchError,
     EvaluationError,
     MachineryError,
-    OutputError,
     RenderingError,
     VideoError,
     escaped,
     traceback_text,
 )
-from duobench.evaluation.choice import PolicyChoice
-from duobench.evaluation.limits import EpisodeClock, TimeLimits
-from duobench.evaluation.policies import PolicySource, expert_variety
-from duobench.evaluation.records import EpisodeRecord, EpisodeRecorder
+from duobench.evaluation.clock import EpisodeClock
+from duobench.evaluation.policies import PolicyChoice, PolicySource
+from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
-from duobench.evaluation.suite import Episode, Setup, TaskInfo
 from duobench.evaluation.video import VideoRecorder
-from duobench.looks.catalog import DEFAULT
 from duobench.policy import Policy
-from duobench.randomness import EVAL
+from duobench.policy.registry import PolicyKind
+from duobench.randomness import EVAL, episode_seed
+from duobench.results.limits import TimeLimits
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.suite import Episode, Suite, TaskInfo
 from duobench.robot.cameras import OVERVIEW
 from duobench.sim.rendering import Renderer, describe
-from duobench.versions import record_versions
+from duobench.versions import package_versions, record_versions
 
 _log = logging.getLogger(__name__)
 
@@ -50,10 +52,8 @@ VIDEO_SIZE = (480, 640)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RecordingPlan:
-    """That episodes are recorded, and where."""
+    """That episodes are recorded, and which of them are kept."""
 
-    folder: str
-    """Folder of the data set, absolute."""
     split: str
     """Layouts that the episodes begin with."""
     keep_failures: bool = False
@@ -63,20 +63,32 @@ class RecordingPlan:
         """Whether an episode that ended so is kept."""
         return self.keep_failures or (outcome.success and not outcome.cut)
 
+    def is_of(self, info: EpisodeInfo, task: str, index: int) -> bool:
+        """Whether a recording is that of an episode of a task, and one that is kept."""
+        return (
+            (info.task, info.split) == (task, self.split)
+            and info.seed == episode_seed(task, index, self.split)
+            and info.outcome is not None
+            and info.outcome.reason != INTERRUPTED
+            and self.keeps(info.outcome)
+        )
+
 
 class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """What plays episodes, and how: what executors, runners and workers need to know."""
 
     policy: PolicyChoice
     """The policy."""
-    tasks: tuple[TaskInfo, ...]
-    """The tasks of the suite."""
-    limits: TimeLimits
+    suite: Suite
+    """The episodes."""
+    limits: TimeLimits = TimeLimits()
     """How long the policy may take."""
-    look: str = DEFAULT
-    """Name of the look of every image, videos included."""
+    videos: int = 0
+    """How many episodes of each task, from the first on, have a video."""
+    command: str = ""
+    """The command that started it, if there is one."""
     recording: RecordingPlan | None = None
-    """Whether and where episodes are recorded."""
+    """Whether episodes are recorded."""
 
 
 class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
@@ -86,8 +98,32 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """Its record."""
     video: bytes | None = None
     """Its video as a WebM file, if there is one."""
+    recording: bytes | None = None
+    """Its recording as a Parquet file, if there is one that is kept."""
     seconds: float | None = None
     """How long it took, video included; None if unknown."""
+
+    def objection(self, episode: Episode, run: Run, plan: RecordingPlan | None) -> str | None:
+        """Why this is not what was asked for; None if it is.
+
+        Args:
+            episode: The episode that was to be played.
+            run: What it belongs to.
+            plan: Which recordings are wanted, if any.
+        """
+        if (wrong := run.objection(self.record, episode)) is not None:
+            return f"its record is another one: {wrong}"
+        if self.video is not None and not episode.has_video:
+            return "it has a video that nobody asked for."
+        if self.recording is None:
+            return None
+        try:
+            info = Recording.info_of(self.recording)
+        except DataError as error:
+            return str(error)
+        if plan is None or not plan.is_of(info, episode.task.id, episode.index):
+            return "its recording is another one."
+        return None
 
 
 def _inference(source: PolicySource) -> str | None:
@@ -127,6 +163,9 @@ class EpisodeRunner:
         self._source = source
         self._limits = job.limits
         self._recording = job.recording
+        self._buffer = RecordingBuffer()
+        is_expert = job.policy.name.kind is PolicyKind.EXPERT
+        self._actor_kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
         self._clock = clock or EpisodeClock()
         self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
@@ -142,17 +181,23 @@ class EpisodeRunner:
             control_rate_hz=metadata.control_rate_hz,
             image_size=metadata.image_size or IMAGE_SIZE,
             split=job.recording.split if job.recording else EVAL,
-            look=job.look,
+            look=job.suite.look,
         )
         renderer = describe().renderer if config.cameras else None
-        self.setup = Setup(
-            policy=source.name,
+        self.run = Run(
+            policy=job.policy.name.text,
+            suite=job.suite,
+            videos=job.videos,
+            limits=job.limits,
             metadata=metadata,
             config=config,
-            versions=record_versions(renderer) | {"inference": _inference(source)},
+            versions=package_versions(),
             batching=source.batching,
+            command=job.command,
         )
-        """What plays; the same for every episode."""
+        """What is played, and by what; the same for every episode."""
+        self.versions = record_versions(renderer) | {"inference": _inference(source)}
+        """Versions of everything that a result may depend on."""
 
     def play(self, episode: Episode) -> EpisodeResult:
         """Play one episode.
@@ -167,10 +212,11 @@ class EpisodeRunner:
         """
         start = time.perf_counter()
         env, policy = self._prepare(episode.task)
-        recorder = EpisodeRecorder(episode, lambda: self._tell(recorder.record(self.setup)))
+        self._buffer.content = None
+        recorder = EpisodeRecorder(
+            episode, lambda: self._tell(recorder.record(self.run, self.versions))
+        )
         watchers: list[Watcher] = [recorder]
-        if self._recorder is not None:
-            self._recorder.begin_as(episode.name)
         video = self._video_recorder(env) if episode.has_video else None
         if video is not None:
             watchers.append(video)
@@ -184,7 +230,7 @@ class EpisodeRunner:
         try:
             with self._clock.playing():
                 rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)
-        except (RenderingError, MachineryError, OutputError, VideoError) as fault:
+        except (RenderingError, MachineryError, VideoError) as fault:
             if self._recorder is not None:
                 self._recorder.discard()
             self._close_environment()
@@ -197,10 +243,11 @@ class EpisodeRunner:
                 reason = escaped(f"{type(error).__name__}: {error}")
                 self._recorder.finish(kept=False, reason=reason)
             self._close_environment()  # whatever broke may have left it in any state
-        record = recorder.record(self.setup)
+        record = recorder.record(self.run, self.versions)
         return EpisodeResult(
             record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
+            recording=self._buffer.content,
             seconds=time.perf_counter() - start,
         )
 
@@ -217,7 +264,7 @@ class EpisodeRunner:
         if self._env is None or self._policy is None or self._task != task:
             self._close_environment()
             try:
-                self._env = make(task.reference, **asdict(self.setup.config))
+                self._env = make(task.reference, **asdict(self.run.config))
                 self._policy = self._source.bind(self._env)
                 if self._recording is not None:
                     self._env = self._recorder = self._recorded(self._env, self._recording)
@@ -232,10 +279,9 @@ class EpisodeRunner:
 
     def _recorded(self, env: gym.Env, plan: RecordingPlan) -> Recorder:
         """An environment that records what is played in it."""
-        name, version = self.setup.policy, self.setup.metadata.version
-        kind = ActorKind.POLICY if expert_variety(name) is None else ActorKind.EXPERT
-        actor = Actor(kind=kind, name=name, version=version)
-        return Recorder(env, DataSet(Path(plan.folder)), actor, keep=plan.keeps)
+        name, version = self.run.policy, self.run.metadata.version
+        actor = Actor(kind=self._actor_kind, name=name, version=version)
+        return Recorder(env, self._buffer, actor, keep=plan.keeps)
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:
         """A video of the simulation that is being played, from the camera for people."""

@@ -6,37 +6,23 @@ Whatever plays, this process alone writes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import closing, suppress
-from typing import Protocol
+from contextlib import closing
 
-from duobench.errors import EvaluationError, RenderingError
-from duobench.evaluation.choice import PolicyChoice
-from duobench.evaluation.episode import Job, RecordingPlan
-from duobench.evaluation.executor import Executor, LocalExecutor, ProcessExecutor
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.metrics import Results
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.report import write_report
-from duobench.evaluation.suite import Run, Suite
+from duobench.errors import EvaluationError
+from duobench.evaluation.episode import Job
+from duobench.evaluation.executor import executor_for
+from duobench.evaluation.observer import Observer
+from duobench.evaluation.policies import PolicyChoice
 from duobench.files import locked
-from duobench.sim import rendering
-from duobench.versions import package_versions
+from duobench.results.folder import RunFolder
+from duobench.results.limits import TimeLimits
+from duobench.results.metrics import Results
+from duobench.results.records import EpisodeRecord
+from duobench.results.report import write_report
+from duobench.results.suite import Suite
 
 
-class Observer(Protocol):
-    """Something that shows how far a run is."""
-
-    def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
-        """The run begins, or goes on with some episodes already finished."""
-        ...
-
-    def on_record(self, record: EpisodeRecord) -> None:
-        """One more episode is finished, and its record written."""
-        ...
-
-
-def evaluate(
+def evaluate(  # noqa: PLR0913
     policy: str | PolicyChoice,
     suite: Suite,
     folder: RunFolder,
@@ -44,8 +30,9 @@ def evaluate(
     videos: int = 0,
     limits: TimeLimits | None = None,
     workers: int = 1,
-    observers: Sequence[Observer] = (),
+    observers: Sequence[Observer[EpisodeRecord]] = (),
     retry_broken: bool = False,
+    command: str = "",
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
@@ -60,9 +47,10 @@ def evaluate(
         videos: How many episodes of each task, from the first on, have a video.
         limits: How long the policy may take.
         workers: Processes that play side by side. With 0 this process plays: fine for a debugger,
-            but it cannot stop a policy that hangs or outlive one that crashes.
+            but it cannot stop a policy that hangs or outlive one that ends its process.
         observers: Called about the progress, in this process.
         retry_broken: Also play the episodes again whose records hold an error.
+        command: The command that starts the run, for its description and the report.
 
     Returns:
         What all records of the run add up to.
@@ -76,20 +64,12 @@ def evaluate(
         PolicyError: If the policy cannot be made, or does not fit the environment.
         DuoBenchError: If the environment cannot be made.
     """
+    choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
     limits = limits or TimeLimits()
-    executor = executor_for(policy, suite, limits, videos, workers)
+    job = Job(policy=choice, suite=suite, limits=limits, videos=videos, command=command)
+    executor = executor_for(job, workers)
     with locked(folder.path), closing(executor):
-        setup = executor.prepare()
-        run = Run(
-            policy=setup.policy,
-            suite=suite,
-            videos=videos,
-            limits=limits,
-            metadata=setup.metadata,
-            config=setup.config,
-            versions=package_versions(),
-            batching=setup.batching,
-        )
+        run = executor.prepare()
         folder.begin(run)
         finished = folder.read_records(run)
         if retry_broken:
@@ -105,7 +85,7 @@ def evaluate(
             folder.write(result.record, result.video)
             folder.note_timing(result.record, result.seconds)
             for observer in observers:
-                observer.on_record(result.record)
+                observer.on_episode(result.record)
         results = write_report(folder)
         if results.overall.episodes < suite.size:
             raise EvaluationError(
@@ -114,31 +94,3 @@ def evaluate(
                 "Run the evaluation again: it plays what is missing."
             )
         return results
-
-
-def executor_for(
-    policy: str | PolicyChoice,
-    suite: Suite,
-    limits: TimeLimits,
-    videos: int,
-    workers: int,
-    recording: RecordingPlan | None = None,
-) -> Executor:
-    """What plays a suite."""
-    if workers < 0:
-        raise EvaluationError(
-            f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
-        )
-    choice = PolicyChoice(name=policy) if isinstance(policy, str) else policy
-    choice.check()
-    job = Job(policy=choice, tasks=suite.tasks, limits=limits, look=suite.look, recording=recording)
-    if workers == 0:
-        return LocalExecutor(job)
-    # How to render is chosen before there are workers, so that not each of them finds out for
-    # itself. Only its worker knows whether a policy sees images: it is the one to complain.
-    if videos:
-        rendering.choose(processes=workers)
-    elif (":" in choice.name or choice.server) and workers > 1:
-        with suppress(RenderingError):
-            rendering.choose(processes=workers)
-    return ProcessExecutor(job, workers)

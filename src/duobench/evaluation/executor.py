@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import time
-from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import wait
 from typing import Protocol
@@ -12,24 +13,29 @@ from typing import Protocol
 import msgspec
 
 from duobench import errors
-from duobench.errors import EvaluationError, MachineryError, MessageError
-from duobench.evaluation.choice import find_source
+from duobench.errors import EvaluationError, MachineryError, MessageError, RenderingError
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
-from duobench.evaluation.records import EpisodeRecorder
-from duobench.evaluation.suite import Episode, Setup, TaskInfo
-from duobench.evaluation.worker import (
-    Faulty,
-    Hosting,
+from duobench.evaluation.messages import (
+    EpisodeError,
     Play,
-    Reached,
-    Rejected,
+    Progress,
+    Ready,
+    Refused,
     Report,
+    StartHost,
     Stop,
-    Worker,
 )
+from duobench.evaluation.policies import find_source
+from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.evaluation.schedule import Schedule
+from duobench.evaluation.worker import Worker
+from duobench.policy.registry import PolicyKind
+from duobench.results.run import Run
+from duobench.results.suite import Episode
+from duobench.sim import rendering
 
-MAX_ATTEMPTS = 3
-"""How often an episode is begun before a fault of the machinery ends the run."""
+_log = logging.getLogger(__name__)
+
 MAX_FAILED_STARTS = 3
 """Workers that die one after the other while they start, until the run gives up."""
 SHUTDOWN_TIMEOUT_S = 10.0
@@ -45,13 +51,15 @@ TICK_S = 0.1
 """How often deaths and time limits are looked after, in seconds."""
 GRACE_S = 60.0
 """How long an episode may be over its time limit without its policy being busy, in seconds."""
+_MAY_SEE = (PolicyKind.LEROBOT, PolicyKind.MODULE, PolicyKind.SERVED)
+"""Kinds of policies that may ask for images."""
 
 
 class Executor(Protocol):
     """Something that plays episodes, in whatever processes, and writes nothing."""
 
-    def prepare(self) -> Setup:
-        """Make the policy, and say what plays.
+    def prepare(self) -> Run:
+        """Make the policy, and say what is played by what.
 
         Raises:
             DuoBenchError: If the policy cannot be made.
@@ -78,40 +86,25 @@ class Executor(Protocol):
         ...
 
 
-class _JobExecutor:
-    """What both executors know: their job, and what went wrong in it."""
-
-    def __init__(self, job: Job) -> None:
-        """Remember what to play, and how."""
-        self._job = job
-        self._faults: Counter[Episode] = Counter()
-
-    def _note_fault(self, episode: Episode, fault: str) -> None:
-        """Note a fault of the machinery; an episode that had too many of them ends the run."""
-        self._faults[episode] += 1
-        if self._faults[episode] == MAX_ATTEMPTS:
-            raise MachineryError(
-                f"{episode.task.id}, episode {episode.index} cannot be played; in each of "
-                f"{MAX_ATTEMPTS} attempts something failed, the last time: {fault} What is "
-                "finished is kept, and the rest is still to be played."
-            )
-
-
-class LocalExecutor(_JobExecutor):
+class LocalExecutor:
     """Plays in this process: for debugging, notebooks and tests.
 
-    It cannot outlive a policy that crashes its process, it cannot stop one that hangs (an answer
+    It cannot outlive a policy that ends its process, it cannot stop one that hangs (an answer
     that comes too late fails the episode once it comes), and it leaves alone what a policy has
     started. `ProcessExecutor` does all of that, with one worker too.
     """
 
-    _runner: EpisodeRunner | None = None
+    def __init__(self, job: Job) -> None:
+        """Remember what to play, and how."""
+        self._job = job
+        self._schedule = Schedule()
+        self._runner: EpisodeRunner | None = None
 
-    def prepare(self) -> Setup:
-        """Make the policy, and say what plays."""
+    def prepare(self) -> Run:
+        """Make the policy, and say what is played by what."""
         job = self._job
-        self._runner = EpisodeRunner(find_source(job.policy, job.tasks, job.limits), job)
-        return self._runner.setup
+        self._runner = EpisodeRunner(find_source(job.policy, job.suite.tasks, job.limits), job)
+        return self._runner.run
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
         """Play episodes in their order."""
@@ -123,7 +116,7 @@ class LocalExecutor(_JobExecutor):
                 try:
                     result = self._runner.play(episode)
                 except MachineryError as fault:
-                    self._note_fault(episode, str(fault))
+                    self._schedule.note_fault(episode, str(fault))
             yield result
 
     def close(self) -> None:
@@ -133,7 +126,7 @@ class LocalExecutor(_JobExecutor):
             self._runner = None
 
 
-class ProcessExecutor(_JobExecutor):
+class ProcessExecutor:
     """Plays in processes of their own, side by side; one that hangs or dies is replaced.
 
     Workers are new processes that import only what they need: a script that calls this needs no
@@ -142,32 +135,31 @@ class ProcessExecutor(_JobExecutor):
 
     def __init__(self, job: Job, workers: int) -> None:
         """Remember what to play, by at most so many processes, which are started when needed."""
-        super().__init__(job)
+        self._job = job
+        self._schedule = Schedule()
         self._for_workers = self._job
         self._most = workers
         self._host: Worker | None = None
         self._is_hosted = False
         self._workers: list[Worker] = []
-        self._waiting: dict[str, deque[Episode]] = {}
         self._failed_starts = 0
-        self._setup: Setup | None = None
+        self._ready: Ready | None = None
 
-    def prepare(self) -> Setup:
-        """Start a first worker, and say what plays."""
-        while self._setup is None:
+    def prepare(self) -> Run:
+        """Start a first worker, and say what is played by what."""
+        while self._ready is None:
             if not self._workers:
                 self._workers.append(Worker(self._for_workers))
-            for _ in self._look():
+            for _ in self._poll():
                 pass
-        return self._setup
+        return self._ready.run
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
         """Play episodes; those of a task go to as few workers as keeps all of them busy."""
-        for episode in episodes:
-            self._waiting.setdefault(episode.task.id, deque()).append(episode)
-        while self._left() or any(worker.episode for worker in self._workers):
-            self._give_orders()
-            yield from self._look()
+        self._schedule.add(episodes)
+        while self._schedule.left or any(worker.episode for worker in self._workers):
+            self._dispatch()
+            yield from self._poll()
 
     def close(self) -> None:
         """Let workers free what they hold, then end them and all that they have started."""
@@ -183,37 +175,27 @@ class ProcessExecutor(_JobExecutor):
             worker.kill()
         self._workers.clear()
 
-    def _give_orders(self) -> None:
+    def _dispatch(self) -> None:
         """Give waiting episodes to idle workers, and start more workers for the rest."""
         for worker in self._workers:
-            if worker.is_ready and worker.episode is None and self._left():
-                worker.episode = self._next(worker.task)
-                worker.task, worker.reached = worker.episode.task, None
+            if worker.is_ready and worker.episode is None and self._schedule.left:
+                worker.episode = self._schedule.next(worker.task)
+                worker.task, worker.progress = worker.episode.task, None
                 worker.send(Play(episode=worker.episode))
         starting = sum(not worker.is_ready for worker in self._workers)
-        wanted = min(self._left() - starting, self._most - len(self._workers))
+        wanted = min(self._schedule.left - starting, self._most - len(self._workers))
         if self._is_hosted and self._host is None:  # the next one is to be the host
             wanted = 1 - len(self._workers)
         self._workers.extend(Worker(self._for_workers) for _ in range(wanted))
 
-    def _next(self, task: TaskInfo | None) -> Episode:
-        """Take the next episode: of the task that a worker has, else of the one with most left."""
-        longest = max(self._waiting.values(), key=len)
-        queue = self._waiting.get(task.id) if task else None
-        return (queue or longest).popleft()
-
-    def _left(self) -> int:
-        """How many episodes wait to be played."""
-        return sum(map(len, self._waiting.values()))
-
-    def _look(self) -> Iterator[EpisodeResult]:
-        """Wait for news, a moment at most, and act on them."""
-        self._look_after_host()
-        news = wait([worker.channel.socket for worker in self._workers], TICK_S)
+    def _poll(self) -> Iterator[EpisodeResult]:
+        """Wait for reports, a moment at most, and act on them."""
+        self._check_host()
+        readable = wait([worker.channel.socket for worker in self._workers], TICK_S)
         for worker in list(self._workers):
             reports, fault = [], None
             try:
-                if worker.channel.socket in news:
+                if worker.channel.socket in readable:
                     reports = worker.channel.receive()
                 else:
                     fault = worker.death()
@@ -222,44 +204,64 @@ class ProcessExecutor(_JobExecutor):
             except MessageError as error:
                 fault = f"its result cannot be read ({error})."
             for report in reports:
-                yield from self._take(worker, report)
+                if worker in self._workers:
+                    yield from self._receive(worker, report)
+            if worker not in self._workers:
+                continue
             if fault is not None:
                 self._replace(worker, fault)
             else:
                 yield from self._check_time(worker)
 
-    def _take(self, worker: Worker, report: Report) -> Iterator[EpisodeResult]:
+    def _receive(self, worker: Worker, report: Report) -> Iterator[EpisodeResult]:
         """Act on a report."""
         match report:
-            case Setup():
-                if self._setup not in (None, report):
+            case Ready():
+                if self._ready not in (None, report):
                     raise EvaluationError("The policy has changed while the run was going on.")
-                self._setup = report
+                self._ready = report
                 self._failed_starts = 0
                 worker.is_ready = True
-            case Hosting(server=server):
+            case StartHost(server=server):
                 self._workers.remove(worker)
                 self._host, self._is_hosted = worker, True
                 worker.is_ready = True
                 served = replace(self._job.policy, server=server)
                 self._for_workers = msgspec.structs.replace(self._job, policy=served)
-            case Reached(record=record):
-                worker.reached = record
+            case Progress(record=record):
+                if worker.episode and self._run.objection(record, worker.episode) is None:
+                    worker.progress = record
             case EpisodeResult():
-                worker.episode = None
-                yield report
-            case Faulty(fault=fault):
+                yield from self._accept(worker, report)
+            case EpisodeError(fault=fault):
                 if self._host and (death := self._host.death_within(HOST_DEATH_S)):
                     fault = f"of the policy, {death}"
                 self._replay(worker, fault)
-            case Rejected(error=name, message=message):
+            case Refused(error=name, message=message):
                 raise getattr(errors, name, EvaluationError).from_message(message)
+
+    def _accept(self, worker: Worker, result: EpisodeResult) -> Iterator[EpisodeResult]:
+        """Pass on what was asked for, and drop anything else: it comes from where policies are."""
+        if worker.episode is None:
+            _log.warning("A result that nobody asked for was dropped.")
+            return
+        objection = result.objection(worker.episode, self._run, self._job.recording)
+        if objection is None:
+            worker.episode = None
+            yield result
+        else:
+            self._replace(worker, f"its result was dropped: {objection}")
+
+    @property
+    def _run(self) -> Run:
+        if self._ready is None:
+            raise AssertionError("An executor is prepared before it plays.")
+        return self._ready.run
 
     def _replay(self, worker: Worker, fault: str) -> None:
         """Have the episode of a worker played again."""
         if worker.episode is not None:
-            self._note_fault(worker.episode, fault)
-            self._waiting[worker.episode.task.id].appendleft(worker.episode)
+            self._schedule.replay(worker.episode, fault)
             worker.episode = None
 
     def _replace(self, worker: Worker, fault: str) -> None:
@@ -279,7 +281,7 @@ class ProcessExecutor(_JobExecutor):
                 f"last one like this: {fault}"
             )
 
-    def _look_after_host(self) -> None:
+    def _check_host(self) -> None:
         """Replace the process of a policy that has died or hangs; what was played is played again.
 
         Whoever waited too long for it has been told by then, which fails an episode.
@@ -301,14 +303,43 @@ class ProcessExecutor(_JobExecutor):
 
     def _check_time(self, worker: Worker) -> Iterator[EpisodeResult]:
         """Fail the episode of a policy that takes too long; its worker cannot be used again."""
-        if worker.episode is None or self._setup is None:
+        if worker.episode is None or self._ready is None:
             return
         if late := worker.clock.late(self._job.limits):
             self._workers.remove(worker)
             worker.kill()
-            record = worker.reached or EpisodeRecorder(worker.episode).record(self._setup)
+            record = worker.progress or EpisodeRecorder(worker.episode).record(
+                self._ready.run, self._ready.versions
+            )
             # The policy's process can write into the clock, and nonsense must not end the run.
             steps = min(max(worker.clock.steps, record.steps), record.horizon)
             yield EpisodeResult(record=record.broken(late, steps))
         elif worker.clock.episode_s() > self._job.limits.episode_s + GRACE_S:
             self._replace(worker, "the simulation did not come back within the time limit.")
+
+
+def executor_for(job: Job, workers: int) -> Executor:
+    """What does a job.
+
+    Args:
+        job: What to play.
+        workers: Processes that play side by side; with 0 this process plays.
+
+    Raises:
+        EvaluationError: If the number of workers is negative.
+        RenderingError: If there are to be videos, and nothing renders.
+    """
+    if workers < 0:
+        raise EvaluationError(
+            f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
+        )
+    if workers == 0:
+        return LocalExecutor(job)
+    # How to render is chosen before there are workers, so that not each of them finds out for
+    # itself. Only its worker knows whether a policy sees images: it is the one to complain.
+    if job.videos:
+        rendering.choose(processes=workers)
+    elif job.policy.name.kind in _MAY_SEE and workers > 1:
+        with suppress(RenderingError):
+            rendering.choose(processes=workers)
+    return ProcessExecutor(job, workers)

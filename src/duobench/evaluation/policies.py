@@ -5,27 +5,84 @@ Experts and other policies never import each other; they meet here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pkgutil import resolve_name
+from types import MappingProxyType
 
 import gymnasium as gym
 
 from duobench.envs.sim_env import sim_of
-from duobench.errors import PolicyError, UnknownNameError, check_known
-from duobench.evaluation.suite import TaskInfo
+from duobench.errors import PolicyError, check_known
 from duobench.experts.expert import Expert, find_script
 from duobench.experts.motion import wait
 from duobench.experts.scripts import blind
 from duobench.experts.variety import NONE, VARIETIES, Variety
-from duobench.policy import BASELINES, Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
-from duobench.policy.registry import make_any, source_version, versioned_metadata
-from duobench.policy.serving.address import SERVED
+from duobench.policy import Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
+from duobench.policy.registry import (
+    MADE_ALONE,
+    PolicyKind,
+    PolicyName,
+    make_any,
+    source_version,
+    versioned_metadata,
+)
+from duobench.policy.serving import importing
+from duobench.policy.serving.address import OPENPI, SERVED, RemoteServer
+from duobench.results.limits import TimeLimits
+from duobench.results.suite import TaskInfo
 
-EXPERT = "expert"
-"""The name under which each task's scripted expert is a policy; `expert:NAME` has a variety."""
-BLIND = "blind"
-"""The name of the baseline that plays without a look at what changes from episode to episode."""
+WORDS: Mapping[str, PolicyKind] = MappingProxyType(
+    {
+        **{kind.value: kind for kind in (PolicyKind.EXPERT, PolicyKind.BLIND)},
+        **MADE_ALONE,
+        **dict.fromkeys(SERVED, PolicyKind.SERVED),
+    }
+)
+"""Words that name a policy."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyChoice:
+    """A policy by its name, and whether it plays in batches or at a server."""
+
+    name: PolicyName
+    """Its name, taken apart."""
+    batching: Batching | None = None
+    """How many observations a `BatchPolicy` answers together; None takes the default."""
+    server: RemoteServer | None = None
+    """Where it is served."""
+
+    @classmethod
+    def parse(
+        cls, name: str, *, batching: Batching | None = None, server: RemoteServer | None = None
+    ) -> PolicyChoice:
+        """Choose a policy, without making it.
+
+        Args:
+            name: `expert`, `expert:VARIETY`, `blind`, a baseline's name, `lerobot:PATH_OR_ID`,
+                `module:attribute`, or a name of `SERVED`.
+            batching: How many observations a `BatchPolicy` answers together.
+            server: Where it is served.
+
+        Raises:
+            UnknownNameError: If there is no policy of that name.
+            PolicyError: If the name is no text, or does not go with the rest.
+        """
+        return cls(name=PolicyName.parse(name, WORDS), batching=batching, server=server)
+
+    def __post_init__(self) -> None:
+        """Reject what cannot be chosen."""
+        variety_of(self.name)
+        if self.name.kind is not PolicyKind.SERVED:
+            return
+        if self.server is None:
+            raise PolicyError(
+                f"The policy {self.name.text!r} is served somewhere: it needs an address."
+            )
+        if self.batching is not None:
+            raise PolicyError("How many observations are answered together is up to the server.")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -38,8 +95,6 @@ class PolicySource:
     """The policy for an environment."""
     close: Callable[[], None] = lambda: None
     """Frees what the policy holds."""
-    name: str
-    """Name of the policy, as the user gave it."""
     batching: Batching | None = None
     """How many observations it answers together; None if that is one, or unknown."""
     batch_policy: BatchPolicy | None = None
@@ -71,7 +126,7 @@ class BlindPolicy(Expert):
     It reads where to grasp from the simulator, and nothing else of the layout.
     """
 
-    metadata = PolicyMetadata(name=BLIND, cameras=())
+    metadata = PolicyMetadata(name=PolicyKind.BLIND.value, cameras=())
 
     def __init__(self, env: gym.Env) -> None:
         """Find the sequence.
@@ -83,39 +138,21 @@ class BlindPolicy(Expert):
         super().__init__(duo.simulation, blind.SCRIPTS.get(duo.definition.id, lambda _: wait(0)))
 
 
-def expert_variety(name: str) -> Variety | None:
-    """The variety of the expert that a name asks for; None if it is that of another policy.
+def variety_of(name: PolicyName) -> Variety:
+    """The variety of an expert's name.
 
     Raises:
         UnknownNameError: There is no such variety.
     """
-    first, is_varied, variety = name.partition(":")
-    if first != EXPERT:
-        return None
-    if not is_varied:
+    if name.variety is None:
         return NONE
-    check_known("variety", variety, VARIETIES)
-    return VARIETIES[variety]
+    check_known("variety", name.variety, VARIETIES)
+    return VARIETIES[name.variety]
 
 
 def _expert_metadata(variety: Variety) -> PolicyMetadata:
-    name = EXPERT if variety is NONE else f"{EXPERT}:{variety.name}"
+    name = PolicyKind.EXPERT.value + ("" if variety is NONE else f":{variety.name}")
     return PolicyMetadata(name=name, cameras=())
-
-
-def check_name(name: str) -> None:
-    """Reject a name that cannot be a policy's, without making one.
-
-    Raises:
-        UnknownNameError: If there is none of that name.
-        PolicyError: If the name is no text that can be written down.
-    """
-    if not name.isprintable():
-        raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
-    if expert_variety(name) is None and ":" not in name and name not in (BLIND, *BASELINES):
-        experts = [EXPERT, *(f"{EXPERT}:{variety}" for variety in VARIETIES)]
-        known = [*experts, BLIND, *BASELINES, *SERVED, "lerobot:PATH_OR_ID", "module:attribute"]
-        raise UnknownNameError("policy", name, known)
 
 
 def source(
@@ -134,40 +171,71 @@ def source(
         PolicyError: If the module or its attribute is missing, or gives something else; if a task
             has no expert.
     """
-    check_name(name)
-    variety = expert_variety(name)
-    if variety is not None:
-        modules = {find_script(task.reference).__module__ for task in tasks}
-        if variety is not NONE:
-            modules.add(Variety.__module__)
-        metadata = replace(_expert_metadata(variety), version=source_version(*modules))
-        bind = partial(ExpertPolicy, variety=variety)
-        policy = PolicySource(name=name, metadata=metadata, bind=bind)
-    elif name == BLIND:
+    return find_source(PolicyChoice.parse(name, batching=batching), tasks, TimeLimits())
+
+
+def find_source(
+    choice: PolicyChoice, tasks: Sequence[TaskInfo], limits: TimeLimits
+) -> PolicySource:
+    """Make the policy of a choice, or connect to it.
+
+    Raises:
+        UnknownNameError: If there is no policy of that name.
+        PolicyError: If it cannot be made.
+        ServingError: If the server cannot be used.
+        MachineryError: If there is no server.
+    """
+    if choice.server is not None:
+        return _served(choice, choice.server, limits)
+    if choice.name.kind is PolicyKind.EXPERT:
+        policy = _expert(variety_of(choice.name), tasks)
+    elif choice.name.kind is PolicyKind.BLIND:
         modules = {script.__module__ for script in blind.SCRIPTS.values()}
         modules |= {find_script(task).__module__ for task in blind.SCRIPTS}
         metadata = replace(BlindPolicy.metadata, version=source_version(*modules))
-        policy = PolicySource(name=name, metadata=metadata, bind=BlindPolicy)
+        policy = PolicySource(metadata=metadata, bind=BlindPolicy)
     else:
-        policy = _made(name, batching or Batching())
-    if batching is not None and policy.batching is None:
+        policy = _made(choice.name, choice.batching or Batching())
+    if choice.batching is not None and policy.batching is None:
         raise PolicyError(
-            f"{name} answers one observation at a time, so there are no batches of it. With "
-            "`begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
+            f"{choice.name.text} answers one observation at a time, so there are no batches of it. "
+            "With `begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
         )
     return policy
 
 
-def _made(name: str, batching: Batching) -> PolicySource:
-    """A policy that is no expert; `batching` is for one that answers many episodes."""
+def _expert(variety: Variety, tasks: Sequence[TaskInfo]) -> PolicySource:
+    """The experts of tasks, whose scripts are their version."""
+    modules = {find_script(task.reference).__module__ for task in tasks}
+    if variety is not NONE:
+        modules.add(Variety.__module__)
+    metadata = replace(_expert_metadata(variety), version=source_version(*modules))
+    return PolicySource(metadata=metadata, bind=partial(ExpertPolicy, variety=variety))
+
+
+def _served(choice: PolicyChoice, server: RemoteServer, limits: TimeLimits) -> PolicySource:
+    """A policy at a server: one that somebody runs, or the process of a batch policy."""
+    path = SERVED.get(choice.name.text, OPENPI)
+    with importing():
+        client = resolve_name(path)
+    remote = client(replace(server, answer_s=limits.served_s))
+    return PolicySource(
+        metadata=remote.metadata,
+        bind=lambda _env: remote,
+        close=remote.close,
+        batching=remote.batching,
+    )
+
+
+def _made(name: PolicyName, batching: Batching) -> PolicySource:
+    """A policy that is made alone; `batching` is for one that answers many episodes."""
     made = make_any(name)
     metadata = versioned_metadata(name, made)
     close = getattr(made, "close", lambda: None)
     if not isinstance(made, BatchPolicy):
-        return PolicySource(name=name, metadata=metadata, bind=lambda _env: made, close=close)
+        return PolicySource(metadata=metadata, bind=lambda _env: made, close=close)
     alone = SessionPolicy(made, batching)
     return PolicySource(
-        name=name,
         metadata=metadata,
         bind=lambda _env: alone,
         close=close,

@@ -20,32 +20,34 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Generic, TypeVar
-
-import msgspec
 
 from duobench.errors import (
     DuoBenchError,
     EvaluationError,
     MachineryError,
-    MessageError,
     escaped,
     traceback_text,
 )
-from duobench.evaluation.choice import find_source
-from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
-from duobench.evaluation.limits import EpisodeClock
-from duobench.evaluation.policies import PolicySource
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Episode, Setup, TaskInfo
+from duobench.evaluation.clock import EpisodeClock
+from duobench.evaluation.episode import EpisodeRunner, Job
+from duobench.evaluation.messages import (
+    Channel,
+    EpisodeError,
+    Play,
+    Progress,
+    Ready,
+    Refused,
+    Report,
+    Request,
+    StartHost,
+)
+from duobench.evaluation.policies import PolicySource, find_source
 from duobench.policy.serving import importing
 from duobench.policy.serving.address import RemoteServer
 from duobench.processes import watch_parent
+from duobench.results.records import EpisodeRecord
+from duobench.results.suite import Episode, TaskInfo
 
-T = TypeVar("T")
-
-_PIECE = 1 << 20
-"""Bytes that are read at a time."""
 _HOST_WAIT_S = 5.0
 """Seconds to wait for a host that has said that it listens."""
 DEATH_S = 10.0
@@ -54,98 +56,6 @@ _START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[3]); "
     "from duobench.evaluation.worker import work; work(int(sys.argv[1]), int(sys.argv[2]))"
 )
-
-
-class Play(msgspec.Struct, tag=True, frozen=True):
-    """To a worker: play an episode."""
-
-    episode: Episode
-
-
-class Stop(msgspec.Struct, tag=True, frozen=True):
-    """To a worker: free everything and leave."""
-
-
-class Hosting(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the policy answers many episodes; this worker serves it, and plays none."""
-
-    server: RemoteServer
-
-
-class Reached(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the episode has begun, or reached a new stage."""
-
-    record: EpisodeRecord
-    """Its record so far."""
-
-
-class Faulty(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the episode could not be played; play it again."""
-
-    fault: str
-
-
-class Rejected(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: what the run needs cannot be done by any worker."""
-
-    error: str
-    """Name of the class of the error."""
-    message: str
-
-
-Order = Job | Play | Stop
-"""To a worker; a job comes first, which has it make the policy."""
-Report = Setup | Hosting | Reached | EpisodeResult | Faulty | Rejected
-"""From a worker; the setup says that the policy is made."""
-
-
-class Channel(Generic[T]):
-    """One end of a connection, on which every message is a line of JSON."""
-
-    def __init__(self, connection: socket.socket, kind: type[T]) -> None:
-        """Take a connected socket.
-
-        Args:
-            connection: The socket, which belongs to the channel from now on.
-            kind: Type of the messages that are received, or a union of such types.
-        """
-        self.socket = connection
-        """The socket, to wait for, and to close."""
-        self._decoder = msgspec.json.Decoder(kind)
-        self._rest = bytearray()
-
-    def send(self, message: Order | Report) -> None:
-        """Send a message.
-
-        Raises:
-            OSError: The other end is closed.
-        """
-        self.socket.sendall(msgspec.json.encode(message) + b"\n")
-
-    def receive(self) -> list[T]:
-        """Read what has arrived; the messages that are complete.
-
-        It waits only if nothing has arrived: an end of the channel that dies in the middle of a
-        message leaves it incomplete, also while a child of it keeps the channel open.
-
-        Raises:
-            EOFError: The other end is closed.
-            MessageError: A message is none of the expected kind.
-        """
-        try:
-            piece = self.socket.recv(_PIECE)
-        except ConnectionError:
-            piece = b""
-        if not piece:
-            raise EOFError
-        self._rest += piece
-        if b"\n" not in piece:  # of a long message, such as one with a video
-            return []
-        *lines, self._rest = self._rest.split(b"\n")
-        try:
-            return [self._decoder.decode(line) for line in lines]
-        except (msgspec.MsgspecError, DuoBenchError) as error:
-            raise MessageError(str(error)) from error
 
 
 class Worker:
@@ -168,7 +78,7 @@ class Worker:
         """Whether it has made the policy."""
         self.episode: Episode | None = None
         """What it is playing."""
-        self.reached: EpisodeRecord | None = None
+        self.progress: EpisodeRecord | None = None
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
         """The task whose environment it has."""
@@ -190,10 +100,10 @@ class Worker:
             os.close(memory)
         self.send(job)
 
-    def send(self, order: Order) -> None:
-        """Give an order; whether the worker still lives is found out elsewhere."""
+    def send(self, request: Request) -> None:
+        """Send a request; whether the worker still lives is found out elsewhere."""
         with suppress(OSError):
-            self.channel.send(order)
+            self.channel.send(request)
 
     def death(self) -> str | None:
         """How the process ended, in words; None while it lives.
@@ -242,24 +152,24 @@ def _module_folders() -> list[str]:
 
 
 def work(connection: int, clock: int) -> None:
-    """What a worker process does until it is ordered to stop or its parent is gone.
+    """What a worker process does until it is asked to stop or its parent is gone.
 
     Args:
         connection: File descriptor of its socket.
         clock: File descriptor of its clock.
     """
     signal.signal(signal.SIGINT, lambda _number, _frame: None)  # the parent's to handle
-    channel: Channel[Order] = Channel(socket.socket(fileno=connection), Order)  # pyright: ignore[reportArgumentType]
-    orders: queue.SimpleQueue[Order] = queue.SimpleQueue()
+    channel: Channel[Request] = Channel(socket.socket(fileno=connection), Request)  # pyright: ignore[reportArgumentType]
+    requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
     watch_parent(os.getppid(), _end_group)
-    threading.Thread(target=_listen, args=(channel, orders), daemon=True).start()
+    threading.Thread(target=_listen, args=(channel, requests), daemon=True).start()
     try:
-        _obey(channel, orders, EpisodeClock(clock))
+        _serve(channel, requests, EpisodeClock(clock))
     except DuoBenchError as error:
-        _report(channel, Rejected(error=type(error).__name__, message=escaped(str(error))))
+        _report(channel, Refused(error=type(error).__name__, message=escaped(str(error))))
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
         text = f"A worker failed.\n{traceback_text(error)}"
-        _report(channel, Rejected(error=EvaluationError.__name__, message=text))
+        _report(channel, Refused(error=EvaluationError.__name__, message=text))
     # Exit handlers are the policy's; taking the interpreter down is skipped: graphics drivers
     # have crashed there. The parent ends whatever is left.
     atexit._run_exitfuncs()
@@ -268,35 +178,37 @@ def work(connection: int, clock: int) -> None:
     os._exit(0)
 
 
-def _obey(channel: Channel[Order], orders: queue.SimpleQueue[Order], clock: EpisodeClock) -> None:
+def _serve(
+    channel: Channel[Request], requests: queue.SimpleQueue[Request], clock: EpisodeClock
+) -> None:
     """Make the policy, then play one episode after the other."""
-    job = orders.get()
+    job = requests.get()
     if not isinstance(job, Job):
         return
-    source = find_source(job.policy, job.tasks, job.limits)
+    source = find_source(job.policy, job.suite.tasks, job.limits)
     if source.batch_policy is not None:
-        _host(channel, orders, clock, source)
+        _host(channel, requests, clock, source)
         return
     runner = EpisodeRunner(
         source,
         job,
         clock,
-        lambda record: _report(channel, Reached(record=record)),
+        lambda record: _report(channel, Progress(record=record)),
         is_interruptible=False,
     )
-    _report(channel, runner.setup)
-    while isinstance(order := orders.get(), Play):
+    _report(channel, Ready(run=runner.run, versions=runner.versions))
+    while isinstance(request := requests.get(), Play):
         try:
-            report = runner.play(order.episode)
+            report = runner.play(request.episode)
         except MachineryError as fault:
-            report = Faulty(fault=escaped(str(fault)))
+            report = EpisodeError(fault=escaped(str(fault)))
         _report(channel, report)
     runner.close()
 
 
 def _host(
-    channel: Channel[Order],
-    orders: queue.SimpleQueue[Order],
+    channel: Channel[Request],
+    requests: queue.SimpleQueue[Request],
     clock: EpisodeClock,
     source: PolicySource,
 ) -> None:
@@ -309,13 +221,13 @@ def _host(
     host = PolicyHost(
         source.batch_policy, source.metadata, source.batching, key=key, busy=clock.answering
     )
-    threading.Thread(target=lambda: (orders.get(), host.stop()), daemon=True).start()
+    threading.Thread(target=lambda: (requests.get(), host.stop()), daemon=True).start()
     url = f"ws://127.0.0.1:{host.port}"
-    _report(channel, Hosting(server=RemoteServer(url=url, key=key, wait_s=_HOST_WAIT_S)))
+    _report(channel, StartHost(server=RemoteServer(url=url, key=key, wait_s=_HOST_WAIT_S)))
     host.run()
 
 
-def _report(channel: Channel[Order], report: Report) -> None:
+def _report(channel: Channel[Request], report: Report) -> None:
     """Tell the parent; without one there is no reason to be here."""
     try:
         channel.send(report)
@@ -328,10 +240,10 @@ def _end_group() -> None:
     os.killpg(0, signal.SIGKILL)
 
 
-def _listen(channel: Channel[Order], orders: queue.SimpleQueue[Order]) -> None:
-    """Pass orders on; when the parent has closed the connection, end the group at once."""
+def _listen(channel: Channel[Request], requests: queue.SimpleQueue[Request]) -> None:
+    """Pass requests on; when the parent has closed the connection, end the group at once."""
     with suppress(EOFError, OSError):
         while True:
-            for order in channel.receive():
-                orders.put(order)
+            for request in channel.receive():
+                requests.put(request)
     _end_group()

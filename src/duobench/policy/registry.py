@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -24,6 +25,70 @@ BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
 """Factories of the policies that come with the package."""
 
 
+class PolicyKind(StrEnum):
+    """Where a policy comes from."""
+
+    EXPERT = "expert"
+    """Each task's scripted expert, which needs the simulator."""
+    BLIND = "blind"
+    """The baseline that plays without a look at what changes from episode to episode."""
+    BASELINE = "baseline"
+    """One that comes with the package and needs nothing."""
+    LEROBOT = "lerobot"
+    """A checkpoint of LeRobot."""
+    MODULE = "module"
+    """Anyone's own, from a module."""
+    SERVED = "served"
+    """One that a server answers."""
+
+
+MADE_ALONE: Mapping[str, PolicyKind] = MappingProxyType(
+    dict.fromkeys(BASELINES, PolicyKind.BASELINE)
+)
+"""Words that name a policy which needs neither an environment nor a server."""
+_FORMS = ("lerobot:PATH_OR_ID", "module:attribute")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyName:
+    """The name of a policy, taken apart."""
+
+    text: str
+    """The name as the user gave it."""
+    kind: PolicyKind
+    """Where the policy comes from."""
+    reference: str
+    """What is made: a word, `module:attribute`, or what follows `lerobot:`."""
+    variety: str | None = None
+    """Name of the expert's variety, if there is one in the name."""
+
+    @classmethod
+    def parse(cls, text: str, words: Mapping[str, PolicyKind] = MADE_ALONE) -> PolicyName:
+        """Take a name apart, without importing anything.
+
+        Args:
+            text: A word, `expert:VARIETY`, `lerobot:PATH_OR_ID`, or `module:attribute`.
+            words: What a word may be, and what it names.
+
+        Raises:
+            UnknownNameError: There is none of that name.
+            PolicyError: It is no text that can be written down.
+        """
+        if not text.isprintable():
+            raise PolicyError(f"The name of a policy is printable text, got {text!a}.")
+        first, is_divided, rest = text.partition(":")
+        kind, reference, variety = words.get(text), text, None
+        if is_divided and words.get(first) is PolicyKind.EXPERT:
+            kind, reference, variety = PolicyKind.EXPERT, first, rest
+        elif is_divided and first == LEROBOT:
+            kind, reference = PolicyKind.LEROBOT, rest
+        elif is_divided:
+            kind = PolicyKind.MODULE
+        if kind is None:
+            raise UnknownNameError("policy", text, [*words, *_FORMS])
+        return cls(text=text, kind=kind, reference=reference, variety=variety)
+
+
 def make(name: str) -> Policy:
     """Make a policy that plays one episode at a time.
 
@@ -39,32 +104,29 @@ def make(name: str) -> Policy:
         UnknownNameError: If there is no baseline of that name.
         PolicyError: If the module or its attribute is missing, raises, or gives something else.
     """
-    made = make_any(name)
+    made = make_any(PolicyName.parse(name))
     return SessionPolicy(made, Batching()) if isinstance(made, BatchPolicy) else made
 
 
-def make_any(name: str) -> Policy | BatchPolicy:
-    """Make a policy of either kind, as it is; arguments and errors are those of `make`."""
-    if ":" in name:
-        policy = _made(name)
-    elif name in BASELINES:
-        policy = BASELINES[name]()
-    else:
-        raise UnknownNameError(
-            "policy", name, [*BASELINES, "lerobot:PATH_OR_ID", "module:attribute"]
-        )
+def make_any(name: PolicyName) -> Policy | BatchPolicy:
+    """Make a policy of either kind, as it is; errors are those of `make`.
+
+    Args:
+        name: That of a baseline, of a checkpoint of LeRobot, or of anyone's own.
+    """
+    policy = BASELINES[name.text]() if name.kind is PolicyKind.BASELINE else _made(name)
     is_one = isinstance(policy, Policy | BatchPolicy)
     if not is_one or not isinstance(policy.metadata, PolicyMetadata):
         raise PolicyError(
-            f"{name} gave a {type(policy).__name__}, which is no policy. A policy has `metadata` "
-            "(a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
+            f"{name.text} gave a {type(policy).__name__}, which is no policy. A policy has "
+            "`metadata` (a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
             "`act(observation)`, or `begin(instruction, seed)` and "
             "`act_batch(sessions, observations)` for many episodes at a time."
         )
     return policy
 
 
-def versioned_metadata(name: str, policy: Policy | BatchPolicy) -> PolicyMetadata:
+def versioned_metadata(name: PolicyName, policy: Policy | BatchPolicy) -> PolicyMetadata:
     """What a policy says about itself, with the hash of its source where it has no version.
 
     Args:
@@ -73,8 +135,10 @@ def versioned_metadata(name: str, policy: Policy | BatchPolicy) -> PolicyMetadat
     """
     if policy.metadata.version is not None:
         return policy.metadata
-    modules = [name.partition(":")[0]] if ":" in name else []
-    version = source_version(*modules, type(policy).__module__)
+    modules = {type(policy).__module__}
+    if name.kind is PolicyKind.MODULE:
+        modules.add(name.reference.partition(":")[0])
+    version = source_version(*modules)
     return replace(policy.metadata, version=version)
 
 
@@ -94,20 +158,20 @@ def source_version(*modules: str) -> str | None:
     return f"source {digest.hexdigest()[:16]}"
 
 
-def _made(path: str) -> object:
-    """What `scheme:name` or `module:attribute` gives."""
-    scheme, _, rest = path.partition(":")
-    is_ours = scheme == LEROBOT
-    factory = partial(_lerobot_class(), rest) if is_ours else _factory(path)
+def _made(name: PolicyName) -> object:
+    """What a checkpoint or a module gives."""
+    is_ours = name.kind is PolicyKind.LEROBOT
+    path = name.reference
+    factory = partial(_lerobot_class(), path) if is_ours else _factory(path)
     try:
         return factory()
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        if isinstance(error, DuoBenchError) and (is_ours or scheme.startswith("duobench.")):
+        if isinstance(error, DuoBenchError) and (is_ours or path.startswith("duobench.")):
             raise
         trace = traceback_text(error, skip=1).strip()
-        raise PolicyError(f"Policy {path!r} cannot be made.\n{trace}") from error
+        raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
 
 
 def _factory(path: str) -> Callable[[], object]:

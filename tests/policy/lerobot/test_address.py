@@ -48,6 +48,6 @@ def test_without_lerobot_the_error_says_what_to_install(monkeypatch: pytest.Monk
         if name.startswith("duobench.policy.lerobot.policy"):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)  # as if it were not installed
-    policies.check_name("lerobot:runs/act")
+    policies.PolicyChoice.parse("lerobot:runs/act")
     with pytest.raises(PolicyError, match=r"pip install 'duobench-fr3\[lerobot\]'"):
         policy.make("lerobot:runs/act")

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
-from duobench.evaluation.limits import TimeLimits
 from duobench.policy import Policy, PolicyMetadata, SessionPolicy, as_chunk
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import RemotePolicy
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.dialect import VLLM_PATH
 from duobench.policy.serving.message_format import MessageFormat, read_format
+from duobench.results.limits import TimeLimits
 from tests.policy.serving.serving import BATCHING, TIMEOUT_S, Serve, foreign_server
 from tests.policy.serving.test_message_format import observation
 from tests.policy.serving.test_server import Gated

@@ -24,7 +24,7 @@ from duobench.policy.batch import Batching, BatchPolicy
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.pool import PolicyPool
-from duobench.policy.registry import make, make_any, versioned_metadata
+from duobench.policy.registry import PolicyName, make, make_any, versioned_metadata
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
@@ -197,8 +197,9 @@ def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetad
         UnknownNameError: If there is no baseline of that name.
         PolicyError: If it cannot be made.
     """
-    made = make_any(name)
-    metadata = versioned_metadata(name, made)
+    parsed = PolicyName.parse(name)
+    made = make_any(parsed)
+    metadata = versioned_metadata(parsed, made)
     if isinstance(made, BatchPolicy):
         return made, metadata, batching
     pool = PolicyPool(made, lambda: make(name), batching.size)

@@ -21,7 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
-from duobench.evaluation.metrics import TIME_POINTS, Results, TaskResult, percent
+from duobench.results.metrics import TIME_POINTS, Results, TaskResult, percent
 
 INK = "#1c2024"
 """Colour of text and axes."""

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from duobench.errors import EvaluationError, FileError
-from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.files import encode, read, write
-from tests.evaluation.samples import LIFT, sample_record, sample_records, sample_run
+from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from tests.results.samples import LIFT, sample_record, sample_records, sample_run
 
 RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boom\n")]
 
@@ -23,7 +23,7 @@ def test_record_survives_its_file(record: EpisodeRecord, tmp_path: Path) -> None
 def test_text_has_a_field_a_line() -> None:
     text = encode(sample_record(), RECORD_SCHEMA)
     assert '\n  "stage_changes": [[10, 1], [20, 2], [30, 3]],\n' in text
-    assert json.loads(text)["schema"] == 3
+    assert json.loads(text)["schema"] == RECORD_SCHEMA
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 import pytest
 from scipy.stats import binomtest
 
-from duobench.evaluation.metrics import wilson_interval
+from duobench.results.metrics import wilson_interval
 
 COUNTS = [
     (successes, trials)

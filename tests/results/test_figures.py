@@ -3,9 +3,9 @@ from dataclasses import replace
 
 import pytest
 
-from duobench.evaluation.figures import FIGURES, INK, for_page, plot
-from duobench.evaluation.metrics import summarize
-from tests.evaluation.samples import LIFT, TASKS, sample_record, sample_records, sample_run
+from duobench.results.figures import FIGURES, INK, for_page, plot
+from duobench.results.metrics import summarize
+from tests.results.samples import LIFT, TASKS, sample_record, sample_records, sample_run
 
 RUN = sample_run(episodes=8)
 FOUND = summarize(RUN.suite.tasks, sample_records(RUN))

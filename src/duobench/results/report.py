@@ -11,13 +11,13 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from duobench.evaluation import figures, metrics
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.metrics import Results, Score, summarize
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Run
 from duobench.files import write
 from duobench.pages import render
+from duobench.results import figures, metrics
+from duobench.results.folder import RunFolder
+from duobench.results.metrics import Results, Score, summarize
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
 from duobench.types import CONTROL_HZ
 
 SUMMARY_SCHEMA = 1
@@ -100,7 +100,7 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
 
     records = [record for one in results.tasks for record in one.records]
     return render(
-        "duobench.evaluation",
+        "duobench.results",
         "report.html.j2",
         run=run,
         suite=run.suite,

@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 from duobench.errors import EvaluationError, FileError
-from duobench.evaluation.records import RECORD_SCHEMA, EpisodeRecord
-from duobench.evaluation.suite import RUN_SCHEMA, Episode, Run, TaskInfo
 from duobench.files import begin_or_continue, encode, read, remove_temporary, write, writing
-from duobench.randomness import SUITE_VERSION
+from duobench.results.records import OLDEST_RECORD_SCHEMA, RECORD_SCHEMA, EpisodeRecord
+from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
+from duobench.results.suite import Episode, TaskInfo
 
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
@@ -58,6 +58,7 @@ class RunFolder:
             self.description,
             run,
             RUN_SCHEMA,
+            oldest=OLDEST_RUN_SCHEMA,
             what="evaluation",
             is_final=any(self.path.glob("records/*/*.json")),
         )
@@ -75,7 +76,7 @@ class RunFolder:
             raise EvaluationError(
                 f"{self.path} holds no evaluation: {self.description.name} is missing."
             )
-        return read(self.description, Run, RUN_SCHEMA)
+        return read(self.description, Run, RUN_SCHEMA, OLDEST_RUN_SCHEMA)
 
     def read_records(self, run: Run) -> list[EpisodeRecord]:
         """The records of the episodes that are finished, in the order of the run.
@@ -97,30 +98,15 @@ class RunFolder:
         """One record, of this episode of this run."""
         path = self.record(task.id, index)
         try:
-            record = read(path, EpisodeRecord, RECORD_SCHEMA)
+            record = read(path, EpisodeRecord, RECORD_SCHEMA, OLDEST_RECORD_SCHEMA)
         except FileError as error:
             raise FileError(
                 f"{error} Delete the file and run the evaluation again: it plays only the missing "
                 "episodes."
             ) from error
-        expected = {
-            "task": task.id,
-            "episode": index,
-            "policy": run.policy,
-            "policy_version": run.metadata.version,
-            "config": run.config,
-            "suite_version": run.suite.version,
-            "max_stage": task.max_stage,
-        }
-        if run.suite.version == SUITE_VERSION:  # seeds of another one are not known here
-            episode = Episode(task=task, index=index, split=run.config.split)
-            expected |= {"seed": episode.seed, "policy_seed": episode.policy_seed}
-        for name, value in expected.items():
-            if getattr(record, name) != value:
-                raise EvaluationError(
-                    f"{path} does not belong to this run: its {name} is {getattr(record, name)}, "
-                    f"expected was {value}."
-                )
+        episode = Episode(task=task, index=index, split=run.config.split)
+        if objection := run.objection(record, episode):
+            raise EvaluationError(f"{path} does not belong to this run: {objection}")
         return record
 
     def write(self, record: EpisodeRecord, video: bytes | None) -> None:

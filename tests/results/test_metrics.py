@@ -2,14 +2,14 @@ import random
 
 import pytest
 
-from duobench.evaluation.metrics import (
+from duobench.results.metrics import (
     TIME_POINTS,
     progress_curve,
     summarize,
     task_result,
     wilson_interval,
 )
-from tests.evaluation.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
+from tests.results.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
 
 
 def test_scores_of_a_task_are_counts_over_its_episodes() -> None:

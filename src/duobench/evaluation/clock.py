@@ -1,4 +1,4 @@
-"""Time limits: how long a policy may take for one answer, and for one episode."""
+"""The clock of an episode, which another process can read: how long the policy has been busy."""
 
 from __future__ import annotations
 
@@ -6,45 +6,12 @@ import mmap
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 
-from duobench.errors import EvaluationError, PolicyTimeoutError
-from duobench.policy.serving.address import MAX_S
+from duobench.errors import PolicyTimeoutError
+from duobench.results.limits import TimeLimits
 
 _EPISODE, _ANSWER, _STEPS = range(3)
 _NO_FILE = -1
-_ENDLESS_S = 1e9
-"""A limit in seconds that is as good as none, for JSON knows no infinity."""
-_HEALTH_CHECK_S = 10.0
-"""Seconds of a time limit that are kept for looking after a server."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TimeLimits:
-    """How long a policy may take; making it, with all its weights, has no limit."""
-
-    act_s: float = 120.0
-    """Seconds for one `reset` or one `act`: minutes, because a first answer may compile a model."""
-    episode_s: float = 1800.0
-    """Seconds for an episode; it is checked whenever the policy acts."""
-
-    def __post_init__(self) -> None:
-        """Reject limits that are not positive; infinite ones become very long."""
-        if not (self.act_s > 0 and self.episode_s > 0):
-            raise EvaluationError(
-                f"Time limits are positive, got {self.act_s} s for an answer and {self.episode_s} "
-                "s for an episode."
-            )
-        object.__setattr__(self, "act_s", min(self.act_s, _ENDLESS_S))
-        object.__setattr__(self, "episode_s", min(self.episode_s, _ENDLESS_S))
-
-    @property
-    def served_s(self) -> float:
-        """Seconds for one answer of a served policy.
-
-        It is less than `act_s`: the rest is for finding out whether a late server still lives.
-        """
-        return min(max(self.act_s - _HEALTH_CHECK_S, self.act_s / 2), MAX_S)
 
 
 class EpisodeClock:

@@ -6,23 +6,20 @@ same bytes however it was run: with another number of workers, in another order,
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, TypedDict
 
-import gymnasium as gym
 from msgspec import Meta
 
 from duobench.envs.config import EnvConfig
-from duobench.envs.execution import Step
-from duobench.errors import EvaluationError, PolicyTimeoutError, escaped, traceback_text
-from duobench.evaluation.rollout import Info, Observation
-from duobench.evaluation.suite import Episode, Setup
-from duobench.randomness import SUITE_VERSION
+from duobench.errors import EvaluationError, PolicyTimeoutError, traceback_text
+from duobench.results.targets import unpack_targets
+from duobench.types import Array
 
-RECORD_SCHEMA = 3
-"""Version of the record's fields; raised when earlier records cannot be read any more: a field is
-removed, changes its meaning, or is added without a default."""
+RECORD_SCHEMA = 4
+"""Version of the record's fields; raised when a field is added, removed or changes its meaning."""
+OLDEST_RECORD_SCHEMA = 3
+"""The first version that can still be read: what it lacks has a default."""
 
 
 class SampledLayout(TypedDict, total=False):
@@ -32,6 +29,16 @@ class SampledLayout(TypedDict, total=False):
     """Positions in metres and quaternions [x, y, z, qx, qy, qz, qw], in the table frame."""
     variants: dict[str, str]
     """Named choices."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StateHashes:
+    """What the state of an episode was at one moment: two that are equal have equal hashes."""
+
+    physics: str
+    """SHA-256 of the full state of the simulation."""
+    stages: str | None
+    """SHA-256 of the stage and of what its constraints remember; None without stages."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -56,7 +63,7 @@ class EpisodeRecord:
     config: EnvConfig
     """Configuration of the environment."""
     instruction: str
-    """Instruction of the policy; empty if the episode crashed before its reset."""
+    """Instruction of the policy; empty if it failed before its reset."""
     success: bool
     """Whether the last stage was reached."""
     success_at_end: bool
@@ -76,11 +83,19 @@ class EpisodeRecord:
     truncated: bool
     """Whether the horizon ended the episode, or arms that could not go on."""
     error: str | None
-    """Traceback of what made the episode crash; such an episode counts as failed."""
+    """Traceback of the error that the episode failed with."""
     layout: SampledLayout
     """Where the objects began."""
     state_hash: str | None
-    """SHA-256 of the full simulation state after the last step; None if the episode crashed."""
+    """SHA-256 of the whole state after the last step, with what relative actions add up to; None
+    after an error."""
+    start: StateHashes | None = None
+    """The state after the reset; None before schema 4, and where there is no simulation."""
+    end: StateHashes | None = None
+    """The state after the last step; None as `start` is, and after an error."""
+    sent: bytes | None = None
+    """Joint targets that were sent, one command a step, see `targets`; None before schema 4, and
+    where a policy was stopped that took too long."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
 
@@ -118,93 +133,27 @@ class EpisodeRecord:
         """The last line of the error, which says what it was; empty without one."""
         return (self.error or "").strip().rpartition("\n")[2]
 
+    def targets(self) -> Array | None:
+        """Joint targets in radians and openings (steps, 16) that were sent; None if unknown.
+
+        From the record's task and seed, in action mode "joint", they play the episode again.
+
+        Raises:
+            EvaluationError: They are damaged.
+        """
+        return None if self.sent is None else unpack_targets(self.sent, self.steps)
+
     def stage_after(self, step: int) -> int:
         """Stage after that many control steps; the last one stays once the episode is over."""
         return max((stage for when, stage in self.stage_changes if when <= step), default=0)
 
     def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
-        """The record of the episode if it crashes, so many control steps after its start."""
+        """The record of the episode if it failed with an error, so many steps after its start."""
+        sent = self.sent
         if isinstance(error, PolicyTimeoutError):  # where it was stuck is unknown
-            text = f"{type(error).__name__}: {error}\n"
+            text, sent = f"{type(error).__name__}: {error}\n", None
         else:
             text = traceback_text(error)
-        return replace(self, success=False, success_at_end=False, steps=steps, error=text)
-
-
-class EpisodeRecorder:
-    """Watches an episode, and keeps what its record needs, whether or not it ends well."""
-
-    def __init__(self, episode: Episode, on_stage: Callable[[], None] = lambda: None) -> None:
-        """Begin with an episode of which nothing is known but its place in the suite.
-
-        Args:
-            episode: The episode.
-            on_stage: Called when the episode has begun, and whenever it has reached a new stage.
-        """
-        self._episode = episode
-        self._on_stage = on_stage
-        self._env: gym.Env | None = None
-        self._instruction = ""
-        self._layout: SampledLayout = {}
-        self._stage_changes: list[tuple[int, int]] = []
-        self._last: Step | None = None
-        self._state_hash: str | None = None
-
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """Note what the reset sampled."""
-        self._env = env
-        self._instruction = escaped(info["instruction"])
-        self._layout = info["layout"]
-        if stage := info["stage"]:
-            self._stage_changes.append((0, stage))
-        self._on_stage()
-
-    def on_step(self, step: Step) -> None:
-        """Note a stage that was newly reached."""
-        self._last = step
-        if (stage := step.info["stage"]) > self.stage:
-            self._stage_changes.append((step.number, stage))
-            self._on_stage()
-
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """Note the final state."""
-        if self._env is not None and error is None:
-            self._state_hash = self._env.get_wrapper_attr("state_hash")()
-
-    @property
-    def steps(self) -> int:
-        """Control steps so far."""
-        return self._last.number if self._last else 0
-
-    @property
-    def stage(self) -> int:
-        """Highest stage so far."""
-        return self._stage_changes[-1][1] if self._stage_changes else 0
-
-    def record(self, setup: Setup) -> EpisodeRecord:
-        """The record of the episode so far, played with a setup."""
-        task, last = self._episode.task, self._last
-        return EpisodeRecord(
-            suite_version=SUITE_VERSION,
-            task=task.id,
-            episode=self._episode.index,
-            seed=self._episode.seed,
-            policy_seed=self._episode.policy_seed,
-            policy=setup.policy,
-            policy_version=setup.metadata.version,
-            config=setup.config,
-            instruction=self._instruction,
-            success=self.stage == task.max_stage,
-            success_at_end=bool(last and last.info["success_at_end"]),
-            final_stage=self.stage,
-            max_stage=task.max_stage,
-            stage_changes=tuple(self._stage_changes),
-            steps=self.steps,
-            horizon=task.horizon,
-            terminated=bool(last and last.terminated),
-            truncated=bool(last and last.truncated),
-            error=None,
-            layout=self._layout,
-            state_hash=self._state_hash,
-            versions=setup.versions,
+        return replace(
+            self, success=False, success_at_end=False, steps=steps, error=text, sent=sent
         )

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import TaskInfo
+from duobench.results.records import EpisodeRecord
+from duobench.results.suite import TaskInfo
 
 CONFIDENCE = 0.95
 """Confidence of the intervals in tables and reports."""
@@ -70,7 +70,7 @@ class Score:
     successes: int
     """How many reached the last stage."""
     errors: int
-    """How many crashed; they count as failed."""
+    """How many failed with an error."""
     mean_final_progress: float | None
     """Mean of last stage over the task's number of stages; None without episodes."""
 

@@ -1,6 +1,6 @@
 import itertools
 
-from duobench.evaluation.figures import SUCCESS, ink_on, stage_colours
+from duobench.results.figures import SUCCESS, ink_on, stage_colours
 
 STAGES = range(1, 8)
 

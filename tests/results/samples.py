@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from duobench.envs.config import EnvConfig
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.records import EpisodeRecord
-from duobench.evaluation.suite import Run, Suite, TaskInfo
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION, episode_seed, policy_seed
+from duobench.results.folder import RunFolder
+from duobench.results.limits import TimeLimits
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.suite import Suite, TaskInfo
 
 VERSIONS: dict[str, Any] = {"duobench": "0", "mujoco": "4.0.0", "numpy": "2.4.6"}
 

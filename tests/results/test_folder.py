@@ -1,3 +1,4 @@
+import json
 import os
 import signal
 import subprocess
@@ -10,14 +11,14 @@ import pytest
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError, OutputError
-from duobench.evaluation.folder import RunFolder
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.records import RECORD_SCHEMA
 from duobench.files import encode, locked
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
+from duobench.results.folder import RunFolder
+from duobench.results.limits import TimeLimits
+from duobench.results.records import RECORD_SCHEMA
 from tests.evaluation.processes import is_running
-from tests.evaluation.samples import (
+from tests.results.samples import (
     LIFT,
     TASKS,
     VERSIONS,
@@ -142,15 +143,18 @@ def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any
         folder.read_records(run)
 
 
-def test_records_of_earlier_suites_can_be_read(tmp_path: Path) -> None:
-    """Their policies got the seed of the layout, and they say nothing of it."""
+def test_records_of_earlier_suites_and_schemas_can_be_read(tmp_path: Path) -> None:
+    """Their policies got the seed of the layout; a run had no command, and a record no targets."""
     run = sample_run(version="2")
     record = replace(sample_record(LIFT, 0, (5, 9)), suite_version="2", policy_seed=None)
     folder = sample_folder(tmp_path / "run", run, [record])
-    path = folder.record(LIFT.id, 0)
-    text = path.read_text()
-    path.write_text(text.replace('  "policy_seed": null,\n', ""))
-    assert path.read_text() != text
+    for path in (folder.record(LIFT.id, 0), folder.description):
+        document = json.loads(path.read_text())
+        assert document.pop("schema") == 4
+        for name in ("policy_seed", "start", "end", "sent", "command"):
+            document.pop(name, None)
+        path.write_text(json.dumps({"schema": 3, **document}))
+    assert folder.read_run() == run
     assert folder.read_records(run) == [record]
 
 

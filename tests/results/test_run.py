@@ -1,5 +1,4 @@
 import json
-import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,10 @@ from duobench.errors import (
     ImportPathError,
     UnknownNameError,
 )
-from duobench.evaluation.limits import TimeLimits
-from duobench.evaluation.suite import RUN_SCHEMA, Run, find_tasks
 from duobench.files import decode, encode
-from tests.evaluation.samples import LIFT, SORT, sample_run
+from duobench.results.run import RUN_SCHEMA, Run
+from duobench.results.suite import find_tasks
+from tests.results.samples import LIFT, SORT, sample_run
 
 
 def test_description_survives_its_text() -> None:
@@ -80,17 +79,6 @@ def test_episodes_count_from_the_first() -> None:
     run = sample_run(tasks=(LIFT,), episodes=3, first_episode=7, videos=2)
     assert [episode.index for episode in run.episodes()] == [7, 8, 9]
     assert [episode.has_video for episode in run.episodes()] == [True, True, False]
-
-
-def test_command_names_everything_that_decides_the_results() -> None:
-    words = shlex.split(sample_run(policy="my pkg:make", episodes=3, first_episode=7).command)
-    assert words[:4] == ["duobench", "eval", "--policy", "my pkg:make"]
-    rest = "--tasks lift pkg.tasks:SORT turn --episodes 3 --first-episode 7 --videos 1 --out DIR"
-    assert words[4:] == rest.split()
-    words = shlex.split(sample_run(look="random:7").command)
-    assert words[-4:] == ["--look", "random:7", "--out", "DIR"]
-    words = shlex.split(sample_run(limits=TimeLimits(act_s=5)).command)
-    assert words[-6:] == ["--act-timeout", "5", "--episode-timeout", "1800", "--out", "DIR"]
 
 
 def test_differences_are_told_field_by_field() -> None:

@@ -1,0 +1,121 @@
+"""The watcher that makes the record of an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import gymnasium as gym
+
+from duobench.envs.episode_state import EpisodeState
+from duobench.errors import escaped
+from duobench.randomness import SUITE_VERSION
+from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes
+from duobench.results.run import Run
+from duobench.results.suite import Episode
+from duobench.results.targets import pack_targets
+from duobench.types import Array
+
+if TYPE_CHECKING:
+    from duobench.evaluation.rollout import Info, Observation, Step
+
+
+class EpisodeRecorder:
+    """Watches an episode, and keeps what its record needs, whether or not it ends well."""
+
+    def __init__(self, episode: Episode, on_stage: Callable[[], None] = lambda: None) -> None:
+        """Begin with an episode of which nothing is known but its place in the suite.
+
+        Args:
+            episode: The episode.
+            on_stage: Called when the episode has begun, and whenever it has reached a new stage.
+        """
+        self._episode = episode
+        self._on_stage = on_stage
+        self._env: gym.Env | None = None
+        self._instruction = ""
+        self._layout: SampledLayout = {}
+        self._stage_changes: list[tuple[int, int]] = []
+        self._last: Step | None = None
+        self._sent: list[Array] = []
+        self._start: EpisodeState | None = None
+        self._end: EpisodeState | None = None
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """Note what the reset sampled, and the state that it led to."""
+        self._env = env
+        self._start = _state(env)
+        self._instruction = escaped(info["instruction"])
+        self._layout = info.get("layout", {})
+        if stage := info["stage"]:
+            self._stage_changes.append((0, stage))
+        self._on_stage()
+
+    def on_step(self, step: Step) -> None:
+        """Note what was sent, and a stage that was newly reached."""
+        self._last = step
+        self._sent.append(step.info["sent"])
+        if (stage := step.info["stage"]) > self.stage:
+            self._stage_changes.append((step.number, stage))
+            self._on_stage()
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """Note the final state."""
+        if self._env is not None and error is None:
+            self._end = _state(self._env)
+
+    @property
+    def steps(self) -> int:
+        """Control steps so far."""
+        return self._last.number if self._last else 0
+
+    @property
+    def stage(self) -> int:
+        """Highest stage so far."""
+        return self._stage_changes[-1][1] if self._stage_changes else 0
+
+    def record(self, run: Run, versions: Mapping[str, str | None]) -> EpisodeRecord:
+        """The record of the episode so far.
+
+        Args:
+            run: What it belongs to.
+            versions: Versions of everything that the result may depend on.
+        """
+        task, last = self._episode.task, self._last
+        return EpisodeRecord(
+            suite_version=SUITE_VERSION,
+            task=task.id,
+            episode=self._episode.index,
+            seed=self._episode.seed,
+            policy_seed=self._episode.policy_seed,
+            policy=run.policy,
+            policy_version=run.metadata.version,
+            config=run.config,
+            instruction=self._instruction,
+            success=self.stage == task.max_stage,
+            success_at_end=bool(last and last.info["success_at_end"]),
+            final_stage=self.stage,
+            max_stage=task.max_stage,
+            stage_changes=tuple(self._stage_changes),
+            steps=self.steps,
+            horizon=task.horizon,
+            terminated=bool(last and last.terminated),
+            truncated=bool(last and last.truncated),
+            error=None,
+            layout=self._layout,
+            state_hash=self._end and self._end.hash,
+            start=_hashes(self._start),
+            end=_hashes(self._end),
+            sent=pack_targets(self._sent),
+            versions=dict(versions),
+        )
+
+
+def _state(env: gym.Env) -> EpisodeState | None:
+    """The whole state of the running episode, where there is a simulation that can tell it."""
+    base = env.unwrapped
+    return env.get_wrapper_attr("save_state")() if hasattr(base, "save_state") else None
+
+
+def _hashes(state: EpisodeState | None) -> StateHashes | None:
+    return state and StateHashes(physics=state.physics_hash, stages=state.progress_hash)

@@ -1,0 +1,107 @@
+"""A run: a suite played by a policy.
+
+The description of a run stands in its folder, and must match when the run is resumed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from duobench.envs.config import EnvConfig
+from duobench.errors import EvaluationError
+from duobench.files import differences
+from duobench.policy import Batching, PolicyMetadata
+from duobench.randomness import SUITE_VERSION
+from duobench.results.limits import TimeLimits
+from duobench.results.records import EpisodeRecord
+from duobench.results.suite import Episode, Suite
+
+RUN_SCHEMA = 4
+"""Version of the description's fields."""
+OLDEST_RUN_SCHEMA = 3
+"""The first version that can still be read: what it lacks has a default."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Run:
+    """Everything that decides what a run's records say. The number of workers is not part of it."""
+
+    policy: str
+    """Name of the policy."""
+    suite: Suite
+    """What is played."""
+    videos: int
+    """How many episodes of each task, from the first on, have a video."""
+    limits: TimeLimits
+    """How long the policy may take."""
+    metadata: PolicyMetadata
+    """What the policy says about itself, with its version."""
+    config: EnvConfig
+    """Configuration of the environments."""
+    versions: dict[str, str]
+    """Versions of the packages that scores depend on."""
+    batching: Batching | None = None
+    """How many observations the policy answers together, if that is known."""
+    command: str = ""
+    """The command that started it, without what another machine has elsewhere; empty if none."""
+
+    def __post_init__(self) -> None:
+        """Reject an impossible number of videos."""
+        if self.videos < 0:
+            raise EvaluationError(f"A number of videos is not negative, got {self.videos}.")
+
+    def episodes(self) -> list[Episode]:
+        """Every episode of every task, task by task."""
+        return [
+            Episode(task=task, index=index, has_video=nth < self.videos, split=self.config.split)
+            for task in self.suite.tasks
+            for nth, index in enumerate(self.suite.indices)
+        ]
+
+    def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
+        """Why a record is not that of an episode of this run; None if it is."""
+        expected = {
+            "task": episode.task.id,
+            "episode": episode.index,
+            "policy": self.policy,
+            "policy_version": self.metadata.version,
+            "config": self.config,
+            "suite_version": self.suite.version,
+            "max_stage": episode.task.max_stage,
+        }
+        if self.suite.version == SUITE_VERSION:  # seeds of another one are not known here
+            expected |= {"seed": episode.seed, "policy_seed": episode.policy_seed}
+        for name, value in expected.items():
+            if getattr(record, name) != value:
+                return f"its {name} is {getattr(record, name)}, expected was {value}."
+        return None
+
+    def differences(self, other: Run) -> list[str]:
+        """What another run has differently, field by field; its number of episodes may be lower."""
+        differing = differences(self._facts(), other._facts())
+        if self.suite.episodes < other.suite.episodes:
+            differing.append(
+                f"episodes {self.suite.episodes} instead of {other.suite.episodes} or more"
+            )
+        return differing
+
+    def _facts(self) -> dict[str, object]:
+        """Everything but the number of episodes, by its name in words."""
+        suite = self.suite
+        return {
+            "policy": self.policy,
+            "tasks": " ".join(task.id for task in suite.tasks),
+            **{f"task {task.id}": task for task in suite.tasks},
+            "first episode": suite.first_episode,
+            "suite version": suite.version,
+            "videos": self.videos,
+            **_fields("time limit", self.limits),
+            **_fields("policy's", self.metadata),
+            "batches": self.batching,
+            **_fields("environment's", self.config),
+            **{f"version of {name}": value for name, value in self.versions.items()},
+        }
+
+
+def _fields(what: str, value: TimeLimits | PolicyMetadata | EnvConfig) -> dict[str, object]:
+    return {f"{what} {field.name}": getattr(value, field.name) for field in fields(value)}

@@ -1,0 +1,138 @@
+"""A suite: the episodes of some tasks, which every policy plays in the same way."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from duobench.errors import EvaluationError
+from duobench.looks import catalog as looks
+from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
+from duobench.tasks import catalog
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskInfo:
+    """What records, tables and reports need to know about a task, without the task itself."""
+
+    reference: str
+    """Import path `module:ATTRIBUTE` of the task, or the id of one of the benchmark."""
+    id: str
+    """Id of the task, which is also the name of a folder."""
+    title: str
+    """Name for people."""
+    category: str
+    """Coordination category."""
+    stages: tuple[str, ...]
+    """Names of the stages 1, 2, ..."""
+    horizon: int
+    """Control steps after which an episode is truncated."""
+
+    def __post_init__(self) -> None:
+        """Reject a task that cannot have records."""
+        if not re.fullmatch(r"\w[\w.-]*", self.id):
+            raise EvaluationError(
+                f"Task {self.reference!r} has the id {self.id!r}. An id names a folder: letters, "
+                "digits, '_', '-' and '.', beginning with a letter, a digit or '_'."
+            )
+        if not self.stages or self.horizon < 1:
+            raise EvaluationError(f"Task {self.id!r} needs a stage and a positive horizon.")
+
+    @property
+    def max_stage(self) -> int:
+        """Number of the last stage."""
+        return len(self.stages)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Episode:
+    """One episode to play."""
+
+    task: TaskInfo
+    """The task."""
+    index: int
+    """Index of the episode in the suite."""
+    has_video: bool = False
+    """Whether a video of it is made."""
+    split: str = EVAL
+    """Which layouts it is one of."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of the reset: a pure function of (task, suite version, split, episode)."""
+        return episode_seed(self.task.id, self.index, self.split)
+
+    @property
+    def policy_seed(self) -> int:
+        """Seed of the policy: a hash of that of the reset."""
+        return policy_seed(self.task.id, self.seed, self.split)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Suite:
+    """What a policy is evaluated on."""
+
+    tasks: tuple[TaskInfo, ...]
+    """The tasks, in the order of the table."""
+    episodes: int = 20
+    """Episodes of each task."""
+    first_episode: int = 0
+    """Index of the first one."""
+    look: str = looks.DEFAULT
+    """Name of the look of all episodes; see `duobench.looks.catalog.look`."""
+    version: str = SUITE_VERSION
+    """Version of the benchmark's episodes."""
+
+    def __post_init__(self) -> None:
+        """Reject an empty or impossible suite."""
+        if self.episodes < 1 or self.first_episode < 0:
+            raise EvaluationError(
+                "A suite has at least one episode, counted from 0; got "
+                f"{self.episodes} from {self.first_episode}."
+            )
+        if not self.tasks:
+            raise EvaluationError("A suite has at least one task, got none.")
+        looks.look(self.look)
+        ids = [task.id for task in self.tasks]
+        if twice := sorted({task_id for task_id in ids if ids.count(task_id) > 1}):
+            raise EvaluationError(f"Named more than once: {', '.join(twice)}. Name each task once.")
+
+    @property
+    def indices(self) -> range:
+        """Indices of the episodes of every task."""
+        return range(self.first_episode, self.first_episode + self.episodes)
+
+    @property
+    def size(self) -> int:
+        """Episodes of all tasks."""
+        return self.episodes * len(self.tasks)
+
+
+def find_tasks(paths: Sequence[str]) -> tuple[TaskInfo, ...]:
+    """Look tasks up.
+
+    Args:
+        paths: Task ids or import paths `module:ATTRIBUTE`; none means every task of the benchmark.
+
+    Returns:
+        One description a task, in the order of the import paths.
+
+    Raises:
+        UnknownNameError: If a task does not exist.
+        ImportPathError: If its module cannot be imported.
+        EvaluationError: If the task can have no records.
+    """
+    return tuple(_described(catalog.plain(path)) for path in paths or catalog.names())
+
+
+def _described(path: str) -> TaskInfo:
+    task = catalog.get(path)
+    return TaskInfo(
+        reference=path,
+        id=task.id,
+        title=task.title,
+        category=str(task.category),
+        stages=tuple(stage.name for stage in task.stages),
+        horizon=task.horizon,
+    )
