@@ -19,7 +19,8 @@ from duobench.errors import ActionError, LayoutError, UnknownNameError
 from duobench.sim import placement
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
-from duobench.stages.predicates import all_of, any_of, touching
+from duobench.stages.logic import all_of, any_of
+from duobench.stages.predicates import touching
 from duobench.stages.progress import Stage
 from duobench.tasks import catalog
 from tests.envs.tools import TASK, equal, sim_of, wave

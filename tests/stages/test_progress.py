@@ -11,7 +11,8 @@ from duobench.objects.prop import Prop
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.predicates import Predicate, held_for, raised, since, variant
+from duobench.stages.logic import Predicate, held_for, since
+from duobench.stages.predicates import raised, variant
 from duobench.stages.progress import Progress, Stage
 
 

@@ -64,6 +64,9 @@ class EpisodeRecord:
     """Highest stage that was reached, 0 for none."""
     max_stage: int
     """The task's last stage."""
+    unmet: tuple[str, ...] | None = None
+    """Why the next stage was not reached: what of its constraints did not hold after the last step,
+    in words; empty after a success, None in records that do not have it."""
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage): after how many steps each newly reached stage was reached."""
     steps: int
@@ -117,6 +120,11 @@ class EpisodeRecord:
         """The last line of the error, which says what it was; empty without one."""
         return (self.error or "").strip().rpartition("\n")[2]
 
+    @property
+    def missing(self) -> str:
+        """What kept the next stage from being reached, in one line; empty if that is unknown."""
+        return "; ".join(self.unmet or ())
+
     def stage_after(self, step: int) -> int:
         """Stage after that many control steps; the last one stays once the episode is over."""
         return max((stage for when, stage in self.stage_changes if when <= step), default=0)
@@ -156,6 +164,7 @@ class EpisodeRecorder:
         self._layout = info["layout"]
         if stage := info["stage"]:
             self._stage_changes.append((0, stage))
+        env.get_wrapper_attr("explain_stages")()
         self._on_stage()
 
     def on_step(self, step: Step) -> None:
@@ -197,6 +206,7 @@ class EpisodeRecorder:
             success_at_end=bool(last and last.info["success_at_end"]),
             final_stage=self.stage,
             max_stage=task.max_stage,
+            unmet=last.info.get("unmet") if last else None,
             stage_changes=tuple(self._stage_changes),
             steps=self.steps,
             horizon=task.horizon,

@@ -7,18 +7,11 @@ from dataclasses import dataclass
 from math import inf
 
 from duobench.scene.naming import TABLE
+from duobench.stages.logic import Predicate, all_of
 from duobench.stages.placing import low_over, put
-from duobench.stages.predicates import (
-    CylinderRegion,
-    Predicate,
-    all_of,
-    inside,
-    still,
-    touching,
-    upright,
-)
+from duobench.stages.predicates import CylinderRegion, inside, still, touching, upright
 
-MAX_TILT = math.radians(20.0)
+STANDING_TILT_DEGREES = 20.0
 """Largest tilt of a vessel that stands [task definitions]."""
 
 
@@ -39,7 +32,8 @@ class Vessel:
 
     def stands(self) -> Predicate:
         """It stands upright on the table: it is not carried, tipped or on the floor."""
-        return touching(self.body, TABLE) & upright(self.body, MAX_TILT)
+        tilt = math.radians(STANDING_TILT_DEGREES)
+        return touching(self.body, TABLE) & upright(self.body, tilt)
 
     def holds(self, prop: str) -> Predicate:
         """The prop lies still in it, and it stands; what flies through or hangs above does not."""
@@ -49,7 +43,7 @@ class Vessel:
             still(prop),
             self.stands(),
         )
-        return Predicate(f"{prop} lies in {self.body}", whole.test, whole.parts)
+        return whole.called(f"{prop} lies in {self.body}")
 
     def received(self, prop: str) -> Predicate:
         """It holds the prop, which a hand has put there: nobody has dropped it from above."""

@@ -19,8 +19,9 @@ from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.sim.layout import Layout
+from duobench.stages.logic import any_of
 from duobench.stages.placing import placed
-from duobench.stages.predicates import any_of, lifted_by_any, released
+from duobench.stages.predicates import lifted_by_any, released
 from duobench.stages.progress import Stage
 from duobench.stages.vessels import Vessel
 from duobench.tasks.task import Category, Placement, Task

@@ -22,15 +22,9 @@ from duobench.randomness import Uniform, around
 from duobench.scene.cameras import View
 from duobench.stages.insertion import Port, inserted
 from duobench.stages.joining import engaged, joining
+from duobench.stages.logic import all_of, any_of
 from duobench.stages.placing import placed, put
-from duobench.stages.predicates import (
-    all_of,
-    any_of,
-    grasped_apart,
-    off_table,
-    released,
-    still,
-)
+from duobench.stages.predicates import grasped_apart, off_table, released, still
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 

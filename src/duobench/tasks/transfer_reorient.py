@@ -35,8 +35,9 @@ from duobench.spatial import SE3
 from duobench.stages.handover import handover
 from duobench.stages.insertion import Port, inserted
 from duobench.stages.joining import engaged
+from duobench.stages.logic import any_of
 from duobench.stages.placing import placed
-from duobench.stages.predicates import any_of, lifted_by_any, released, still
+from duobench.stages.predicates import lifted_by_any, released, still
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
