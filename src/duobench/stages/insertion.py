@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3, dot, length, product
-from duobench.stages.logic import Predicate, StateView
+from duobench.stages.logic import Predicate, StateView, any_of
 from duobench.stages.predicates import mm
 
 MAX_ANGLE_DEGREES = 10.0
@@ -111,3 +112,21 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
         test,
         otherwise=otherwise,
     )
+
+
+def in_any_way(
+    ways: Sequence[tuple[Port, Port]], question: Callable[[Port, Port], Predicate]
+) -> Predicate:
+    """One of several pegs or ends is in one of several sockets; the nearest one is explained.
+
+    Args:
+        ways: Each peg with a socket that will do.
+        question: Whether that one is in that one, such as `engaged`.
+    """
+    each = [question(peg, socket) for peg, socket in ways]
+
+    def otherwise(state: StateView) -> str:
+        away = [math.hypot(*tip_in(state.simulation, peg, socket)) for peg, socket in ways]
+        return ", ".join(each[away.index(min(away))].unmet(state))
+
+    return any_of(*each).called(each[0].name, otherwise)

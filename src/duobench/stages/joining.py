@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from duobench.stages.insertion import Port, inserted, led_in, tip_in_words
-from duobench.stages.logic import Predicate, any_of, held_for, since
+from duobench.stages.insertion import Port, in_any_way, inserted, led_in, tip_in_words
+from duobench.stages.logic import Predicate, held_for, since
 from duobench.stages.predicates import grasped_apart
 
 SOCKET_REACH = 0.010
@@ -60,9 +61,10 @@ def joining(peg: Port, sockets: Sequence[Port], depth: float, *, unless: Predica
         unless: What may not hold while they are joined, such as that something else holds one.
     """
     by_both = grasped_apart(peg.body, sockets[0].body)
-    touched = any_of(*(engaged(peg, socket) for socket in sockets))
-    deep = any_of(*(inserted(peg, socket, depth) for socket in sockets))
-    apart = ~any_of(*(engaged(peg, socket, KEPT_DEPTH) for socket in sockets))
+    ways = [(peg, socket) for socket in sockets]
+    touched = in_any_way(ways, engaged)
+    deep = in_any_way(ways, partial(inserted, depth=depth))
+    apart = ~in_any_way(ways, partial(engaged, depth=KEPT_DEPTH))
     spoilt = unless | held_for(~by_both, LOST_SECONDS)
     ready = (by_both & ~touched).called(f"{by_both.name} before the peg is in a socket")
     joined = deep & by_both & ~unless & since(ready, reset=spoilt)

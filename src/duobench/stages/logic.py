@@ -190,7 +190,11 @@ class _AnyOf(Predicate):
         shared = tuple(reason for reason in reasons[0] if all(reason in own for own in reasons))
         if any(len(own) == len(shared) for own in reasons):
             return shared
-        names = tuple(dict.fromkeys(part.name for part in alternatives))
+        names = []
+        for part, own in zip(alternatives, reasons, strict=True):
+            more = "; ".join(reason for reason in own if reason not in shared)
+            names.append(f"{part.name} ({more})" if part.begun(state) else part.name)
+        names = list(dict.fromkeys(names))
         start = "neither " if len(names) > 1 else "it is not so that "
         return (*shared, start + " nor ".join(names))
 

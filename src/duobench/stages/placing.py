@@ -54,10 +54,10 @@ def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
         there: It is at its place, or so little above that it is put down when it is let go.
         sides: The grippers that may have done so; either where none is given.
     """
-    hand = f"{sides[0]} gripper" if len(sides) == 1 else "gripper"
+    hand = f"the {sides[0]} gripper" if len(sides) == 1 else "a gripper"
     in_hand = any_of(*(grasped(side, prop) for side in sides or SIDES))
-    event = (in_hand & there).called(f"a {hand} has {prop} at its place")
-    return since(event, reset=~there).told_of(f"when a {hand} let {prop} go", in_hand)
+    event = (in_hand & there).called(f"{hand} has {prop} at its place")
+    return since(event, reset=~there).told_of(f"when {hand} let {prop} go", in_hand)
 
 
 def left_alone(*props: str) -> Predicate:

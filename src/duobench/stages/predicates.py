@@ -124,7 +124,7 @@ def released(body: str) -> Predicate:
     return Predicate(
         f"{body} is released",
         lambda state: not any(state.simulation.contacts.gripper(side, body) for side in SIDES),
-        otherwise=lambda state: f"{' and '.join(touching_it(state))} still at {body}",
+        otherwise=lambda state: f"{' and '.join(touching_it(state))} still touches {body}",
     )
 
 

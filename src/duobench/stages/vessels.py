@@ -47,7 +47,8 @@ class Vessel:
 
     def received(self, prop: str) -> Predicate:
         """It holds the prop, which a hand has put there: nobody has dropped it from above."""
-        return self.holds(prop) & put(prop, self.over(prop))
+        received = self.holds(prop) & put(prop, self.over(prop))
+        return received.called(f"{prop} was put into {self.body}")
 
     def _region(self, high: float) -> CylinderRegion:
         return CylinderRegion(body=self.body, radius=self.radius, low=0.0, high=high)
