@@ -317,6 +317,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=held_balance,
         gets=4,
+        lacks="right arm touches right_block",
     ),
     Adversary(
         name="built by both, taken down, and built again by one arm",

@@ -273,6 +273,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=on_stove,
         gets=2,
+        lacks="when both hands last had pot: pot is ",
     ),
     Adversary(
         name="both let go 2 cm above the plate, and grasp the handles again",

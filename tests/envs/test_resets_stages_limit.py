@@ -217,6 +217,35 @@ def test_partial_progress_is_rewarded_in_proportion() -> None:
     assert (info["stage"], reward, terminated) == (1, 1 / 2, False)
 
 
+def test_info_says_on_request_why_the_next_stage_is_not_reached() -> None:
+    env = TaskStages(SimEnv(LYING))
+    poses = solved()
+    poses["black_cube"] = SE3.at(0.4, 0.0, 0.016)
+    env.reset(options={"layout": Layout(poses=poses)})
+    hold = env.base.simulation.duo.command().flat
+    assert "unmet" not in env.step(hold)[4]
+    env.explain_stages()
+    assert env.step(hold)[4]["unmet"] == ("black_cube does not touch black_bowl",)
+    _, info = env.reset(options={"layout": Layout(poses=solved())})
+    assert "unmet" not in info
+    assert env.step(hold)[4]["unmet"] == ()
+    env.explain_stages(on=False)
+    assert "unmet" not in env.step(hold)[4]
+
+
+def test_asking_why_changes_no_judgement() -> None:
+    env = TaskStages(SimEnv(catalog.get(TASK)))
+    episodes = []
+    for asked in (False, True):
+        env.explain_stages(asked)
+        env.reset(seed=0)
+        infos = [env.step(wave(k))[4] for k in range(20)]
+        assert all(("unmet" in info) == asked for info in infos)
+        stages = [(info["stage"], info["success_at_end"]) for info in infos]
+        episodes.append((stages, env.save_state().progress, state_hash(env)))
+    assert episodes[0] == episodes[1]
+
+
 # --- time limit ----------------------------------------------------------------------------------
 
 
