@@ -15,6 +15,11 @@ STANDING_TILT_DEGREES = 20.0
 """Largest tilt of a vessel that stands [task definitions]."""
 
 
+def stands_upright(body: str) -> Predicate:
+    """A vessel stands upright on the table: it is not carried, tipped or on the floor."""
+    return touching(body, TABLE) & upright(body, math.radians(STANDING_TILT_DEGREES))
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Vessel:
     """A round vessel; its frame is under its middle, z up."""
@@ -31,9 +36,8 @@ class Vessel:
         return inside(prop, self._region(inf)) & low_over(prop, self.body, self.rim)
 
     def stands(self) -> Predicate:
-        """It stands upright on the table: it is not carried, tipped or on the floor."""
-        tilt = math.radians(STANDING_TILT_DEGREES)
-        return touching(self.body, TABLE) & upright(self.body, tilt)
+        """It stands upright on the table; see `stands_upright`."""
+        return stands_upright(self.body)
 
     def holds(self, prop: str) -> Predicate:
         """The prop lies still in it, and it stands; what flies through or hangs above does not."""

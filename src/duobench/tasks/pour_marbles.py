@@ -13,7 +13,6 @@ Success:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from duobench.objects import cup as cups
@@ -27,7 +26,7 @@ from duobench.stages.logic import Predicate, all_of, any_of
 from duobench.stages.placing import low_over, placed, put
 from duobench.stages.pouring import Pouring, pouring
 from duobench.stages.progress import Stage
-from duobench.stages.vessels import STANDING_TILT_DEGREES
+from duobench.stages.vessels import stands_upright
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES, Side
 
@@ -54,9 +53,7 @@ def _fill(layout: Layout) -> Layout:
 def _back(cup: str, square: str, half: float = HALF_SQUARE) -> Predicate:
     """A cup stands on the table, upright, inside its square, released and still."""
     region = is_.BoxRegion(body=square, low=(-half, -half, -half), high=(half, half, half))
-    upright = is_.upright(cup, math.radians(STANDING_TILT_DEGREES))
-    stands = is_.touching(cup, TABLE) & upright & is_.still(cup)
-    return is_.released(cup) & is_.inside(cup, region) & stands
+    return is_.released(cup) & is_.inside(cup, region) & (stands_upright(cup) & is_.still(cup))
 
 
 def _into_target(which: Callable[[Pouring], Predicate]) -> Predicate:
