@@ -120,9 +120,9 @@ class Predicate:
         """Whether it can ever hold in the episode's layout."""
         return True
 
-    def begun(self, state: StateView) -> bool:  # noqa: ARG002 - memories differ
+    def begun(self, state: StateView) -> bool:
         """Whether an earlier step tells why it does not hold: an alternative that was tried."""
-        return False
+        return any(part.begun(state) for part in self.parts)
 
     def _unmet(self, state: StateView) -> Words:  # noqa: ARG002 - what has parts differs
         return (f"it is not so that {self.name}",)
@@ -163,9 +163,6 @@ class _AllOf(Predicate):
     def possible(self, state: StateView) -> bool:
         return all(part.possible(state) for part in self.parts)
 
-    def begun(self, state: StateView) -> bool:
-        return any(part.begun(state) for part in self.parts)
-
     def _unmet(self, state: StateView) -> Words:
         return _each_once(part.unmet(state) for part in self.parts)
 
@@ -177,9 +174,6 @@ class _AnyOf(Predicate):
 
     def possible(self, state: StateView) -> bool:
         return any(part.possible(state) for part in self.parts)
-
-    def begun(self, state: StateView) -> bool:
-        return any(part.begun(state) for part in self.parts)
 
     def _unmet(self, state: StateView) -> Words:
         alternatives = [part for part in self._alternatives() if part.possible(state)]
@@ -336,15 +330,10 @@ def at_least(count: int, *predicates: Predicate) -> Predicate:
     """At least `count` of them hold."""
     names = ", ".join(p.name for p in predicates)
     asks = tuple(p.ask for p in predicates)
-
-    def number(state: StateView) -> int:
-        return sum([ask(state) for ask in asks])
-
     return Predicate(
         f"at least {count} of ({names})",
-        lambda state: number(state) >= count,
+        lambda state: sum([ask(state) for ask in asks]) >= count,
         predicates,
-        lambda state: f"{number(state)} of {len(asks)}, not at least {count}: {names}",
     )
 
 
