@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView
-from duobench.stages.progress import parts_of, recalled
+from duobench.stages.logic import Memory, Predicate, StateView
+from duobench.stages.progress import memories_in, recalled, timed_in
 
 
 class PredicateProbe:
@@ -16,9 +16,9 @@ class PredicateProbe:
 
     def __init__(self, question: Predicate) -> None:
         self._question = question
-        self._memories = parts_of(Since, [question])
+        self._memories = memories_in([question])
         self._remembered: frozenset[Memory] = frozenset()
-        self._lasted = {timed: 0 for (timed,) in parts_of(HeldFor, [question])}
+        self._lasted = dict.fromkeys(timed_in([question]), 0)
 
     def ask(
         self,

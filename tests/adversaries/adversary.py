@@ -42,3 +42,5 @@ class Adversary:
     """First seed of the layouts that are tried until the deed is done."""
     settle: int = 45
     """Control steps for which the robot waits after the script: nothing may count later."""
+    lacks: str = ""
+    """Part of what the episode says about why it got no further."""

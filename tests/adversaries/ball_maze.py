@@ -232,6 +232,7 @@ ADVERSARIES = (
         hands=Hands.BOTH,
         deed=at_goal(*SIDES),
         gets=3,
+        lacks="ball rolls while board is not held up by both arms",
     ),
     Adversary(
         name="the board is yanked away and the ball hops over the walls",

@@ -210,5 +210,6 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=in_the_air,
         gets=1,
+        lacks="white_bowl does not touch table",
     ),
 )

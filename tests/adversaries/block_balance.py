@@ -11,7 +11,7 @@ from duobench.experts.scripts.block_balance import lay_beam, lower, take_block
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, CUBE_EDGE, LEVEL, TIPPING
+from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, CUBE_EDGE, LEVEL_DEGREES, TIPPING
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
 
@@ -37,7 +37,7 @@ def balanced(sim: Simulation) -> bool:
         and places[1] > TIPPING
         and all(sim.contacts.partners(name) == {"beam"} for name in BLOCKS)
         and sim.contacts.between("beam", "cube")
-        and sim.rotation("beam")[2, 2] > math.cos(LEVEL)
+        and sim.rotation("beam")[2, 2] > math.cos(math.radians(LEVEL_DEGREES))
     )
 
 
@@ -71,7 +71,10 @@ def against_the_cube(sim: Simulation) -> bool:
 
 def let_go_on_the_cube(sim: Simulation) -> bool:
     """The beam, let go, still looks as if it lay on the cube."""
-    level = sim.rotation("beam")[2, 2] > math.cos(LEVEL) and sim.position("beam")[2] > CUBE_EDGE
+    level = (
+        sim.rotation("beam")[2, 2] > math.cos(math.radians(LEVEL_DEGREES))
+        and sim.position("beam")[2] > CUBE_EDGE
+    )
     return level and sim.contacts.partners("beam") == {"cube"}
 
 
@@ -319,6 +322,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=held_balance,
         gets=4,
+        lacks="right arm touches right_block",
     ),
     Adversary(
         name="built by both, taken down, and built again by one arm",

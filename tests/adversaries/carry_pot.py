@@ -23,7 +23,7 @@ from duobench.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.tasks.carry_pot import OFF_CENTRE, TILT
+from duobench.tasks.carry_pot import OFF_CENTRE, TILT_DEGREES
 from duobench.types import Side
 from tests.adversaries.adversary import Adversary, Hands
 
@@ -50,7 +50,7 @@ def level_and_alone(sim: Simulation) -> bool:
         abs(x) <= OFF_CENTRE[0]
         and abs(y) <= OFF_CENTRE[1]
         and z > PLATE[2] + HEIGHT / 2 + 0.01
-        and sim.rotation("pot")[2, 2] > math.cos(TILT)
+        and sim.rotation("pot")[2, 2] > math.cos(math.radians(TILT_DEGREES))
         and sim.contacts.gripper(RIGHT, "pot/right_handle")
         and not sim.contacts.partners("pot") & {"stove", TABLE}
     )
@@ -273,6 +273,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=on_stove,
         gets=2,
+        lacks="when both hands last had pot: pot is ",
     ),
     Adversary(
         name="both let go 2 cm above the plate, and grasp the handles again",

@@ -304,6 +304,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=_is_in,
         gets=2,
+        lacks="when the left gripper let cube go: cube is ",
     ),
     Adversary(
         name="the cube is thrown on the rim",

@@ -352,5 +352,6 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=on_wall,
         gets=2,
+        lacks="left still touches light_block",
     ),
 )

@@ -201,6 +201,7 @@ ADVERSARIES = (
         hands=Hands.BOTH,
         deed=in_the_middle(on_table=False),
         gets=3,
+        lacks="left_cup has stood on the table with something in it",
     ),
     Adversary(
         name="some marbles are poured in the air, and the rest by one arm",

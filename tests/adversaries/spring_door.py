@@ -244,6 +244,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=_wedged,
         gets=2,
+        lacks="cube touches microwave/door",
     ),
     Adversary(
         name="the cube is put in and taken out again",

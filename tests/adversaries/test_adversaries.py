@@ -54,6 +54,7 @@ def test_an_adversary_gets_no_more_than_it_may(task: str, adversary: Adversary) 
     for seed in range(adversary.seed, adversary.seed + TRIES):
         if play(bench, adversary, seed):
             assert bench.stage == adversary.gets
+            check_words(bench.progress.unmet, adversary.lacks)
             return
         assert bench.stage <= adversary.gets
     pytest.fail(f"the adversary did what it is meant to do on none of {TRIES} seeds")
@@ -62,6 +63,7 @@ def test_an_adversary_gets_no_more_than_it_may(task: str, adversary: Adversary) 
 def play(bench: TaskHarness, adversary: Adversary, seed: int) -> bool:
     """Play an adversary, check that it keeps to its arms, and return whether its deed was done."""
     bench.start(seed)
+    bench.progress.explain()
     start = bench.sim.duo.command().flat.reshape(len(SIDES), -1)
     done, together, moved = False, False, set[Side]()
     for _ in bench.steps(adversary.script, then=adversary.settle):
@@ -75,6 +77,14 @@ def play(bench: TaskHarness, adversary: Adversary, seed: int) -> bool:
         assert len(moved) > 1
         assert not together
     return done
+
+
+def check_words(unmet: tuple[str, ...], expected: str) -> None:
+    """It is said why the next stage was not reached, in words and not as a formula."""
+    assert unmet
+    assert any(expected in reason for reason in unmet), unmet
+    for reason in unmet:
+        assert not any(sign in reason for sign in ("((", "since ")), reason
 
 
 @pytest.mark.parametrize("task", catalog.names())

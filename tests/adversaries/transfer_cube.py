@@ -249,6 +249,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
         hands=Hands.BOTH,
         deed=ends_in_bowl,
         gets=3,
+        lacks="when left let cube go: cube is 1",
         seed=NEAR_BOWL,
     ),
     Adversary(

@@ -235,20 +235,30 @@ def cheat(
     *,
     hands: Hands = Hands.BOTH,
     deed: Callable[[Simulation], bool] = ends_on_mat,
+    lacks: str = "",
 ) -> Adversary:
-    return Adversary(name=name, script=script, hands=hands, deed=deed, gets=gets, seed=NEAR_MAT)
+    return Adversary(
+        name=name, script=script, hands=hands, deed=deed, gets=gets, seed=NEAR_MAT, lacks=lacks
+    )
 
 
 ADVERSARIES: tuple[Adversary, ...] = (
     cheat("one arm goes through the ring, back, and around it", alone, 2, hands=Hands.ONE),
     cheat("the block falls behind the ring, for the other arm", drop_behind, 2, hands=Hands.TURNS),
     cheat("the block flies through the ring", throw_through, 1, hands=Hands.TURNS),
-    cheat("the block is handed over around the ring", around, 1),
+    cheat(
+        "the block is handed over around the ring", around, 1, lacks="block has come around gate"
+    ),
     cheat("through the ring, back, and handed over around it", through_back_and_around, 2),
     cheat("around, and dipped into the ring from behind", around_and_dip, 1, deed=dipped),
     cheat("the block is handed back", hand_back, 3),
-    cheat("the block falls onto the mat", let_fall, 3),
-    cheat("the block falls from two centimetres above the mat", let_fall_from_low, 3),
+    cheat("the block falls onto the mat", let_fall, 3, lacks="mm above mat, not at most 12 mm"),
+    cheat(
+        "the block falls from two centimetres above the mat",
+        let_fall_from_low,
+        3,
+        lacks="when left let block go: block is 1",
+    ),
     cheat(
         "in both hands in the ring, back, and handed over around", both_in_the_ring_then_around, 1
     ),

@@ -144,10 +144,21 @@ def let_fall_and_pinch(arms: Arms) -> Script:
 
 
 def cheat(
-    name: str, script: Callable[[Arms], Script], gets: int, *, hands: Hands = Hands.BOTH
+    name: str,
+    script: Callable[[Arms], Script],
+    gets: int,
+    *,
+    hands: Hands = Hands.BOTH,
+    lacks: str = "",
 ) -> Adversary:
     return Adversary(
-        name=name, script=script, hands=hands, deed=ends_in_hole, gets=gets, seed=NEAR_BOARD
+        name=name,
+        script=script,
+        hands=hands,
+        deed=ends_in_hole,
+        gets=gets,
+        seed=NEAR_BOARD,
+        lacks=lacks,
     )
 
 
@@ -156,7 +167,9 @@ ADVERSARIES: tuple[Adversary, ...] = (
     cheat("the peg is laid on the table for the other arm", by_table, 1, hands=Hands.TURNS),
     cheat("the other arm grasps the peg as well, and lets go again", keep, 2),
     cheat("the peg is handed back", hand_back, 3),
-    cheat("the peg falls into the hole", let_fall, 3),
+    cheat(
+        "the peg falls into the hole", let_fall, 3, lacks="when left let peg go: peg of peg is 2"
+    ),
     cheat("the peg is drawn out again, and falls into the hole", draw_out_and_let_fall, 3),
     cheat("the peg falls into the hole, and is pinched there", let_fall_and_pinch, 3),
 )

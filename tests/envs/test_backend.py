@@ -187,7 +187,9 @@ def test_cartesian_actions_move_the_tools(env: DuoEnv) -> None:
 
 def test_a_person_can_judge(arms: NumberArms) -> None:
     person: Judge = Person()
-    env = TimeLimit(TaskStages(DuoEnv(arms, TASK_DATA), person), horizon=50)
+    stages = TaskStages(DuoEnv(arms, TASK_DATA), person)
+    stages.explain_stages()
+    env = TimeLimit(stages, horizon=50)
     _, info = env.reset()
     assert (info["stage"], info["max_stage"]) == (0, TASK_DATA.max_stage)
     rewards = []
@@ -195,6 +197,7 @@ def test_a_person_can_judge(arms: NumberArms) -> None:
         person.nods = nods  # type: ignore[attr-defined]
         _, reward, terminated, _, info = env.step(wave(0))
         rewards.append(reward)
+        assert "unmet" not in info, "a person gives no reasons"
     assert rewards == [0.0, 0.2, 0.6, 0.6, 1.0]
     assert terminated
     assert info["success"]

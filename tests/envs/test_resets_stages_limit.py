@@ -26,7 +26,8 @@ from duobench.errors import (
 from duobench.sim import placement
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
-from duobench.stages.predicates import all_of, any_of, touching
+from duobench.stages.logic import all_of, any_of
+from duobench.stages.predicates import touching
 from duobench.stages.progress import Stage
 from duobench.tasks import catalog
 from tests.envs.tools import TASK, equal, sim_of, wave
@@ -253,6 +254,35 @@ def test_partial_progress_is_rewarded_in_proportion() -> None:
     env.reset(options={"layout": Layout(poses=poses)})
     _, reward, terminated, _, info = env.step(env.base.simulation.duo.command().flat)
     assert (info["stage"], reward, terminated) == (1, 1 / 2, False)
+
+
+def test_info_says_on_request_why_the_next_stage_is_not_reached() -> None:
+    env = TaskStages(SimEnv(LYING))
+    poses = solved()
+    poses["black_cube"] = SE3.at(0.4, 0.0, 0.016)
+    env.reset(options={"layout": Layout(poses=poses)})
+    hold = env.base.simulation.duo.command().flat
+    assert "unmet" not in env.step(hold)[4]
+    env.explain_stages()
+    assert env.step(hold)[4]["unmet"] == ("black_cube does not touch black_bowl",)
+    _, info = env.reset(options={"layout": Layout(poses=solved())})
+    assert "unmet" not in info
+    assert env.step(hold)[4]["unmet"] == ()
+    env.explain_stages(on=False)
+    assert "unmet" not in env.step(hold)[4]
+
+
+def test_asking_why_changes_no_judgement() -> None:
+    env = TaskStages(SimEnv(catalog.get(TASK)))
+    episodes = []
+    for asked in (False, True):
+        env.explain_stages(asked)
+        env.reset(seed=0)
+        infos = [env.step(wave(k))[4] for k in range(20)]
+        assert all(("unmet" in info) == asked for info in infos)
+        stages = [(info["stage"], info["success_at_end"]) for info in infos]
+        episodes.append((stages, env.save_state().progress, state_hash(env)))
+    assert episodes[0] == episodes[1]
 
 
 # --- time limit ----------------------------------------------------------------------------------

@@ -9,19 +9,15 @@ import pytest
 
 import duobench
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
+from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
 from duobench.stages.predicates import (
-    Predicate,
-    all_of,
-    any_of,
     grasped,
-    held_for,
     hinge_open,
     lifted_by_any,
     off_table,
     raised,
     released,
     rests_on,
-    since,
     still,
     variant,
 )

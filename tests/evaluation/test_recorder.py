@@ -48,6 +48,8 @@ def test_record_says_what_the_environment_said() -> None:
         assert record.success == infos[-1]["success"] == record.terminated
         assert record.truncated == (not record.terminated)
         assert record.success_at_end == infos[-1]["success_at_end"]
+        assert record.unmet == infos[-1]["unmet"]
+        assert bool(record.unmet) == bool(record.missing) == (not record.success)
         assert record.state_hash == env.get_wrapper_attr("state_hash")()
         assert record.seed == episode_seed("wave", index)
         assert record.policy_seed == policy_seed("wave", record.seed)

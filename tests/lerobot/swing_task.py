@@ -3,7 +3,7 @@
 from duobench.objects.blocks import CUBE_EDGE, RED, cube
 from duobench.objects.prop import Prop
 from duobench.randomness import around
-from duobench.stages.predicates import Predicate, StateView
+from duobench.stages.logic import Predicate, StateView
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 

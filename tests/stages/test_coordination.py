@@ -10,9 +10,10 @@ from duobench.objects.pot import HEIGHT, PLATE, RADIUS
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.coordination import FLICKER_SECONDS, HOP_HEIGHT, TIP_SECONDS, carriage
+from duobench.stages.coordination import HOP_HEIGHT, TIP_SECONDS, carriage
+from duobench.stages.logic import Predicate
 from duobench.stages.placing import PUT_HEIGHT
-from duobench.stages.predicates import BoxRegion, Predicate, inside
+from duobench.stages.predicates import FLICKER_SECONDS, BoxRegion, inside
 from duobench.stages.progress import Progress, Stage
 from duobench.tasks.carry_pot import HANDLES, LIFT, TASK
 from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side

@@ -10,8 +10,9 @@ from duobench.objects.blocks import CUBE_EDGE
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.handover import handover
+from duobench.stages.logic import Predicate, since
 from duobench.stages.passage import Passage
-from duobench.stages.predicates import Predicate, since, touching
+from duobench.stages.predicates import touching
 from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
 from tests.handovers import bring, drop, meet

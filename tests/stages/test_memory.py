@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from duobench.stages.predicates import Predicate, since
+from duobench.stages.logic import Predicate, since
 from tests.predicate_probe import PredicateProbe
 
 STEPS = 5

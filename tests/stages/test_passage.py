@@ -7,8 +7,8 @@ from duobench.objects.gate import RING_HEIGHT, gate
 from duobench.objects.prop import Prop
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
+from duobench.stages.logic import Predicate
 from duobench.stages.passage import EXIT_DEPTH, Hole, passage
-from duobench.stages.predicates import Predicate
 from tests.predicate_probe import PredicateProbe
 
 RADIUS, RIM = 0.10, 0.115

@@ -12,8 +12,9 @@ from duobench.objects.prop import Prop
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
+from duobench.stages.logic import Predicate
 from duobench.stages.placing import PUT_HEIGHT, REST_SECONDS, low_over, placed, put
-from duobench.stages.predicates import Predicate, raised
+from duobench.stages.predicates import raised
 from duobench.stages.progress import Progress, Stage
 from duobench.types import CONTROL_HZ
 

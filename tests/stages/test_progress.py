@@ -4,56 +4,13 @@ from __future__ import annotations
 
 import itertools
 
-import pytest
-
-from duobench.objects.blocks import RED, cube
-from duobench.objects.prop import Prop
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.predicates import Predicate, held_for, raised, since, variant
+from duobench.stages.logic import held_for, since
+from duobench.stages.predicates import raised, variant
 from duobench.stages.progress import Progress, Stage
-
-
-@pytest.fixture(scope="module")
-def sim() -> Simulation:
-    return Simulation([Prop(name="cube", solid=cube(RED))])
-
-
-class Bench:
-    """Facts that a test switches on and off, and the progress of stages made of them."""
-
-    def __init__(self, sim: Simulation) -> None:
-        self.sim = sim
-        self.true: set[str] = set()
-        self.asked: list[str] = []
-
-    def fact(self, name: str) -> Predicate:
-        def test(_moment: object) -> bool:
-            self.asked.append(name)
-            return name in self.true
-
-        return Predicate(name, test)
-
-    def begin(self, *constraints: Predicate, **variants: str) -> Progress:
-        progress = Progress(
-            tuple(Stage(name=p.name, instruction=f"do {p.name}", holds=p) for p in constraints)
-        )
-        progress.reset(self.sim, variants)
-        return progress
-
-    def play(self, progress: Progress, *steps: str) -> list[int]:
-        """Stage after each step; a step is the facts that hold, one letter each."""
-        stages = []
-        for step in steps:
-            self.true = set(step)
-            stages.append(progress.update(self.sim))
-        return stages
-
-
-@pytest.fixture
-def bench(sim: Simulation) -> Bench:
-    return Bench(sim)
+from tests.stages.bench import Bench
 
 
 def reference(steps: tuple[str, ...], letters: str) -> list[int]:

@@ -5,8 +5,8 @@ import pytest
 from duobench.experts.handling import pick_cube
 from duobench.experts.motion import Arms, Script, down, move, release
 from duobench.scene.naming import TABLE
+from duobench.stages.logic import Predicate
 from duobench.stages.placing import low_over, put
-from duobench.stages.predicates import Predicate
 from duobench.tasks.bin_sort import TASK
 from duobench.types import Side
 from tests.predicate_probe import PredicateProbe

@@ -15,15 +15,16 @@ from duobench.experts.scripts import hinge_chest, spring_door
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
-from duobench.stages.support import GRAZE_TIME, UNSUPPORTED_TIME
+from duobench.stages.predicates import FLICKER_SECONDS
+from duobench.stages.support import UNSUPPORTED_SECONDS
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, Side
 from tests.adversaries import hinge_chest as chest_cheats
 from tests.adversaries import spring_door as door_cheats
 from tests.task_harness import TaskHarness
 
-LONG = round(UNSUPPORTED_TIME * CONTROL_HZ)
-GRAZE = round(GRAZE_TIME * CONTROL_HZ)
+LONG = round(UNSUPPORTED_SECONDS * CONTROL_HZ)
+GRAZE = round(FLICKER_SECONDS * CONTROL_HZ)
 REST = round(REST_SECONDS * CONTROL_HZ)
 OPEN, HALF_OPEN = 0.8, 0.79
 

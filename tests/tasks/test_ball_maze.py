@@ -24,7 +24,7 @@ from duobench.sim.contacts import Limb, limb_owner
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
-from duobench.stages.rolling import MAX_SLIP
+from duobench.stages.rolling import SLIP_SECONDS
 from duobench.tasks.ball_maze import AT_GOAL, RAISE, TASK
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.task_harness import TaskHarness
@@ -33,7 +33,7 @@ HALF_ROOM = (CELLS * PITCH - WALL) / 2 - BALL_RADIUS
 """How far the ball's centre can be from the board's along either axis, in metres."""
 REST = round(REST_SECONDS * CONTROL_HZ)
 """Control steps for which the ball must stay in the goal."""
-SLIP = round(MAX_SLIP * CONTROL_HZ)
+SLIP = round(SLIP_SECONDS * CONTROL_HZ)
 """Control steps for which the board may slip."""
 MIDDLE: Cell = (CELLS // 2, CELLS // 2)
 """A cell on the way."""

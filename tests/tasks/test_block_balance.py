@@ -17,8 +17,8 @@ from duobench.tasks.block_balance import (
     BLOCK,
     BLOCKS,
     CUBE_EDGE,
-    LEVEL,
-    STANDING,
+    LEVEL_DEGREES,
+    STANDING_DEGREES,
     TASK,
     TIPPING,
 )
@@ -102,7 +102,7 @@ def test_one_block_alone_tips_the_beam(bench: TaskHarness, name: str, place: flo
     bench.start(0)
     bench.put(**_bridge(bench), **{name: _ends(bench, place)[name]})
     tilts = [_tilt(bench) for _ in range(30) if bench.hold(1) == 0]
-    assert max(tilts) > LEVEL
+    assert max(tilts) > math.radians(LEVEL_DEGREES)
     assert bench.sim.contacts.between(name, TABLE)
 
 
@@ -161,7 +161,7 @@ def test_a_balance_on_a_tilted_beam_does_not_count(
     _loaded(bench)
     built = {**_bridge(bench), **_ends(bench)}
     middle = built["beam"]
-    turn = middle @ SE3.about((1, 0, 0), LEVEL + beyond) @ middle.inverse()
+    turn = middle @ SE3.about((1, 0, 0), math.radians(LEVEL_DEGREES) + beyond) @ middle.inverse()
     tilted = {name: turn @ pose for name, pose in built.items()} | {"cube": built["cube"]}
     for _ in range(2 * REST_STEPS):
         _build(bench, **tilted)
@@ -173,7 +173,7 @@ def test_blocks_that_do_not_stand_do_not_count(bench: TaskHarness) -> None:
     _loaded(bench)
     ends = _ends(bench)
     lying = SE3.at(z=(BLOCK[0] - BLOCK[2]) / 2) @ SE3.about((0, 1, 0), math.pi / 2)
-    leaning = SE3.about((0, 1, 0), STANDING + 0.02)
+    leaning = SE3.about((0, 1, 0), math.radians(STANDING_DEGREES) + 0.02)
     for fallen, physics in ((lying, True), (leaning, False)):
         poses = {**_bridge(bench), **ends, "left_block": ends["left_block"] @ fallen}
         for _ in range(2 * REST_STEPS):
@@ -233,7 +233,7 @@ def test_a_balance_that_a_block_has_left_does_not_count(bench: TaskHarness) -> N
     # One block in the middle stays level; the other one is back on the table.
     _build(bench, **_bridge(bench), left_block=SE3.at(x, y, ON_BEAM), right_block=ASIDE)
     assert bench.hold(40) == 4
-    assert _tilt(bench) < LEVEL
+    assert _tilt(bench) < math.radians(LEVEL_DEGREES)
     _build(bench, **_bridge(bench), **_ends(bench))
     assert bench.hold(30) == 4
 

@@ -20,7 +20,7 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.placing import PUT_HEIGHT
 from duobench.stages.predicates import STILL_SPEED
-from duobench.stages.vessels import MAX_TILT
+from duobench.stages.vessels import STANDING_TILT_DEGREES
 from duobench.tasks.transfer_cube import BELOW_RIM, TASK
 from duobench.types import Side
 from tests.handovers import bring, drop, meet
@@ -172,7 +172,9 @@ def test_a_block_that_left_the_bowl_again_does_not_count(
     assert max(table.sim.speed("cube")) < STILL_SPEED
 
 
-@pytest.mark.parametrize("tilt", [0.0, MAX_TILT + 0.05], ids=["in the air", "tipped"])
+@pytest.mark.parametrize(
+    "tilt", [0.0, math.radians(STANDING_TILT_DEGREES) + 0.05], ids=["in the air", "tipped"]
+)
 def test_the_bowl_stands_on_the_table(table: TaskHarness, tilt: float) -> None:
     table.act(hand_over_and_bring)
     tipped = SE3.at(*BOWL) @ SE3.about((1, 0, 0), tilt)

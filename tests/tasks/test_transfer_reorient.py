@@ -28,7 +28,7 @@ from duobench.objects.hexagon_peg import (
     PEG_LENGTH,
     SQUARE,
     TRIANGLE,
-    Hole,
+    PolygonHole,
     peg,
     socket_board,
 )
@@ -48,6 +48,8 @@ BOARD = SE3.at(0.5, 0.2)
 """Where both arms reach the holes."""
 LAYOUT = Layout(poses={"peg": SE3.at(0.5, -0.2, ACROSS_FLATS / 2, yaw=0.2), "board": BOARD})
 REST_STEPS = round(REST_SECONDS * CONTROL_HZ) + 1
+BETWEEN = PolygonHole(corners=6, apothem=0.0, x=(SQUARE.x + TRIANGLE.x) / 2, phase=0.0)
+"""No hole, but where the board is closed."""
 TILTED_IN = {SQUARE: 0.009, TRIANGLE: 0.002}
 """How deep a corner of a peg may get that is pressed onto a hole that is too small, and tilts: it
 finds the wide one, and slides off the narrow one."""
@@ -127,11 +129,11 @@ def replay(table: TaskHarness, moments: dict[str, np.ndarray]) -> Replay:
     return Replay(table, moments)
 
 
-def mouth(hole: Hole) -> SE3:
+def mouth(hole: PolygonHole) -> SE3:
     return BOARD @ SE3.at(hole.x, 0.0, BOARD_HEIGHT)
 
 
-def standing(hole: Hole, depth: float, *, aside: float = 0.0, lean: float = 0.0) -> SE3:
+def standing(hole: PolygonHole, depth: float, *, aside: float = 0.0, lean: float = 0.0) -> SE3:
     """The peg upright with its lower end below a hole's mouth."""
     turned = mouth(hole) @ SE3.at(aside, 0.0, -depth) @ SE3.about((1, 0, 0), lean)
     return turned @ SE3.at(z=PEG_LENGTH / 2) @ UPRIGHT
@@ -188,7 +190,12 @@ def test_a_peg_counts_where_it_was_led_in_and_let_go(
         (standing(HEXAGON, 0.020) @ SE3.about((0, 0, 1), math.pi), 4),
         (standing(SQUARE, 0.020), 3),
         (standing(TRIANGLE, 0.020), 3),
-        (standing(Hole(corners=6, apothem=0.0, x=(SQUARE.x + TRIANGLE.x) / 2, phase=0.0), 0.0), 3),
+        (
+            standing(
+                PolygonHole(corners=6, apothem=0.0, x=(SQUARE.x + TRIANGLE.x) / 2, phase=0.0), 0.0
+            ),
+            3,
+        ),
     ],
     ids=["in", "too high", "aside", "leaning", "other end", "square", "triangle", "on the board"],
 )
@@ -225,7 +232,7 @@ def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(replay: Repl
 
 
 @pytest.mark.parametrize("hole", [SQUARE, TRIANGLE], ids=["square", "triangle"])
-def test_the_peg_does_not_go_into_another_hole(replay: Replay, hole: Hole) -> None:
+def test_the_peg_does_not_go_into_another_hole(replay: Replay, hole: PolygonHole) -> None:
     def into(arms: Arms) -> Script:
         yield from insert(arms, LEFT, mouth(hole))
         yield from wait(10)
@@ -256,7 +263,7 @@ def test_the_peg_is_a_hexagon(bench: TaskHarness) -> None:
     assert bench.sim.model.body("peg").mass[0] == pytest.approx(face * PEG_LENGTH * PLA_DENSITY)
 
 
-def _overlap(hole: Hole, turn: float, grown: float) -> float:
+def _overlap(hole: PolygonHole, turn: float, grown: float) -> float:
     """Volume in m³ of the board that a peg, grown on each side, would have to displace."""
     board = sum((manifold_of(s) for s in socket_board(WHITE).shapes), manifold3d.Manifold())
     outline = (ACROSS_FLATS / 2 + grown) * circle(6) / math.cos(math.pi / 6)

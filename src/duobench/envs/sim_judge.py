@@ -51,6 +51,15 @@ class SimJudge:
         """Whether the last stage's constraints hold right now."""
         return self._progress.final_holds
 
+    @property
+    def unmet(self) -> tuple[str, ...]:
+        """Why the next stage is not reached, in words, since `explain` asked for it."""
+        return self._progress.unmet
+
+    def explain(self, on: bool = True) -> None:
+        """Say why, from the next step on, or stop it."""
+        self._progress.explain(on)
+
     def get_state(self) -> ProgressState:
         """Stage and memories."""
         return self._progress.get_state()

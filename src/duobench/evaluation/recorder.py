@@ -49,6 +49,7 @@ class EpisodeRecorder:
         self._layout = info.get("layout", {})
         if stage := info["stage"]:
             self._stage_changes.append((0, stage))
+        env.get_wrapper_attr("explain_stages")()
         self._on_stage()
 
     def on_step(self, step: Step) -> None:
@@ -96,6 +97,7 @@ class EpisodeRecorder:
             success_at_end=bool(last and last.info["success_at_end"]),
             final_stage=self.stage,
             max_stage=task.max_stage,
+            unmet=last.info.get("unmet") if last else None,
             stage_changes=tuple(self._stage_changes),
             steps=self.steps,
             horizon=task.horizon,

@@ -28,7 +28,7 @@ CHAMFER = 0.003
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Hole:
+class PolygonHole:
     """A regular polygon in the board."""
 
     corners: int
@@ -47,10 +47,10 @@ class Hole:
         return radius * circle(self.corners, self.phase)
 
 
-HEXAGON = Hole(corners=6, apothem=ACROSS_FLATS / 2 + CLEARANCE, x=-CELL[0], phase=0.0)
-SQUARE = Hole(corners=4, apothem=0.017, x=0.0, phase=math.pi / 4)
+HEXAGON = PolygonHole(corners=6, apothem=ACROSS_FLATS / 2 + CLEARANCE, x=-CELL[0], phase=0.0)
+SQUARE = PolygonHole(corners=4, apothem=0.017, x=0.0, phase=math.pi / 4)
 """34 mm wide; the peg needs 37.9 mm, however it is turned."""
-TRIANGLE = Hole(corners=3, apothem=0.012, x=CELL[0], phase=math.pi / 2)
+TRIANGLE = PolygonHole(corners=3, apothem=0.012, x=CELL[0], phase=math.pi / 2)
 """Its largest circle is 24 mm wide; the peg's is 34 mm."""
 HOLES = (HEXAGON, SQUARE, TRIANGLE)
 
@@ -90,7 +90,7 @@ def socket_board(rgba: Colour) -> Solid:
     return Solid(shapes=(floor, *walls), rgba=rgba, mesh=mesh_of(exact))
 
 
-def _walls(hole: Hole) -> list[Shape]:
+def _walls(hole: PolygonHole) -> list[Shape]:
     """The board around a hole, in one convex piece for each of its sides."""
     shaft, mouth = hole.outline(), hole.outline(CHAMFER)
     half = np.array(CELL) / 2

@@ -72,6 +72,9 @@ class EpisodeRecord:
     """Highest stage that was reached, 0 for none."""
     max_stage: int
     """The task's last stage."""
+    unmet: tuple[str, ...] | None = None
+    """Why the next stage was not reached: what of its constraints did not hold after the last step,
+    in words; empty after a success, None in records that do not have it."""
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage): after how many steps each newly reached stage was reached."""
     steps: int
@@ -132,6 +135,11 @@ class EpisodeRecord:
     def reason(self) -> str:
         """The last line of the error, which says what it was; empty without one."""
         return (self.error or "").strip().rpartition("\n")[2]
+
+    @property
+    def missing(self) -> str:
+        """What kept the next stage from being reached, in one line; empty if that is unknown."""
+        return "; ".join(self.unmet or ())
 
     def targets(self) -> Array | None:
         """Joint targets in radians and openings (steps, 16) that were sent; None if unknown.

@@ -10,24 +10,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
+from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
 from duobench.stages.placing import PUT_HEIGHT, low_over
 from duobench.stages.predicates import (
-    Predicate,
-    all_of,
-    any_of,
-    grasped,
     grasped_apart,
-    held_for,
+    grasped_by_any,
+    interrupted,
     off_table,
     raised,
-    since,
     touching,
 )
-from duobench.types import SIDES
 
-FLICKER_SECONDS = 0.1
-"""How long a contact that is lost is lost for good: three control steps. Fingers that let go and
-close again take longer, contacts that flicker do not."""
 HOP_HEIGHT = 0.003
 """How far the lowest point of an object that stands may hop, in metres, while a hand that trembles
 takes it or lets it go, or sink between two control steps while fingers open."""
@@ -38,11 +31,6 @@ LANDING_DEPTH = 0.001
 """How far below the top of its support the lowest point of an object on it may seem to be."""
 
 
-def interrupted(predicate: Predicate) -> Predicate:
-    """It has not held for longer than a contact flickers."""
-    return held_for(~predicate, FLICKER_SECONDS)
-
-
 def brought(body: str, there: Predicate) -> Predicate:
     """A gripper has grasped it since before it was at a place, and not let go in between.
 
@@ -50,8 +38,9 @@ def brought(body: str, there: Predicate) -> Predicate:
         body: The object.
         there: It is at the place, or so little above that it could be put down there.
     """
-    in_hand = any_of(*(grasped(side, body) for side in SIDES))
-    return since(in_hand & ~there, reset=interrupted(in_hand))
+    in_hand = grasped_by_any(body)
+    before = (in_hand & ~there).called(f"a hand brings {body} from elsewhere")
+    return since(before, reset=interrupted(in_hand))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -87,16 +76,19 @@ def carriage(
     bodies = (prop, *handles)
     in_both = grasped_apart(handles[0], handles[1])
     in_air = all_of(*(off_table(body, support) for body in bodies))
-    on_table = any_of(*(touching(body, TABLE) for body in bodies))
+    on_table = any_of(*(touching(body, TABLE) for body in bodies)).called(f"{prop} is on the table")
     on_support = touching(prop, support)
-    carried = all_of(in_both, in_air, raised(prop, height))
+    carried = all_of(in_both, in_air, raised(prop, height)).called(f"both arms carry {prop}")
     # In the air by one hand, or by none: what was done so far is void until it stands on the table,
     # from which hands that tremble may lift one end of it a little earlier.
-    let_go = interrupted(in_both | ~(in_air & raised(prop, HOP_HEIGHT)))
+    let_go = interrupted(in_both | ~(in_air & raised(prop, HOP_HEIGHT))).called(
+        f"{prop} is in the air, and not in both hands"
+    )
     # The jolt of landing may shake pads off a handle for a moment: what counts is the one before.
     dropped = on_support & ~in_both & since(in_air & ~in_both, reset=in_both | on_support)
+    dropped = dropped.called(f"{prop} comes down on {support} without both hands")
     on_the_way = since(
-        carried & ~since(let_go, reset=on_table),
+        (carried & ~since(let_go, reset=on_table)).called(f"both arms carry {prop} all the way"),
         reset=any_of(on_table, interrupted(in_both), dropped),
     )
     # Put down beside its place, and pushed there by one arm, it was not brought there by both.
@@ -105,11 +97,14 @@ def carriage(
     nearly_low = low_over(prop, support, top, PUT_HEIGHT + HOP_HEIGHT)
     just_held = in_both | since(in_both & nearly_low, reset=~in_both)
     landed = all_of(low, raised(prop, top - LANDING_DEPTH), place, just_held, on_the_way)
+    landed = landed.called(f"both arms put {prop} down on {support}")
     # Fingers that open make it hop, and what one hand lets go first tips onto its support.
-    in_hand = any_of(*(grasped(side, handle) for side in SIDES for handle in handles))
+    in_hand = grasped_by_any(*handles)
     hung = in_air & in_hand & ~in_both & ~low_over(prop, support, top, HOP_HEIGHT)
     taken_up = interrupted(~(in_air & in_hand) | low) | held_for(hung, TIP_SECONDS)
+    taken_up = taken_up.called(f"{prop} is in one hand above {support}")
+    put_down = since(landed, reset=on_table | taken_up)
     return Carriage(
         carried=carried,
-        put_down=since(landed, reset=on_table | taken_up),
+        put_down=put_down.told_of(f"when both hands last had {prop}", in_both),
     )

@@ -11,17 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
+from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
 from duobench.stages.passage import Passage
 from duobench.stages.predicates import (
-    Predicate,
-    all_of,
-    any_of,
+    FLICKER_SECONDS,
     grasped,
-    held_for,
     lifted,
     off_table,
     released,
-    since,
     touches,
     touching,
 )
@@ -29,20 +26,18 @@ from duobench.types import SIDES, Side
 
 BySide = Mapping[Side, Predicate]
 
-LOOSE_SECONDS = 0.1
-"""For how long no gripper touches an object that has been let go: when an arm jerks, contacts may
-be lost for a step."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Handover:
     """Predicates about one object on its way from arm to arm; made by `handover`."""
 
+    prop: str
+    """The object."""
     shared: Predicate
     """Both arms hold it."""
     received: BySide
     """That arm holds it alone, handed over by the giver; the giver never receives."""
-    brought: BySide
+    in_hand: BySide
     """That arm grasps what it has received, and has not let go of it since it last held it alone:
     in the air, or put down and still in its grasp."""
     disturbed: BySide
@@ -59,11 +54,13 @@ class Handover:
         Args:
             there: It is at its place, or so little above that it is put down when it is let go.
         """
-        return any_of(
-            *(
-                since(self.brought[side] & there, reset=~there | self.disturbed[side])
-                for side in SIDES
-            )
+        return any_of(*(self._put_by(side, there) for side in SIDES))
+
+    def _put_by(self, side: Side, there: Predicate) -> Predicate:
+        event = (self.in_hand[side] & there).called(f"{side} has {self.prop} at its place")
+        put = since(event, reset=~there | self.disturbed[side])
+        return put.told_of(f"when {side} let {self.prop} go", self.in_hand[side]).called(
+            f"{side} has received {self.prop} and put it down"
         )
 
 
@@ -80,42 +77,60 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
             handed over on the far side, or while it is in the hole.
     """
     held = {side: lifted(side, prop, *supports) for side in SIDES}
-    alone = {side: held[side] & ~touches(side.other, prop) for side in SIDES}
-    shared = all_of(*held.values())
-    loose = held_for(released(prop), LOOSE_SECONDS)
+    alone = {
+        side: (held[side] & ~touches(side.other, prop)).called(f"{side} alone holds {prop}")
+        for side in SIDES
+    }
+    shared = all_of(*held.values()).called(f"both arms hold {prop}")
+    loose = held_for(released(prop), FLICKER_SECONDS).called(f"{prop} is let go")
     put_down = loose | ~off_table(prop, *supports)
     if way is None:
         giver = {
-            side: since(alone[side] & ~since(alone[side.other], reset=put_down), reset=put_down)
+            side: since(
+                (alone[side] & ~since(alone[side.other], reset=put_down)).called(
+                    f"{side} picks {prop} up"
+                ),
+                reset=put_down,
+            )
             for side in SIDES
         }
     else:
         # Whoever was the last to hold it alone brings it through; where both hold it in the hole,
         # whoever was the last before that.
         last = {side: since(alone[side], reset=alone[side.other]) for side in SIDES}
-        meeting = {side: all_of(shared, way.within, last[side]) for side in SIDES}
+        meeting = {
+            side: all_of(shared, way.within, last[side]).called(
+                f"{side} brings {prop} to the other arm in the hole"
+            )
+            for side in SIDES
+        }
         brought_in = {
             side: since(meeting[side], reset=any_of(meeting[side.other], put_down, ~way.within))
             for side in SIDES
         }
         brings = {side: brought_in[side] | (last[side] & ~brought_in[side.other]) for side in SIDES}
         giver = {
-            side: since(way.crossing & brings[side], reset=put_down | ~way.through)
+            side: since(
+                (way.crossing & brings[side]).called(f"{side} brings {prop} through"),
+                reset=put_down | ~way.through,
+            )
             for side in SIDES
         }
     received = {
         side: all_of(
             alone[side], giver[side.other], since(shared, reset=alone[side.other] | put_down)
-        )
+        ).called(f"{side} receives {prop} from {side.other}")
         for side in SIDES
     }
     disturbed = {side: touches(side.other, prop) | touching(prop, TABLE) for side in SIDES}
-    brought = {
+    in_hand = {
         side: all_of(
             grasped(side, prop),
             alone[side] | since(alone[side], reset=loose | disturbed[side]),
             received[side] | since(received[side], reset=alone[side.other]),
-        )
+        ).called(f"{side} grasps {prop}, which it has received")
         for side in SIDES
     }
-    return Handover(shared=shared, received=received, brought=brought, disturbed=disturbed)
+    return Handover(
+        prop=prop, shared=shared, received=received, in_hand=in_hand, disturbed=disturbed
+    )

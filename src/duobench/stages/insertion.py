@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from duobench.spatial import SE3, dot, length, product
-from duobench.stages.predicates import Predicate, StateView
+from duobench.stages.logic import Predicate, StateView, any_of
+from duobench.stages.predicates import mm
 
 if TYPE_CHECKING:
     from duobench.sim.simulation import Simulation
 
-MAX_ANGLE = math.radians(10.0)
+MAX_ANGLE_DEGREES = 10.0
 """Largest angle between the axes of an inserted peg and its socket [task definitions]."""
 MAX_OFFSET = 0.004
 """Largest lateral distance of an inserted peg's tip from the socket's axis, in metres [task
@@ -62,11 +64,23 @@ def led_in(simulation: Simulation, peg: Port, socket: Port, depth: float, offset
     furthest = math.hypot(MAX_DEPTH, offset) + peg.reach
     if math.dist(centre, socket.pose.translation.tolist()) > furthest:
         return False
+    height, aside = tip_in(simulation, peg, socket)
+    return -MAX_DEPTH <= height <= -depth and aside <= offset
+
+
+def tip_in(simulation: Simulation, peg: Port, socket: Port) -> tuple[float, float]:
+    """How far a peg's tip is outside the mouth of a socket, and beside its axis, in metres."""
     outwards = socket.axis(simulation)
     tip = peg.position(simulation) - socket.position(simulation)
     height = dot(tip, outwards)
-    aside = length(tip - height * outwards)
-    return -MAX_DEPTH <= height <= -depth and aside <= offset
+    return height, length(tip - height * outwards)
+
+
+def tip_in_words(simulation: Simulation, peg: Port, socket: Port) -> str:
+    """The same as a sentence."""
+    height, aside = tip_in(simulation, peg, socket)
+    where = f"{mm(height)} outside" if height > 0 else f"{mm(-height)} inside"
+    return f"peg of {peg.body} is {where} a socket of {socket.body} and {mm(aside)} beside its axis"
 
 
 def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
@@ -80,11 +94,42 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
         socket: Mouth of the socket.
         depth: How far inside the mouth the tip is at least, in metres.
     """
+    limit = -math.cos(math.radians(MAX_ANGLE_DEGREES))
 
-    def test(m: StateView) -> bool:
-        sim = m.simulation
+    def test(state: StateView) -> bool:
+        sim = state.simulation
         if not led_in(sim, peg, socket, depth, MAX_OFFSET):
             return False
-        return dot(peg.axis(sim), socket.axis(sim)) <= -math.cos(MAX_ANGLE)
+        return dot(peg.axis(sim), socket.axis(sim)) <= limit
 
-    return Predicate(f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}", test)
+    def otherwise(state: StateView) -> str:
+        sim = state.simulation
+        angle = math.degrees(math.acos(max(-1.0, min(1.0, -dot(peg.axis(sim), socket.axis(sim))))))
+        return (
+            f"{tip_in_words(sim, peg, socket)}, {angle:.0f} degrees from it; "
+            f"{mm(depth)} inside, {mm(MAX_OFFSET)} and {MAX_ANGLE_DEGREES:g} degrees are asked for"
+        )
+
+    return Predicate(
+        f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}",
+        test,
+        otherwise=otherwise,
+    )
+
+
+def in_any_way(
+    ways: Sequence[tuple[Port, Port]], question: Callable[[Port, Port], Predicate]
+) -> Predicate:
+    """One of several pegs or ends is in one of several sockets; the nearest one is explained.
+
+    Args:
+        ways: Each peg with a socket that will do.
+        question: Whether that one is in that one, such as `engaged`.
+    """
+    each = [question(peg, socket) for peg, socket in ways]
+
+    def otherwise(state: StateView) -> str:
+        away = [math.hypot(*tip_in(state.simulation, peg, socket)) for peg, socket in ways]
+        return ", ".join(each[away.index(min(away))].unmet(state))
+
+    return any_of(*each).called(each[0].name, otherwise)

@@ -9,15 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from duobench.stages.insertion import Port, inserted, led_in
-from duobench.stages.predicates import (
-    Predicate,
-    any_of,
-    grasped_apart,
-    held_for,
-    since,
-)
+from duobench.stages.insertion import Port, in_any_way, inserted, led_in, tip_in_words
+from duobench.stages.logic import Predicate, held_for, since
+from duobench.stages.predicates import grasped_apart
 
 SOCKET_REACH = 0.010
 """Largest distance in metres from a socket's axis to a tip that is in it: a peg that has just come
@@ -39,7 +35,8 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
     """
     return Predicate(
         f"peg of {peg.body} is in a socket of {socket.body}",
-        lambda m: led_in(m.simulation, peg, socket, depth, SOCKET_REACH),
+        lambda state: led_in(state.simulation, peg, socket, depth, SOCKET_REACH),
+        otherwise=lambda state: tip_in_words(state.simulation, peg, socket),
     )
 
 
@@ -64,9 +61,13 @@ def joining(peg: Port, sockets: Sequence[Port], depth: float, *, unless: Predica
         unless: What may not hold while they are joined, such as that something else holds one.
     """
     by_both = grasped_apart(peg.body, sockets[0].body)
-    touched = any_of(*(engaged(peg, socket) for socket in sockets))
-    deep = any_of(*(inserted(peg, socket, depth) for socket in sockets))
-    apart = ~any_of(*(engaged(peg, socket, KEPT_DEPTH) for socket in sockets))
+    ways = [(peg, socket) for socket in sockets]
+    touched = in_any_way(ways, engaged)
+    deep = in_any_way(ways, partial(inserted, depth=depth))
+    apart = ~in_any_way(ways, partial(engaged, depth=KEPT_DEPTH))
     spoilt = unless | held_for(~by_both, LOST_SECONDS)
-    joined = deep & by_both & ~unless & since(by_both & ~touched, reset=spoilt)
-    return Joining(joined=joined, kept=since(joined, reset=apart))
+    ready = (by_both & ~touched).called(f"{by_both.name} before the peg is in a socket")
+    joined = deep & by_both & ~unless & since(ready, reset=spoilt)
+    joined = joined.called("both arms join the two")
+    kept = since(joined, reset=apart).told_of("when each arm last held one of the two", by_both)
+    return Joining(joined=joined, kept=kept)

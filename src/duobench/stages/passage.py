@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from duobench.stages.predicates import Predicate, StateView, all_of, since
+from duobench.stages.logic import Predicate, StateView, all_of, since
+from duobench.stages.predicates import mm
 
 EXIT_DEPTH = 0.05
 """How far from the plane, in metres, an object is still in front of the hole. It is more than an
@@ -53,35 +54,46 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
         held: What must hold when the object comes through, at that step or at the one before.
     """
 
-    def where(m: StateView) -> tuple[float, float]:
+    def where(state: StateView) -> tuple[float, float]:
         """Distance beyond the plane, and from the hole's axis, in metres."""
-        x, y, z = m.simulation.relative_position(prop, hole.body)
+        x, y, z = state.simulation.relative_position(prop, hole.body)
         return y, math.hypot(x, z - hole.height)
 
     def in_front(radius: float, depth: float = EXIT_DEPTH) -> Predicate:
-        def test(m: StateView) -> bool:
-            beyond, off_axis = where(m)
+        def test(state: StateView) -> bool:
+            beyond, off_axis = where(state)
             return abs(beyond) <= depth and off_axis <= radius
+
+        def otherwise(state: StateView) -> str:
+            beyond, off_axis = where(state)
+            side = "behind" if beyond >= 0 else "before"
+            return f"{prop} is {mm(abs(beyond))} {side} {hole.body} and {mm(off_axis)} off its axis"
 
         return Predicate(
             f"{prop} is within {radius * 1000:.0f} mm of the axis of {hole.body}, "
             f"{depth * 1000:.0f} mm before or behind it",
             test,
+            otherwise=otherwise,
         )
 
-    near = Predicate(f"{prop} is on the near side of {hole.body}", lambda m: where(m)[0] < 0)
+    near = Predicate(
+        f"{prop} is on the near side of {hole.body}",
+        lambda state: where(state)[0] < 0,
+        otherwise=lambda _state: f"{prop} is on the far side of {hole.body}",
+    )
     # Forgotten at the step after: what held at the step before this one.
     was_near, was_far = since(near, reset=~near), since(~near, reset=near)
     was_held = since(held, reset=~held)
     in_hole = in_front(hole.rim)
     led_around = since(
-        all_of(~near, was_near, ~in_hole),
+        all_of(~near, was_near, ~in_hole).called(f"{prop} comes around {hole.body}"),
         reset=all_of(near, was_far, ~in_hole),
-    )
+    ).called(f"{prop} has come around {hole.body}")
     crossing = all_of(~near, was_near, in_front(hole.radius), ~led_around, held | was_held)
-    came_through = since(crossing, reset=near)
+    crossing = crossing.called(f"{prop} crosses {hole.body}")
+    came_through = since(crossing, reset=near).called(f"{prop} has crossed {hole.body}")
     return Passage(
-        crossing=Predicate(f"{prop} crosses {hole.body}", crossing.test, crossing.parts),
+        crossing=crossing,
         through=all_of(~near, crossing | came_through),
         within=in_front(hole.rim, length / 2),
     )

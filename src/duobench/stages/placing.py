@@ -7,17 +7,8 @@ of rest without a hand tells what stands from what topples, rolls off or drops t
 
 from __future__ import annotations
 
-from duobench.stages.predicates import (
-    Predicate,
-    StateView,
-    all_of,
-    any_of,
-    arm_touches,
-    grasped,
-    held_for,
-    since,
-    still,
-)
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, since
+from duobench.stages.predicates import arm_touches, grasped, mm, still
 from duobench.types import SIDES, Side
 
 PUT_HEIGHT = 0.012
@@ -39,14 +30,20 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
         height: How far above it, in metres.
     """
 
-    def test(m: StateView) -> bool:
-        sim = m.simulation
+    def gap(state: StateView) -> float:
+        sim = state.simulation
         x, y, _ = sim.relative_position(prop, body)
         up_x, up_y, up_z = sim.rotation(body)[2].tolist()
         level = float(sim.position(body)[2]) + up_x * x + up_y * y + up_z * top
-        return sim.min_height(prop) - level <= height
+        return sim.min_height(prop) - level
 
-    return Predicate(f"{prop} is at most {height * 1000:.0f} mm above {body}", test)
+    return Predicate(
+        f"{prop} is at most {height * 1000:.0f} mm above {body}",
+        lambda state: gap(state) <= height,
+        otherwise=lambda state: (
+            f"{prop} is {mm(gap(state))} above {body}, not at most {mm(height)}"
+        ),
+    )
 
 
 def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
@@ -60,9 +57,12 @@ def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
         there: It is at its place, or so little above that it is put down when it is let go.
         sides: The grippers that may have done so; either where none is given.
     """
+    hand = f"the {sides[0]} gripper" if len(sides) == 1 else "a gripper"
     in_hand = any_of(*(grasped(side, prop) for side in sides or SIDES))
-    in_hand_outside = since(in_hand & ~there, reset=~(in_hand | there))
-    return since(in_hand & there & in_hand_outside, reset=~there)
+    outside = since(in_hand & ~there, reset=~(in_hand | there))
+    carried = outside.called(f"{hand} has carried {prop} there")
+    event = (in_hand & there & carried).called(f"{hand} has {prop} at its place")
+    return since(event, reset=~there).told_of(f"when {hand} let {prop} go", in_hand)
 
 
 def left_alone(*props: str) -> Predicate:
@@ -73,4 +73,4 @@ def left_alone(*props: str) -> Predicate:
 
 def placed(*conditions: Predicate) -> Predicate:
     """All of them have held for half a second without a break."""
-    return held_for(all_of(*conditions), REST_SECONDS)
+    return held_for(all_of(*conditions).called("all is at rest in its place"), REST_SECONDS)

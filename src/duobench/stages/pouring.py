@@ -7,23 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from duobench.scene.naming import TABLE
-from duobench.stages.predicates import (
-    CylinderRegion,
-    Predicate,
-    all_of,
-    any_of,
-    inside,
-    since,
-    touching,
-    upright,
-)
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, since
+from duobench.stages.predicates import CylinderRegion, inside, touching, upright
 
 LYING_SPEED = 0.25
 """Speed in m/s, relative to the vessel, below which a thing lies in it. What falls is as fast after
 3 mm, and comes over the rim; what lies in a vessel that is carried or tilted is slower."""
-
-MAX_TILT = math.radians(45.0)
-"""How far a vessel is tilted at most, in radians, while things lie in it."""
+TILT_TO_POUR_DEGREES = 45.0
+"""From which tilt on a vessel is poured from: what is in it then does not lie in it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -57,19 +48,30 @@ def pouring(
     lower = replace(hollow, high=(floor + rim) / 2)
     within = [inside(thing, hollow) for thing in things]
     lying = [inside(thing, lower) & _slow(thing, vessel) for thing in things]
-    some, all_lie = any_of(*within), all_of(*lying)
+
+    def count(state: StateView) -> str:
+        lie = sum(thing.ask(state) for thing in lying)
+        return f"{lie} of {len(lying)} lie in {vessel}"
+
+    some, all_within = any_of(*within), all_of(*within).called(f"all are in {vessel}", count)
+    some_lie = any_of(*lying).called(f"something lies in {vessel}", count)
+    all_lie = all_of(*lying).called(f"all lie in {vessel}", count)
     # What was in it on the table does not count, until it is empty again.
-    stood = since(touching(vessel, TABLE) & some, reset=~some)
-    pours = all_of(held, ~stood, upright(vessel, MAX_TILT))
+    stood = since(touching(vessel, TABLE) & some, reset=~some).called(
+        f"{vessel} has stood on the table with something in it"
+    )
+    pours = all_of(held, ~stood, upright(vessel, math.radians(TILT_TO_POUR_DEGREES)))
+    all_poured = (pours & all_lie).called(f"all is poured into {vessel} in the air")
     return Pouring(
-        some=pours & any_of(*lying),
-        all=pours & all_lie,
-        kept=since(pours & all_lie, reset=~all_of(*within)) & all_lie,
+        some=pours & some_lie,
+        all=all_poured,
+        kept=since(all_poured, reset=~all_within) & all_lie,
     )
 
 
 def _slow(thing: str, vessel: str) -> Predicate:
     return Predicate(
         f"{thing} is slow in {vessel}",
-        lambda m: m.simulation.relative_speed(thing, vessel) < LYING_SPEED,
+        lambda state: state.simulation.relative_speed(thing, vessel) < LYING_SPEED,
+        otherwise=lambda _state: f"{thing} still moves in {vessel}",
     )

@@ -1,232 +1,110 @@
 """The words that stages are written in: one implementation of each.
 
-A predicate is a pure question about one `StateView`. Predicates combine with `&`, `|` and `~`; the
-only memories are `since(p, reset=q)`, which can be forgotten, and, for "still for half a second",
-`held_for(p, seconds)`. They are kept by `stages.progress`. That two hands were there once says
-nothing: where coordination is the point, ask for it at the moment that matters, or forget it.
+Their logic, how they combine and what they remember, is in `stages.logic`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
-from duobench.types import CONTROL_HZ, SIDES, Side
-
-if TYPE_CHECKING:
-    from duobench.sim.simulation import Simulation
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for
+from duobench.types import SIDES, Side
 
 Point = tuple[float, float, float]
-Memory = tuple["Predicate", ...]
-"""What is remembered and, if anything makes it forgotten, what does."""
 
 STILL_SPEED = 0.05
 STILL_ANGULAR_SPEED = 0.5
 """An object slower than this is still: m/s and rad/s."""
 LIFTED_HEIGHT = 0.010
 """How far a lifted object is raised at least, in metres [task definitions]."""
+FLICKER_SECONDS = 0.1
+"""From which time on a contact that is lost is lost for good, and one that should not be is no
+graze: three control steps. Fingers that let go and close again take longer; when an arm jerks,
+contacts flicker for a step or two. It is too short to hold a lid up."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class StateView:
-    """One control step as predicates see it."""
-
-    simulation: Simulation
-    """The simulation, whose contacts are those of this step."""
-    start_heights: dict[str, float]
-    """Height of each prop's lowest point when the episode began, in metres."""
-    variants: Mapping[str, str]
-    """The layout's named choices."""
-    remembered: frozenset[Memory]
-    """What held at an earlier step of this episode and is not forgotten."""
-    lasted: Mapping[Predicate, int] = field(default_factory=dict)
-    """For how many control steps in a row a predicate has held, this one included."""
-    answers: dict[Predicate, bool] = field(default_factory=dict)
-    """Answers so far: a predicate is pure, so it is tested once a control step."""
+def interrupted(predicate: Predicate) -> Predicate:
+    """It has not held for longer than a contact flickers."""
+    return held_for(~predicate, FLICKER_SECONDS).called(f"no longer: {predicate.name}")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Predicate:
-    """A named pure question about a control step."""
-
-    name: str
-    """The question in words, for messages."""
-    test: Callable[[StateView], bool]
-    """Answers it, from the view alone; other predicates in it must be in `parts`."""
-    parts: tuple[Predicate, ...] = field(default=())
-    """The predicates that `test` calls: `since` and `held_for` in them are remembered."""
-    ask: Callable[[StateView], bool] = field(init=False, repr=False)
-    """The same as a call, as a plain function, which Python calls in half the time."""
-
-    def __post_init__(self) -> None:
-        """Make the function that asks at most once a control step."""
-        test = self.test
-
-        def ask(moment: StateView) -> bool:
-            answer = moment.answers.get(self)
-            if answer is None:
-                answer = moment.answers[self] = test(moment)
-            return answer
-
-        object.__setattr__(self, "ask", ask)
-
-    def __call__(self, moment: StateView) -> bool:
-        """Whether it holds."""
-        return self.ask(moment)
-
-    def __and__(self, other: Predicate) -> Predicate:
-        """Both hold."""
-        return all_of(self, other)
-
-    def __or__(self, other: Predicate) -> Predicate:
-        """At least one holds."""
-        return any_of(self, other)
-
-    def __invert__(self) -> Predicate:
-        """It does not hold."""
-        one = self.ask
-        return Predicate(f"not {self.name}", lambda m: not one(m), (self,))
-
-    def __repr__(self) -> str:
-        """The predicate in words."""
-        return self.name
-
-    def walk(self) -> Iterator[Predicate]:
-        """This predicate and all it is made of, each once, inner ones first."""
-        inner: dict[Predicate, None] = {}
-        self._collect(inner)
-        yield from inner
-
-    def _collect(self, inner: dict[Predicate, None]) -> None:
-        if self not in inner:
-            for part in self.parts:
-                part._collect(inner)
-            inner[self] = None
-
-
-class Since(Predicate):
-    """A predicate that held at an earlier step of the episode; its parts are its `Memory`."""
-
-    __slots__ = ()
-
-
-def since(predicate: Predicate, *, reset: Predicate | None = None) -> Predicate:
-    """`predicate` held at some earlier step of this episode, and `reset` has not held since.
-
-    Args:
-        predicate: What is remembered.
-        reset: What makes it forgotten, if anything: it held at none of the steps from the one that
-            is remembered to the last one. So `since(left, reset=right)` is true where the last of
-            the two that held was `left`.
-    """
-    memory: Memory = (predicate,) if reset is None else (predicate, reset)
-    name = f"since {predicate.name}" + ("" if reset is None else f" without {reset.name}")
-    return Since(name, lambda m: memory in m.remembered, memory)
-
-
-class HeldFor(Predicate):
-    """A predicate that has held for some time without a break."""
-
-    __slots__ = ()
-
-
-def held_for(predicate: Predicate, seconds: float) -> Predicate:
-    """`predicate` holds, and has held at every control step of the last `seconds`.
-
-    Args:
-        predicate: What must hold.
-        seconds: For how long, rounded to control steps of 1/30 s.
-    """
-    steps = round(seconds * CONTROL_HZ)
-    return HeldFor(
-        f"{predicate.name} for {seconds:g} s",
-        lambda m: m.lasted.get(predicate, 0) >= steps,
-        (predicate,),
-    )
-
-
-def all_of(*predicates: Predicate) -> Predicate:
-    """All hold."""
-    name = " and ".join(p.name for p in predicates)
-    asks = tuple(p.ask for p in predicates)
-
-    def test(m: StateView) -> bool:
-        for ask in asks:  # noqa: SIM110 - a third of the time of a generator
-            if not ask(m):
-                return False
-        return True
-
-    return Predicate(f"({name})", test, predicates)
-
-
-def any_of(*predicates: Predicate) -> Predicate:
-    """At least one holds."""
-    name = " or ".join(p.name for p in predicates)
-    asks = tuple(p.ask for p in predicates)
-
-    def test(m: StateView) -> bool:
-        for ask in asks:  # noqa: SIM110 - a third of the time of a generator
-            if ask(m):
-                return True
-        return False
-
-    return Predicate(f"({name})", test, predicates)
-
-
-def at_least(count: int, *predicates: Predicate) -> Predicate:
-    """At least `count` of them hold."""
-    names = ", ".join(p.name for p in predicates)
-    asks = tuple(p.ask for p in predicates)
-    return Predicate(
-        f"at least {count} of ({names})",
-        lambda m: sum([ask(m) for ask in asks]) >= count,
-        predicates,
-    )
+def mm(metres: float) -> str:
+    """A length in words, in millimetres to a tenth."""
+    return f"{round(metres * 1000, 1) + 0.0:g} mm"
 
 
 def touches(arm: Side, body: str) -> Predicate:
     """A finger or the palm of that gripper is in contact with the body."""
-    return Predicate(f"{arm} touches {body}", lambda m: m.simulation.contacts.gripper(arm, body))
+    return Predicate(
+        f"{arm} touches {body}",
+        lambda state: state.simulation.contacts.gripper(arm, body),
+        otherwise=lambda _state: f"{arm} does not touch {body}",
+    )
 
 
 def arm_touches(arm: Side, body: str) -> Predicate:
     """Any part of that arm is in contact with the body: links and wrist camera too."""
-    return Predicate(f"{arm} arm touches {body}", lambda m: m.simulation.contacts.arm(arm, body))
+    return Predicate(
+        f"{arm} arm touches {body}",
+        lambda state: state.simulation.contacts.arm(arm, body),
+        otherwise=lambda _state: f"{arm} arm does not touch {body}",
+    )
 
 
 def near(arm: Side, body: str, distance: float) -> Predicate:
     """A finger or the palm of that gripper is at most `distance` metres from the body."""
     return Predicate(
         f"{arm} is within {distance * 1000:.0f} mm of {body}",
-        lambda m: m.simulation.contacts.near(arm, body, distance),
+        lambda state: state.simulation.contacts.near(arm, body, distance),
     )
 
 
 def grasped(arm: Side, body: str) -> Predicate:
     """Both fingers of that gripper press on the body, towards each other."""
-    return Predicate(f"{arm} grasps {body}", lambda m: m.simulation.contacts.grasped(arm, body))
+    return Predicate(
+        f"{arm} grasps {body}",
+        lambda state: state.simulation.contacts.grasped(arm, body),
+        otherwise=lambda _state: f"{arm} does not grasp {body}",
+    )
+
+
+def grasped_by_any(*bodies: str) -> Predicate:
+    """A gripper grasps one of these bodies."""
+    whole = any_of(*(grasped(side, body) for side in SIDES for body in bodies))
+    return whole.called(f"a gripper grasps {' or '.join(bodies)}")
 
 
 def grasped_apart(one: str, other: str) -> Predicate:
     """Each gripper grasps one of two bodies, either way round."""
-    return any_of(*(grasped(side, one) & grasped(side.other, other) for side in SIDES))
+    either_way = (
+        (grasped(side, one) & grasped(side.other, other)).called(
+            f"{side} grasps {one} while {side.other} grasps {other}"
+        )
+        for side in SIDES
+    )
+    return any_of(*either_way).called(f"each gripper grasps one of {one} and {other}")
 
 
 def off_table(body: str, *supports: str) -> Predicate:
     """In contact with neither the table nor any of these supports."""
     names = (TABLE, *supports)
     whole = ~any_of(*(touching(body, name) for name in names))
-    return Predicate(f"{body} is off {', '.join(names)}", whole.test, whole.parts)
+    return whole.called(f"{body} is off {', '.join(names)}")
 
 
 def raised(prop: str, height: float) -> Predicate:
     """Its lowest point is at least `height` metres above where it was at the episode's start."""
+
+    def otherwise(state: StateView) -> str:
+        so_far = state.simulation.min_height(prop) - state.start_heights[prop]
+        return f"{prop} is raised by {mm(so_far)}, not by {mm(height)}"
+
     return Predicate(
         f"{prop} is raised by {height * 1000:.0f} mm",
-        lambda m: m.simulation.min_height(prop) >= m.start_heights[prop] + height,
+        lambda state: state.simulation.min_height(prop) >= state.start_heights[prop] + height,
+        otherwise=otherwise,
     )
 
 
@@ -239,38 +117,53 @@ def lifted(arm: Side, prop: str, *supports: str) -> Predicate:
         supports: Names of further bodies that it must not be in contact with.
     """
     whole = all_of(grasped(arm, prop), off_table(prop, *supports), raised(prop, LIFTED_HEIGHT))
-    return Predicate(f"{arm} lifts {prop}", whole.test, whole.parts)
+    return whole.called(f"{arm} lifts {prop}")
 
 
 def lifted_by_any(prop: str, *supports: str) -> Predicate:
     """Lifted by at least one arm; see `lifted`."""
-    return any_of(*(lifted(side, prop, *supports) for side in SIDES))
+    return any_of(*(lifted(side, prop, *supports) for side in SIDES)).called(f"an arm lifts {prop}")
 
 
 def released(body: str) -> Predicate:
     """Neither gripper is in contact with it."""
+
+    def touching_it(state: StateView) -> list[Side]:
+        return [side for side in SIDES if state.simulation.contacts.gripper(side, body)]
+
     return Predicate(
         f"{body} is released",
-        lambda m: not any(m.simulation.contacts.gripper(side, body) for side in SIDES),
+        lambda state: not any(state.simulation.contacts.gripper(side, body) for side in SIDES),
+        otherwise=lambda state: f"{' and '.join(touching_it(state))} still touches {body}",
     )
 
 
 def still(prop: str) -> Predicate:
     """Slower than 0.05 m/s and 0.5 rad/s."""
 
-    def test(m: StateView) -> bool:
-        linear, angular = m.simulation.speed(prop)
+    def test(state: StateView) -> bool:
+        linear, angular = state.simulation.speed(prop)
         return linear < STILL_SPEED and angular < STILL_ANGULAR_SPEED
 
-    return Predicate(f"{prop} is still", test)
+    def otherwise(state: StateView) -> str:
+        linear, angular = state.simulation.speed(prop)
+        return f"{prop} moves at {linear:.2f} m/s and {angular:.1f} rad/s"
+
+    return Predicate(f"{prop} is still", test, otherwise=otherwise)
 
 
 def upright(prop: str, angle: float) -> Predicate:
     """Its up axis (z) is within `angle` radians of the world's."""
     limit = math.cos(angle)
+
+    def otherwise(state: StateView) -> str:
+        tilt = math.degrees(math.acos(max(-1.0, float(state.simulation.rotation(prop)[2, 2]))))
+        return f"{prop} is tilted by {tilt:.1f} degrees, not at most {math.degrees(angle):.0f}"
+
     return Predicate(
         f"{prop} is upright within {math.degrees(angle):.0f} degrees",
-        lambda m: float(m.simulation.rotation(prop)[2, 2]) >= limit,
+        lambda state: float(state.simulation.rotation(prop)[2, 2]) >= limit,
+        otherwise=otherwise,
     )
 
 
@@ -290,6 +183,15 @@ class BoxRegion:
         return all(
             low <= value <= high
             for low, value, high in zip(self.low, point, self.high, strict=True)
+        )
+
+    def distance(self, point: Point) -> float:
+        """How far outside a point of the body's frame lies, in metres; 0 inside."""
+        return math.hypot(
+            *(
+                max(low - value, value - high, 0.0)
+                for low, value, high in zip(self.low, point, self.high, strict=True)
+            )
         )
 
 
@@ -314,35 +216,53 @@ class CylinderRegion:
         offset = math.dist((x, y), self.centre)
         return offset <= self.radius and self.low <= z <= self.high
 
+    def distance(self, point: Point) -> float:
+        """How far outside a point of the body's frame lies, in metres; 0 inside."""
+        x, y, z = point
+        offset = math.dist((x, y), self.centre)
+        return math.hypot(max(offset - self.radius, 0.0), max(self.low - z, z - self.high, 0.0))
+
 
 Region = BoxRegion | CylinderRegion
 
 
 def inside(prop: str, region: Region) -> Predicate:
     """Its centre (the origin of its frame) lies in a region that is fixed to another body."""
+
+    def otherwise(state: StateView) -> str:
+        away = region.distance(state.simulation.relative_position(prop, region.body))
+        return f"the centre of {prop} is {mm(away)} outside its place at {region.body}"
+
     return Predicate(
         f"{prop} is inside {region.body}",
-        lambda m: region.contains(m.simulation.relative_position(prop, region.body)),
+        lambda state: region.contains(state.simulation.relative_position(prop, region.body)),
+        otherwise=otherwise,
     )
 
 
 def touching(body: str, other: str) -> Predicate:
     """Two bodies are in contact."""
     return Predicate(
-        f"{body} touches {other}", lambda m: m.simulation.contacts.between(body, other)
+        f"{body} touches {other}",
+        lambda state: state.simulation.contacts.between(body, other),
+        otherwise=lambda _state: f"{body} does not touch {other}",
     )
 
 
 def rests_on(prop: str, support: str) -> Predicate:
     """In contact with the support, not with the table, and still (see `still`)."""
     whole = all_of(touching(prop, support), ~touching(prop, TABLE), still(prop))
-    return Predicate(f"{prop} rests on {support}", whole.test, whole.parts)
+    return whole.called(f"{prop} rests on {support}")
 
 
 def hinge_open(hinge: str, angle: float) -> Predicate:
     """A hinge is open by at least `angle` radians; its name is `<prop>/<part>`."""
     return Predicate(
-        f"{hinge} is open by {angle:.2f} rad", lambda m: m.simulation.angle(hinge) >= angle
+        f"{hinge} is open by {angle:.2f} rad",
+        lambda state: state.simulation.angle(hinge) >= angle,
+        otherwise=lambda state: (
+            f"{hinge} is open by {state.simulation.angle(hinge):.2f} rad, not by {angle:.2f}"
+        ),
     )
 
 
@@ -355,9 +275,17 @@ class VariantIs(Predicate):
     value: str
     """Value that was chosen."""
 
+    def possible(self, state: StateView) -> bool:
+        """Whether the episode's layout chose it."""
+        return self.ask(state)
+
 
 def variant(name: str, value: str) -> Predicate:
     """The episode's layout chose this value, such as which cup is full."""
     return VariantIs(
-        f"{name} is {value}", lambda m: m.variants.get(name) == value, choice=name, value=value
+        f"{name} is {value}",
+        lambda state: state.variants.get(name) == value,
+        otherwise=lambda state: f"{name} is {state.variants.get(name)}, not {value}",
+        choice=name,
+        value=value,
     )

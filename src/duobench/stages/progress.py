@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from duobench.errors import UnknownNameError
-from duobench.stages.predicates import HeldFor, Memory, Predicate, Since, StateView, VariantIs
+from duobench.stages.logic import HeldFor, Memory, Predicate, Since, StateView, Words
+from duobench.stages.predicates import VariantIs
 
 if TYPE_CHECKING:
     from duobench.sim.simulation import Simulation
@@ -30,22 +31,32 @@ class Stage:
     """The conjunction of its constraints."""
 
 
-def parts_of(kind: type[Predicate], predicates: Iterable[Predicate]) -> tuple[Memory, ...]:
-    """What all predicates of a kind in these ones are made of, each once."""
+def sinces_in(predicates: Iterable[Predicate]) -> list[Since]:
+    """All that these predicates remember with `since`, inner ones first."""
+    return [part for p in predicates for part in p.walk() if isinstance(part, Since)]
+
+
+def memories_in(predicates: Iterable[Predicate]) -> tuple[Memory, ...]:
+    """The memories of these predicates, each once, inner ones first."""
+    return tuple(dict.fromkeys(part.memory for part in sinces_in(predicates)))
+
+
+def timed_in(predicates: Iterable[Predicate]) -> tuple[Predicate, ...]:
+    """What these predicates ask for without a break, each once, inner ones first."""
     inner = (part for predicate in predicates for part in predicate.walk())
-    return tuple(dict.fromkeys(part.parts for part in inner if type(part) is kind))
+    return tuple(dict.fromkeys(part.parts[0] for part in inner if isinstance(part, HeldFor)))
 
 
-def recalled(memories: Sequence[Memory], moment: StateView) -> frozenset[Memory]:
-    """What is remembered after a moment. All of it sees the same moment, so the order is free."""
-    before = moment.remembered
+def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
+    """What is remembered after a step. All of it sees the same step, so the order is free."""
+    before = state.remembered
     new, gone = [], []
     for memory in memories:
-        predicate, *reset = memory
+        event, reset = memory.event, memory.reset
         if memory in before:
-            if reset and reset[0].ask(moment):
+            if reset is not None and reset.ask(state):
                 gone.append(memory)
-        elif predicate.ask(moment) and not (reset and reset[0].ask(moment)):
+        elif event.ask(state) and not (reset is not None and reset.ask(state)):
             new.append(memory)
     return before.union(new).difference(gone) if new or gone else before
 
@@ -84,12 +95,12 @@ def check_names(
         UnknownNameError: A predicate names what is not there; near misses are listed.
     """
     heights = {name: simulation.min_height(name) for name in simulation.props}
-    moment = StateView(
+    state = StateView(
         simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
     )
     for stage in stages:
         for part in stage.holds.walk():
-            part.test(moment)
+            part.test(state)
             if isinstance(part, VariantIs):
                 if part.choice not in variants:
                     raise UnknownNameError("variant", part.choice, variants)
@@ -109,9 +120,9 @@ class Progress:
         """
         self._stages = stages
         constraints = [stage.holds for stage in stages]
-        self._memories = parts_of(Since, constraints)
+        self._memories = memories_in(constraints)
         self._remembered: frozenset[Memory] = frozenset()
-        self._timed = tuple(timed for (timed,) in parts_of(HeldFor, constraints))
+        self._timed = timed_in(constraints)
         self._lasted: dict[Predicate, int] = {}
         self._start_heights: dict[str, float] = {}
         self._variants: Mapping[str, str] = {}
@@ -119,6 +130,19 @@ class Progress:
         """The highest stage so far."""
         self.final_holds = False
         """Whether the last stage's constraints hold right now."""
+        self.unmet: Words = ()
+        """Why the next stage is not reached, in words, where `explain` asks for it."""
+        self._explained: list[Since] | None = None
+        self._past: dict[Memory, str] = {}
+
+    def explain(self, on: bool = True) -> None:
+        """Say at every further step in `unmet` why the next stage is not reached.
+
+        What was missing when something was let go is told of steps from here on.
+        """
+        constraints = [stage.holds for stage in self._stages]
+        self._explained = sinces_in(constraints) if on else None
+        self._past, self.unmet = {}, ()
 
     @property
     def max_stage(self) -> int:
@@ -143,6 +167,7 @@ class Progress:
         self._start_heights = {name: simulation.min_height(name) for name in simulation.props}
         self.stage = 0
         self.final_holds = False
+        self._past, self.unmet = {}, ()
 
     def get_state(self) -> ProgressState:
         """All that the next judgement depends on, beside the simulation and the layout."""
@@ -170,23 +195,36 @@ class Progress:
         self._start_heights = dict(state.start_heights)
         self._variants = dict(variants)
         self.stage, self.final_holds = state.stage, state.final_holds
+        self._past, self.unmet = {}, ()
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        moment = StateView(
+        state = StateView(
             simulation=simulation,
             start_heights=self._start_heights,
             variants=self._variants,
             remembered=self._remembered,
             lasted=self._lasted,
+            past=self._past,
         )
         for predicate in self._timed:
-            self._lasted[predicate] = self._lasted[predicate] + 1 if predicate(moment) else 0
-        self.final_holds = self._stages[-1].holds(moment)
+            self._lasted[predicate] = self._lasted[predicate] + 1 if predicate(state) else 0
+        self.final_holds = self._stages[-1].holds(state)
         # Stages never fall, so only higher ones are asked, and the highest that holds counts.
         for number in range(self.max_stage, self.stage, -1):
-            if self._stages[number - 1].holds(moment):
+            if self._stages[number - 1].holds(state):
                 self.stage = number
                 break
-        self._remembered = recalled(self._memories, moment)
+        self._remembered = recalled(self._memories, state)
+        if self._explained is not None:
+            self._explain(self._explained, state)
         return self.stage
+
+    def _explain(self, sinces: Iterable[Since], state: StateView) -> None:
+        for part in sinces:
+            why = part.look_back(state, self._remembered)
+            if why is None:
+                self._past.pop(part.memory, None)
+            else:
+                self._past[part.memory] = why
+        self.unmet = () if self.success else self._stages[self.stage].holds.unmet(state)

@@ -5,24 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
 from duobench.stages.placing import REST_SECONDS
-from duobench.stages.predicates import (
-    BoxRegion,
-    Predicate,
-    Region,
-    all_of,
-    any_of,
-    arm_touches,
-    held_for,
-    inside,
-    since,
-    variant,
-)
+from duobench.stages.predicates import BoxRegion, Region, arm_touches, inside, variant
 from duobench.types import CONTROL_HZ, SIDES
 
 MIN_SPEED = 0.02
 """Speed on the board in m/s from which a ball rolls; slower, it does not get through a maze."""
-MAX_SLIP = 0.1
+SLIP_SECONDS = 0.1
 """How long a grasp may slip, or the board touch the table, while the ball rolls or rests in the
 goal, in seconds. A ball that is bumped on the table still rolls when that time is over."""
 
@@ -50,7 +40,8 @@ def inside_chosen(prop: str, choice: str, regions: Mapping[str, Region]) -> Pred
     values: dict[Region, list[Predicate]] = {}
     for value, region in regions.items():
         values.setdefault(region, []).append(variant(choice, value))
-    return any_of(*(any_of(*chosen) & inside(prop, region) for region, chosen in values.items()))
+    each = (any_of(*chosen) & inside(prop, region) for region, chosen in values.items())
+    return any_of(*each).called(f"{prop} is at its place for this {choice}")
 
 
 def rolling(
@@ -71,13 +62,16 @@ def rolling(
     board = room.body
     rolls = Predicate(
         f"{ball} rolls on {board}",
-        lambda m: m.simulation.relative_speed(ball, board) >= MIN_SPEED,
+        lambda state: state.simulation.relative_speed(ball, board) >= MIN_SPEED,
+        otherwise=lambda _state: f"{ball} does not roll on {board}",
     )
-    dropped = held_for(~lifted, MAX_SLIP + 1 / CONTROL_HZ)
-    spoilt = any_of(
-        ~inside(ball, room), *(arm_touches(side, ball) for side in SIDES), dropped & rolls
-    )
-    begun = since(lifted & at_start, reset=spoilt)
-    left = all_of(lifted, ~spoilt, ~at_start, begun)
+    dropped = held_for(~lifted, SLIP_SECONDS + 1 / CONTROL_HZ)
+    dropped = dropped.called(f"{board} is not held up by both arms")
+    off_track = (dropped & rolls).called(f"{ball} rolls while {board} is not held up by both arms")
+    spoilt = any_of(~inside(ball, room), *(arm_touches(side, ball) for side in SIDES), off_track)
+    start = (lifted & at_start).called(f"{ball} is at the start on the lifted {board}")
+    begun = since(start, reset=spoilt)
+    left = all_of(lifted, ~spoilt, ~at_start, begun).called(f"{ball} rolls away from the start")
     come = all_of(~spoilt, ~dropped, at_goal, since(left, reset=spoilt))
+    come = come.called(f"{ball} is at the goal")
     return Rolling(spoilt=spoilt, left=left, arrived=lifted & held_for(come, REST_SECONDS))

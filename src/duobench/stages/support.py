@@ -15,29 +15,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
 from duobench.stages.placing import put
 from duobench.stages.predicates import (
-    Predicate,
-    all_of,
-    any_of,
+    FLICKER_SECONDS,
     arm_touches,
-    held_for,
     hinge_open,
     lifted,
     near,
-    since,
     touches,
     touching,
 )
 from duobench.types import SIDES, Side
 
-UNSUPPORTED_TIME = 0.6
-"""Time in seconds for which a lid or door that is open needs support: thrown open by any speed,
+UNSUPPORTED_SECONDS = 0.6
+"""For how long a lid or door that is open needs support: thrown open by any speed,
 none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose touch with it
 for as long, as fingers do that slip along it."""
-GRAZE_TIME = 0.1
-"""Time in seconds from which on a touch that should not be is more than a graze: the bringing arm
-or the object at the lid, the supporting arm at the object. It is too short to hold a lid up."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -46,7 +40,7 @@ class Support:
 
     supported: Predicate
     """One arm lifts the object while the other one keeps the lid open, and touches it with its
-    gripper: neither the first arm nor the object has touched the lid for `UNSUPPORTED_TIME`."""
+    gripper: neither the first arm nor the object has touched the lid for `UNSUPPORTED_SECONDS`."""
     delivered: Predicate
     """The arm that had the object then has put it at its goal, where it has been since, and the
     other arm kept the lid open all the way."""
@@ -75,21 +69,32 @@ def support(
             arm, where it would fall onto the supporting hand.
     """
     is_open = hinge_open(lid, angle)
-    grazed = {side: arm_touches(side, lid) | touching(prop, lid) for side in SIDES}
-    supported: Mapping[Side, Predicate] = {
-        side: all_of(
-            lifted(side, prop, fixture, lid),
-            touches(side.other, lid),
-            held_for(is_open & ~grazed[side], UNSUPPORTED_TIME),
+    grazed = {
+        side: (arm_touches(side, lid) | touching(prop, lid)).called(
+            f"{side} arm or {prop} touches {lid}"
         )
         for side in SIDES
     }
-    void = {side: ~is_open | held_for(arm_touches(side.other, prop), GRAZE_TIME) for side in SIDES}
+
+    def held_open(side: Side) -> Predicate:
+        """It is open, and neither that arm nor the object holds it."""
+        apart = (is_open & ~grazed[side]).called(f"{lid} is open, {side} arm and {prop} away")
+        return held_for(apart, UNSUPPORTED_SECONDS)
+
+    supported: Mapping[Side, Predicate] = {
+        side: all_of(
+            lifted(side, prop, fixture, lid), touches(side.other, lid), held_open(side)
+        ).called(f"{side} lifts {prop} while {side.other} holds {lid} open")
+        for side in SIDES
+    }
+    void = {
+        side: ~is_open | held_for(arm_touches(side.other, prop), FLICKER_SECONDS) for side in SIDES
+    }
     lost = {
         side: any_of(
             void[side],
-            held_for(grazed[side], GRAZE_TIME),
-            held_for(~arm_touches(side.other, lid), UNSUPPORTED_TIME),
+            held_for(grazed[side], FLICKER_SECONDS),
+            held_for(~arm_touches(side.other, lid), UNSUPPORTED_SECONDS),
         )
         for side in SIDES
     }
@@ -100,24 +105,30 @@ def support(
         else arm_touches(side.other, lid)
         for side in SIDES
     }
-    left = {side: held_for(~stays[side], UNSUPPORTED_TIME) for side in SIDES}
+    gone = {side: held_for(~stays[side], UNSUPPORTED_SECONDS) for side in SIDES}
     shown = {
         side: all_of(
             touches(side.other, lid),
-            held_for(is_open & ~grazed[side], UNSUPPORTED_TIME),
-            since(supported[side], reset=void[side] | left[side]),
-        )
+            held_open(side),
+            since(supported[side], reset=void[side] | gone[side]),
+        ).called(f"{side.other} shows that it holds {lid} open")
         for side in SIDES
     }
-    brought = {
+    delivered_by = {
         side: all_of(
             goal,
             put(prop, there, side),
-            since(supported[side], reset=lost[side]) | shown[side],
-        )
+            since(supported[side], reset=lost[side]).called(
+                f"{side.other} has held {lid} open all the way"
+            )
+            | shown[side],
+        ).called(f"{side} has brought {prop} in while {side.other} held {lid} open")
         for side in SIDES
     }
+    delivered = any_of(*delivered_by.values()).called(
+        f"one arm brought {prop} in while the other held {lid} open"
+    )
     return Support(
         supported=any_of(*supported.values()),
-        delivered=since(any_of(*brought.values()), reset=~goal),
+        delivered=since(delivered, reset=~goal),
     )

@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from math import inf
 
 from duobench.scene.naming import TABLE
+from duobench.stages.logic import Predicate, all_of
 from duobench.stages.placing import low_over, put
-from duobench.stages.predicates import (
-    CylinderRegion,
-    Predicate,
-    all_of,
-    inside,
-    still,
-    touching,
-    upright,
-)
+from duobench.stages.predicates import CylinderRegion, inside, still, touching, upright
 
-MAX_TILT = math.radians(20.0)
+STANDING_TILT_DEGREES = 20.0
 """Largest tilt of a vessel that stands [task definitions]."""
+
+
+def stands_upright(body: str) -> Predicate:
+    """A vessel stands upright on the table: it is not carried, tipped or on the floor."""
+    return touching(body, TABLE) & upright(body, math.radians(STANDING_TILT_DEGREES))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -38,8 +36,8 @@ class Vessel:
         return inside(prop, self._region(inf)) & low_over(prop, self.body, self.rim)
 
     def stands(self) -> Predicate:
-        """It stands upright on the table: it is not carried, tipped or on the floor."""
-        return touching(self.body, TABLE) & upright(self.body, MAX_TILT)
+        """It stands upright on the table; see `stands_upright`."""
+        return stands_upright(self.body)
 
     def holds(self, prop: str) -> Predicate:
         """The prop lies still in it, and it stands; what flies through or hangs above does not."""
@@ -49,11 +47,12 @@ class Vessel:
             still(prop),
             self.stands(),
         )
-        return Predicate(f"{prop} lies in {self.body}", whole.test, whole.parts)
+        return whole.called(f"{prop} lies in {self.body}")
 
     def received(self, prop: str) -> Predicate:
         """It holds the prop, which a hand has put there: nobody has dropped it from above."""
-        return self.holds(prop) & put(prop, self.over(prop))
+        received = self.holds(prop) & put(prop, self.over(prop))
+        return received.called(f"{prop} was put into {self.body}")
 
     def _region(self, high: float) -> CylinderRegion:
         return CylinderRegion(body=self.body, radius=self.radius, low=0.0, high=high)

@@ -24,6 +24,13 @@ if TYPE_CHECKING:
     from duobench.stages.insertion import inserted as inserted
     from duobench.stages.joining import Joining as Joining
     from duobench.stages.joining import joining as joining
+    from duobench.stages.logic import Predicate as Predicate
+    from duobench.stages.logic import StateView as StateView
+    from duobench.stages.logic import all_of as all_of
+    from duobench.stages.logic import any_of as any_of
+    from duobench.stages.logic import at_least as at_least
+    from duobench.stages.logic import held_for as held_for
+    from duobench.stages.logic import since as since
     from duobench.stages.passage import Hole as Hole
     from duobench.stages.passage import Passage as Passage
     from duobench.stages.passage import passage as passage
@@ -34,16 +41,10 @@ if TYPE_CHECKING:
     from duobench.stages.pouring import pouring as pouring
     from duobench.stages.predicates import BoxRegion as BoxRegion
     from duobench.stages.predicates import CylinderRegion as CylinderRegion
-    from duobench.stages.predicates import Predicate as Predicate
     from duobench.stages.predicates import Region as Region
-    from duobench.stages.predicates import StateView as StateView
-    from duobench.stages.predicates import all_of as all_of
-    from duobench.stages.predicates import any_of as any_of
     from duobench.stages.predicates import arm_touches as arm_touches
-    from duobench.stages.predicates import at_least as at_least
     from duobench.stages.predicates import grasped as grasped
     from duobench.stages.predicates import grasped_apart as grasped_apart
-    from duobench.stages.predicates import held_for as held_for
     from duobench.stages.predicates import hinge_open as hinge_open
     from duobench.stages.predicates import inside as inside
     from duobench.stages.predicates import lifted as lifted
@@ -52,7 +53,6 @@ if TYPE_CHECKING:
     from duobench.stages.predicates import raised as raised
     from duobench.stages.predicates import released as released
     from duobench.stages.predicates import rests_on as rests_on
-    from duobench.stages.predicates import since as since
     from duobench.stages.predicates import still as still
     from duobench.stages.predicates import touches as touches
     from duobench.stages.predicates import touching as touching

@@ -34,11 +34,10 @@ from duobench.randomness import ANY_YAW, Choice, around
 from duobench.scene.naming import TABLE
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
+from duobench.stages.logic import Predicate, all_of
 from duobench.stages.predicates import (
     BoxRegion,
     CylinderRegion,
-    Predicate,
-    all_of,
     grasped,
     inside,
     off_table,

@@ -19,8 +19,9 @@ from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.sim.layout import Layout
+from duobench.stages.logic import any_of
 from duobench.stages.placing import placed
-from duobench.stages.predicates import any_of, lifted_by_any, released
+from duobench.stages.predicates import lifted_by_any, released
 from duobench.stages.progress import Stage
 from duobench.stages.vessels import Vessel
 from duobench.tasks.task import Category, Placement, Task
@@ -49,7 +50,10 @@ def _apart(layout: Layout) -> bool:
 
 _BOWLS = {name: Vessel(body=_bowl(name), radius=RADIUS - WALL, rim=RIM_HEIGHT) for name in COLOURS}
 _IN_BOWL = {name: vessel.received(_cube(name)) for name, vessel in _BOWLS.items()}
-_WHITE_IN, _BLACK_IN = (_IN_BOWL[name] & released(_cube(name)) for name in COLOURS)
+_WHITE_IN, _BLACK_IN = (
+    (_IN_BOWL[name] & released(_cube(name))).called(f"{_cube(name)} lies in {_bowl(name)}")
+    for name in COLOURS
+)
 _WHITE_LIFTED, _BLACK_LIFTED = (lifted_by_any(_cube(colour)) for colour in COLOURS)
 
 TASK = Task(

@@ -22,9 +22,9 @@ from duobench.objects.blocks import RED, WOOD, YELLOW, block
 from duobench.objects.prop import Prop
 from duobench.randomness import around
 from duobench.stages import predicates as is_
-from duobench.stages.coordination import brought, interrupted
+from duobench.stages.coordination import brought
+from duobench.stages.logic import all_of, any_of, since
 from duobench.stages.placing import left_alone, low_over, placed, put
-from duobench.stages.predicates import all_of, any_of, off_table, since, touching
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -45,42 +45,42 @@ def _over_beam(low: float, high: float) -> is_.BoxRegion:
 
 
 ENDS = _over_beam(-BEAM[1] / 2, -TIPPING), _over_beam(TIPPING, BEAM[1] / 2)
-LEVEL, STANDING = math.radians(12.0), math.radians(20.0)
-"""Largest tilts of a level beam and of a block that stands on it, in radians."""
+LEVEL_DEGREES, STANDING_DEGREES = 12.0, 20.0
+"""Largest tilts of a level beam and of a block that stands on it."""
 LYING = 0.005
 """How far below the cube's top a beam on it may seem to be, in metres."""
 BLOCKS = ("left_block", "right_block")
 
-_ON_CUBE = touching("beam", "cube") & off_table("beam")
-_LEVEL = is_.upright("beam", LEVEL)
+_ON_CUBE = is_.touching("beam", "cube") & is_.off_table("beam")
+_LEVEL = is_.upright("beam", math.radians(LEVEL_DEGREES))
 # The table carries no block, and each is on the beam, or so little above that it is put there.
 _BEAM = _over_beam(-BEAM[1] / 2, BEAM[1] / 2)
 _LOW = tuple(
-    all_of(low_over(name, "beam", BEAM[2] / 2), is_.inside(name, _BEAM), off_table(name))
+    all_of(low_over(name, "beam", BEAM[2] / 2), is_.inside(name, _BEAM), is_.off_table(name))
     for name in BLOCKS
 )
 _AT_ENDS = all_of(*(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS), *_LOW)
-_ON_BEAM = all_of(_AT_ENDS, *(touching(name, "beam") for name in BLOCKS))
+_ON_BEAM = all_of(_AT_ENDS, *(is_.touching(name, "beam") for name in BLOCKS))
 _HELD = is_.lifted_by_any("beam")
 _LAID = put("beam", low_over("beam", "cube", CUBE_EDGE / 2)) & is_.raised("beam", CUBE_EDGE - LYING)
 _BRIDGE = placed(is_.rests_on("beam", "cube"), _LEVEL, is_.released("beam")) & _LAID
 _GRASPED = is_.grasped_apart(*BLOCKS)
-_READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE))
+_READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE.called("the beam lies across the cube")))
 # Blocks that were put on one after the other, and grasped again, were not put on together.
 _TOGETHER = all_of(_GRASPED, *map(brought, BLOCKS, _LOW))
-_LOADED = all_of(_AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY))
-_LEFT = any_of(*map(interrupted, _LOW))
-_STANDING = all_of(*(is_.upright(name, STANDING) for name in BLOCKS))
+_LOADED = all_of(_AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY.called("both are grasped")))
+_LEFT = any_of(*map(is_.interrupted, _LOW))
+_ONCE_LOADED = since(_LOADED.called("both arms have both blocks on the beam"), reset=_LEFT)
+_STANDING = all_of(*(is_.upright(name, math.radians(STANDING_DEGREES)) for name in BLOCKS))
 _BALANCED = placed(_ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, left_alone("cube", "beam", *BLOCKS))
 
 TASK = Task(
     id="block_balance",
     title="Block-Balance",
     category=Category.BIMANUAL_MANIPULATION,
-    instruction=(
-        "Put the beam across the red cube, grasp one block with each arm, stand both blocks on the "
-        "ends of the beam at the same time, and let go, so that everything stays balanced."
-    ),
+    instruction="Put the beam across the red cube, grasp one block with each arm, stand both "
+    "blocks on the ends of the beam at the same time, and let go, so that everything stays "
+    "balanced.",
     horizon=766,
     props=(
         Prop(name="cube", solid=lambda: block(CUBE_EDGE, CUBE_EDGE, CUBE_EDGE, RED)),
@@ -113,7 +113,7 @@ TASK = Task(
         Stage(
             name="everything is balanced",
             instruction="Let go of both blocks and move away.",
-            holds=_BALANCED & since(_LOADED, reset=_LEFT),
+            holds=_BALANCED & _ONCE_LOADED.told_of("when both were last in hand", _GRASPED),
         ),
     ),
     expert="duobench.experts.scripts.block_balance:script",

@@ -20,12 +20,10 @@ from duobench.objects.pot import HEIGHT, PLATE, pot, stove_plate
 from duobench.objects.prop import Prop
 from duobench.randomness import Uniform, around
 from duobench.stages.coordination import carriage
+from duobench.stages.logic import Predicate, all_of, any_of
 from duobench.stages.placing import placed
 from duobench.stages.predicates import (
     BoxRegion,
-    Predicate,
-    all_of,
-    any_of,
     inside,
     released,
     rests_on,
@@ -39,8 +37,8 @@ from duobench.types import SIDES
 HANDLES = ("pot/left_handle", "pot/right_handle")
 LIFT = 0.030
 """How far the pot is raised at least, in metres."""
-TILT = math.radians(10)
-"""Largest tilt of a pot that stands upright, in radians."""
+TILT_DEGREES = 10.0
+"""Largest tilt of a pot that stands upright."""
 OFF_CENTRE = (0.10, 0.08)
 """How far the pot's centre may be from the plate's, along the plate's x and y, in metres."""
 SHOVE = 0.03
@@ -94,7 +92,12 @@ TASK = Task(
             name="the pot stands on the stove",
             instruction="Carry the pot to the stove, put it down near the middle, and let go.",
             holds=all_of(
-                placed(rests_on("pot", "stove"), _ON_PLATE, upright("pot", TILT), _RELEASED),
+                placed(
+                    rests_on("pot", "stove"),
+                    _ON_PLATE,
+                    upright("pot", math.radians(TILT_DEGREES)),
+                    _RELEASED,
+                ),
                 _CARRIAGE.put_down,
             ),
         ),

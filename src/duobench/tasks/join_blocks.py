@@ -20,17 +20,11 @@ from duobench.objects import joint_blocks as bars
 from duobench.objects.prop import Prop
 from duobench.randomness import Uniform, around
 from duobench.robot.cameras import View
-from duobench.stages.insertion import Port, inserted
+from duobench.stages.insertion import Port, in_any_way, inserted
 from duobench.stages.joining import engaged, joining
+from duobench.stages.logic import all_of, any_of
 from duobench.stages.placing import placed, put
-from duobench.stages.predicates import (
-    all_of,
-    any_of,
-    grasped_apart,
-    off_table,
-    released,
-    still,
-)
+from duobench.stages.predicates import grasped_apart, off_table, released, still
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -48,7 +42,7 @@ _BACK = Port(body="dark_block", pose=bars.BACK_MOUTH)
 _BLOCKS = ("light_block", "dark_block")
 _SOCKETS = ((_FRONT, _BACK), (_BACK, _FRONT))
 
-_ON_WALL = any_of(engaged(_WALL_PEG, _FRONT), engaged(_WALL_PEG, _BACK))
+_ON_WALL = in_any_way([(_WALL_PEG, _FRONT), (_WALL_PEG, _BACK)], engaged)
 # One arm alone plugs a block into one that lies on the table or leans against the wall: what grips
 # that one as well does nothing. In the air both arms are needed.
 _LEANING = any_of(*(~off_table(block, "wall") for block in _BLOCKS))

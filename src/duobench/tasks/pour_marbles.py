@@ -13,7 +13,6 @@ Success:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from duobench.objects import cup as cups
@@ -23,10 +22,11 @@ from duobench.scene.naming import TABLE
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages import predicates as is_
+from duobench.stages.logic import Predicate, all_of, any_of
 from duobench.stages.placing import low_over, placed, put
 from duobench.stages.pouring import Pouring, pouring
-from duobench.stages.predicates import Predicate, all_of, any_of
 from duobench.stages.progress import Stage
+from duobench.stages.vessels import stands_upright
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES, Side
 
@@ -34,9 +34,9 @@ MARBLES = tuple(f"marble{number}" for number in range(len(cups.HEAP)))
 CUPS = {side: f"{side}_cup" for side in SIDES}
 SQUARES = {side: f"{side}_square" for side in SIDES}
 SQUARE_CENTRES = {SQUARES[Side.LEFT]: (0.5, 0.3), SQUARES[Side.RIGHT]: (0.5, -0.3)}
-HALF_SQUARE, RAISE, UPRIGHT = 0.05, 0.020, math.radians(20.0)
+HALF_SQUARE, RAISE = 0.05, 0.020
 """How far a cup's centre may be from its square's along x and y, and how far it is raised at least,
-in metres; how far it is tilted at most when it stands, in radians."""
+in metres."""
 GREEN, LIGHT = (0.20, 0.62, 0.27, 1.0), (0.92, 0.93, 0.95, 1.0)
 BLUE = (0.10, 0.28, 0.78, 1.0)
 
@@ -53,8 +53,7 @@ def _fill(layout: Layout) -> Layout:
 def _back(cup: str, square: str, half: float = HALF_SQUARE) -> Predicate:
     """A cup stands on the table, upright, inside its square, released and still."""
     region = is_.BoxRegion(body=square, low=(-half, -half, -half), high=(half, half, half))
-    stands = is_.touching(cup, TABLE) & is_.upright(cup, UPRIGHT) & is_.still(cup)
-    return is_.released(cup) & is_.inside(cup, region) & stands
+    return is_.released(cup) & is_.inside(cup, region) & (stands_upright(cup) & is_.still(cup))
 
 
 def _into_target(which: Callable[[Pouring], Predicate]) -> Predicate:

@@ -25,11 +25,10 @@ from duobench.objects.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, mi
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.robot.cameras import View
+from duobench.stages.logic import all_of, any_of
 from duobench.stages.placing import low_over, placed
 from duobench.stages.predicates import (
     BoxRegion,
-    all_of,
-    any_of,
     hinge_open,
     inside,
     lifted_by_any,

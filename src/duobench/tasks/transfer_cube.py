@@ -22,10 +22,10 @@ from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.stages.handover import handover
+from duobench.stages.logic import all_of
 from duobench.stages.placing import placed
 from duobench.stages.predicates import (
     CylinderRegion,
-    all_of,
     inside,
     lifted_by_any,
     raised,

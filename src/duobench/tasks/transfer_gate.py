@@ -28,16 +28,10 @@ from duobench.objects.gate import (
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.stages.handover import handover
+from duobench.stages.logic import all_of
 from duobench.stages.passage import Hole, passage
 from duobench.stages.placing import low_over, placed
-from duobench.stages.predicates import (
-    BoxRegion,
-    all_of,
-    inside,
-    lifted_by_any,
-    released,
-    rests_on,
-)
+from duobench.stages.predicates import BoxRegion, inside, lifted_by_any, released, rests_on
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 

@@ -17,6 +17,7 @@ Success:
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -33,10 +34,10 @@ from duobench.objects.prop import Prop
 from duobench.randomness import Uniform, around
 from duobench.spatial import SE3
 from duobench.stages.handover import handover
-from duobench.stages.insertion import Port, inserted
+from duobench.stages.insertion import Port, in_any_way, inserted
 from duobench.stages.joining import engaged
 from duobench.stages.placing import placed
-from duobench.stages.predicates import any_of, lifted_by_any, released, still
+from duobench.stages.predicates import lifted_by_any, released, still
 from duobench.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 
@@ -57,8 +58,9 @@ TIPS = tuple(
 MOUTH = Port(body=BOARD, pose=SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT))
 
 _PEG = handover(PEG, BOARD)
-_IN_HOLE = any_of(*(inserted(tip, MOUTH, DEPTH) for tip in TIPS))
-_TIP_IN_HOLE = any_of(*(engaged(tip, MOUTH) for tip in TIPS))
+_WAYS = [(tip, MOUTH) for tip in TIPS]
+_IN_HOLE = in_any_way(_WAYS, partial(inserted, depth=DEPTH))
+_TIP_IN_HOLE = in_any_way(_WAYS, engaged)
 
 TASK = Task(
     id="transfer_reorient",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import gymnasium as gym
 
@@ -43,13 +43,28 @@ class Judge(Protocol):
         ...
 
 
+@runtime_checkable
+class ExplainingJudge(Judge, Protocol):
+    """A judge that says why a stage is not reached, if asked."""
+
+    @property
+    def unmet(self) -> tuple[str, ...]:
+        """Why the next stage is not reached, in words, since `explain` asked for it."""
+        ...
+
+    def explain(self, on: bool = True) -> None:
+        """Say why, from the next step on, or stop it."""
+        ...
+
+
 class TaskStages(DuoWrapper):
     """Has every control step judged.
 
     The reward is stage / last stage, and the episode terminates at the last stage. Info holds
     `stage`, `max_stage`, `success` (the same as `is_success`), `success_at_end` (whether the last
     stage's constraints hold right now), `current_subinstruction` (what to do next) and
-    `stage_to_subinstructions` (what to do at each stage to reach the next one).
+    `stage_to_subinstructions` (what to do at each stage to reach the next one). With
+    `explain_stages`, a step's info also holds `unmet`.
     """
 
     def __init__(self, env: gym.Env, judge: Judge | None = None) -> None:
@@ -68,6 +83,20 @@ class TaskStages(DuoWrapper):
         """Who says which stage is reached."""
         self._max_stage = self.base.definition.max_stage
         self._subinstructions: dict[int, str] = {}
+        self._explained: ExplainingJudge | None = None
+
+    def explain_stages(self, on: bool = True) -> None:
+        """Say in `info["unmet"]` at every step why the next stage is not reached.
+
+        It is a tuple of short sentences, one for each constraint of the next stage that does not
+        hold: "block is 20 mm above mat, not at most 12 mm". A judge who gives no reasons, such as
+        a person, leaves the key out. What earlier steps tell, such as how high something was let
+        go, is known of steps from here on.
+        """
+        self._explained = None
+        if isinstance(self.judge, ExplainingJudge):
+            self.judge.explain(on)
+            self._explained = self.judge if on else None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -84,6 +113,8 @@ class TaskStages(DuoWrapper):
         observation, _, terminated, truncated, info = self.env.step(action)
         self.judge.judge()
         success = self._report(info)
+        if self._explained is not None:
+            info["unmet"] = self._explained.unmet
         reward = self.judge.stage / self._max_stage
         return observation, reward, terminated or success, truncated, info
 

@@ -1,0 +1,341 @@
+"""The logic that stages are written in: predicates, how they combine, and what they remember.
+
+A predicate is a pure question about one `StateView`. Predicates combine with `&`, `|` and `~`; the
+only memories are `since(p, reset=q)`, which can be forgotten, and, for "still for half a second",
+`held_for(p, seconds)`. They are kept by `stages.progress`. That two hands were there once says
+nothing: where coordination is the point, ask for it at the moment that matters, or forget it.
+
+A predicate that does not hold says why in words, with `unmet`, if somebody asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Self
+
+from duobench.types import CONTROL_HZ
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
+
+Words = tuple[str, ...]
+"""Statements, one constraint each."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Memory:
+    """What a `since` remembers."""
+
+    event: Predicate
+    """What held at an earlier step."""
+    reset: Predicate | None
+    """What makes it forgotten, if anything does."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class StateView:
+    """One control step as predicates see it."""
+
+    simulation: Simulation
+    """The simulation, whose contacts are those of this step."""
+    start_heights: dict[str, float]
+    """Height of each prop's lowest point when the episode began, in metres."""
+    variants: Mapping[str, str]
+    """The layout's named choices."""
+    remembered: frozenset[Memory]
+    """What held at an earlier step of this episode and is not forgotten."""
+    lasted: Mapping[Predicate, int] = field(default_factory=dict)
+    """For how many control steps in a row a predicate has held, this one included."""
+    past: Mapping[Memory, str] = field(default_factory=dict)
+    """Why something is not remembered, where an earlier step tells; for explanations alone."""
+    answers: dict[Predicate, bool] = field(default_factory=dict)
+    """Answers so far: a predicate is pure, so it is tested once a control step."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predicate:
+    """A named pure question about a control step."""
+
+    name: str
+    """What holds, as a short sentence: "left grasps cube"."""
+    test: Callable[[StateView], bool]
+    """Answers it, from the view alone; other predicates in it must be in `parts`."""
+    parts: tuple[Predicate, ...] = field(default=())
+    """The predicates that `test` calls: `since` and `held_for` in them are remembered."""
+    otherwise: Callable[[StateView], str] | None = field(default=None, repr=False)
+    """What is the case where it does not hold, as a short sentence with the number that was missed:
+    "cube is raised by 4 mm, not by 10 mm"."""
+    ask: Callable[[StateView], bool] = field(init=False, repr=False)
+    """The same as a call, as a plain function, which Python calls in half the time."""
+
+    def __post_init__(self) -> None:
+        """Make the function that asks at most once a control step."""
+        test = self.test
+
+        def ask(state: StateView) -> bool:
+            answer = state.answers.get(self)
+            if answer is None:
+                answer = state.answers[self] = test(state)
+            return answer
+
+        object.__setattr__(self, "ask", ask)
+
+    def __call__(self, state: StateView) -> bool:
+        """Whether it holds."""
+        return self.ask(state)
+
+    def __and__(self, other: Predicate) -> Predicate:
+        """Both hold."""
+        return all_of(self, other)
+
+    def __or__(self, other: Predicate) -> Predicate:
+        """At least one holds."""
+        return any_of(self, other)
+
+    def __invert__(self) -> Predicate:
+        """It does not hold."""
+        one = self.ask
+        return _Not(f"not {self.name}", lambda state: not one(state), (self,))
+
+    def __repr__(self) -> str:
+        """The predicate in words."""
+        return self.name
+
+    def called(self, name: str, otherwise: Callable[[StateView], str] | None = None) -> Self:
+        """The same question in other words, for messages."""
+        return replace(self, name=name, otherwise=otherwise or self.otherwise)
+
+    def unmet(self, state: StateView) -> Words:
+        """Why it does not hold: the constraints in it that do not; nothing where it holds."""
+        if self.ask(state):
+            return ()
+        return (self.otherwise(state),) if self.otherwise else self._unmet(state)
+
+    def met(self, state: StateView) -> Words:
+        """Why it holds; nothing where it does not."""
+        return self._met(state) if self.ask(state) else ()
+
+    def possible(self, state: StateView) -> bool:  # noqa: ARG002 - variants differ
+        """Whether it can ever hold in the episode's layout."""
+        return True
+
+    def begun(self, state: StateView) -> bool:
+        """Whether an earlier step tells why it does not hold: an alternative that was tried."""
+        return any(part.begun(state) for part in self.parts)
+
+    def _unmet(self, state: StateView) -> Words:  # noqa: ARG002 - what has parts differs
+        return (f"it is not so that {self.name}",)
+
+    def _met(self, state: StateView) -> Words:  # noqa: ARG002 - negations differ
+        return (self.name,)
+
+    def walk(self) -> Iterator[Predicate]:
+        """This predicate and all it is made of, each once, inner ones first."""
+        inner: dict[Predicate, None] = {}
+        self._collect(inner)
+        yield from inner
+
+    def _collect(self, inner: dict[Predicate, None]) -> None:
+        if self not in inner:
+            for part in self.parts:
+                part._collect(inner)
+            inner[self] = None
+
+
+class _Not(Predicate):
+    """What holds makes it fail, and the other way round."""
+
+    __slots__ = ()
+
+    def _unmet(self, state: StateView) -> Words:
+        return self.parts[0].met(state)
+
+    def _met(self, state: StateView) -> Words:
+        return self.parts[0].unmet(state)
+
+
+class _AllOf(Predicate):
+    """Each part that does not hold speaks for itself."""
+
+    __slots__ = ()
+
+    def possible(self, state: StateView) -> bool:
+        return all(part.possible(state) for part in self.parts)
+
+    def _unmet(self, state: StateView) -> Words:
+        return _each_once(part.unmet(state) for part in self.parts)
+
+
+class _AnyOf(Predicate):
+    """Says what all alternatives lack, and that none of them holds."""
+
+    __slots__ = ()
+
+    def possible(self, state: StateView) -> bool:
+        return any(part.possible(state) for part in self.parts)
+
+    def _unmet(self, state: StateView) -> Words:
+        alternatives = [part for part in self._alternatives() if part.possible(state)]
+        alternatives = [part for part in alternatives if part.begun(state)] or alternatives
+        if not alternatives:
+            return (f"in this layout it cannot be that {self.name}",)
+        reasons = [part.unmet(state) for part in alternatives]
+        shared = tuple(reason for reason in reasons[0] if all(reason in own for own in reasons))
+        if any(len(own) == len(shared) for own in reasons):
+            return shared
+        names = []
+        for part, own in zip(alternatives, reasons, strict=True):
+            more = "; ".join(reason for reason in own if reason not in shared)
+            names.append(f"{part.name} ({more})" if part.begun(state) else part.name)
+        names = list(dict.fromkeys(names))
+        start = "neither " if len(names) > 1 else "it is not so that "
+        return (*shared, start + " nor ".join(names))
+
+    def _met(self, state: StateView) -> Words:
+        return _each_once(part.met(state) for part in self.parts)
+
+    def _alternatives(self) -> Iterator[Predicate]:
+        for part in self.parts:
+            if isinstance(part, _AnyOf):
+                yield from part._alternatives()
+            else:
+                yield part
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+class Since(Predicate):
+    """A predicate that held at an earlier step of the episode."""
+
+    memory: Memory
+    """What is remembered."""
+    when: str = ""
+    """How an explanation calls the last step at which `at` held: "when cube was let go"."""
+    at: Predicate | None = None
+    """Where something is given, an explanation tells of the last step at which this held."""
+
+    def told_of(self, when: str, at: Predicate) -> Since:
+        """The same, explained by what was missing at the last step at which `at` held."""
+        return replace(self, when=when, at=at)
+
+    def begun(self, state: StateView) -> bool:
+        """Whether it was remembered, or could have been."""
+        return self.memory in state.past or self.ask(state) or self._now(state)
+
+    def _now(self, state: StateView) -> bool:
+        return self.at is not None and self.at.ask(state)
+
+    def _unmet(self, state: StateView) -> Words:
+        event = self.memory.event
+        if self._now(state) and not event.ask(state):
+            return event.unmet(state)
+        if why := state.past.get(self.memory):
+            return (why,)
+        # What is made of memories is explained by them.
+        return (event.begun(state) and event.unmet(state)) or (f"not so far: {event.name}",)
+
+    def look_back(self, state: StateView, remembered: frozenset[Memory]) -> str | None:
+        """Why it is not remembered after this step, where the step tells.
+
+        Args:
+            state: The step.
+            remembered: What is remembered after it.
+        """
+        event, reset = self.memory.event, self.memory.reset
+        if self.memory in remembered:
+            return None
+        if self.memory in state.remembered and reset is not None:
+            return f"undone: {event.name} ({', '.join(reset.met(state))})"
+        if self._now(state):
+            missing = event.unmet(state) or (reset.met(state) if reset else ())
+            return f"{self.when}: {', '.join(missing)}"
+        return state.past.get(self.memory)
+
+
+def since(predicate: Predicate, *, reset: Predicate | None = None) -> Since:
+    """`predicate` held at some earlier step of this episode, and `reset` has not held since.
+
+    Args:
+        predicate: What is remembered.
+        reset: What makes it forgotten, if anything: it held at none of the steps from the one that
+            is remembered to the last one. So `since(left, reset=right)` is true where the last of
+            the two that held was `left`.
+    """
+    memory = Memory(event=predicate, reset=reset)
+    name = f"since {predicate.name}" + ("" if reset is None else f" without {reset.name}")
+    parts = (predicate,) if reset is None else (predicate, reset)
+    return Since(name, lambda state: memory in state.remembered, parts, memory=memory)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+class HeldFor(Predicate):
+    """A predicate that has held for some time without a break; it is the only part."""
+
+    seconds: float
+    """For how long at least, in seconds."""
+
+    def _unmet(self, state: StateView) -> Words:
+        (part,) = self.parts
+        lasted = state.lasted.get(part, 0) / CONTROL_HZ
+        return part.unmet(state) or (
+            f"only for {lasted:.2f} s, not for {self.seconds:g} s: {part.name}",
+        )
+
+
+def held_for(predicate: Predicate, seconds: float) -> Predicate:
+    """`predicate` holds, and has held at every control step of the last `seconds`.
+
+    Args:
+        predicate: What must hold.
+        seconds: For how long, rounded to control steps of 1/30 s.
+    """
+    steps = round(seconds * CONTROL_HZ)
+    return HeldFor(
+        f"{predicate.name} for {seconds:g} s",
+        lambda state: state.lasted.get(predicate, 0) >= steps,
+        (predicate,),
+        seconds=seconds,
+    )
+
+
+def all_of(*predicates: Predicate) -> Predicate:
+    """All hold."""
+    name = " and ".join(p.name for p in predicates)
+    asks = tuple(p.ask for p in predicates)
+
+    def test(state: StateView) -> bool:
+        for ask in asks:  # noqa: SIM110 - a third of the time of a generator
+            if not ask(state):
+                return False
+        return True
+
+    return _AllOf(f"({name})", test, predicates)
+
+
+def any_of(*predicates: Predicate) -> Predicate:
+    """At least one holds."""
+    name = " or ".join(p.name for p in predicates)
+    asks = tuple(p.ask for p in predicates)
+
+    def test(state: StateView) -> bool:
+        for ask in asks:  # noqa: SIM110 - a third of the time of a generator
+            if ask(state):
+                return True
+        return False
+
+    return _AnyOf(f"({name})", test, predicates)
+
+
+def at_least(count: int, *predicates: Predicate) -> Predicate:
+    """At least `count` of them hold."""
+    names = ", ".join(p.name for p in predicates)
+    asks = tuple(p.ask for p in predicates)
+    return Predicate(
+        f"at least {count} of ({names})",
+        lambda state: sum([ask(state) for ask in asks]) >= count,
+        predicates,
+    )
+
+
+def _each_once(words: Iterable[Words]) -> Words:
+    return tuple(dict.fromkeys(text for some in words for text in some))

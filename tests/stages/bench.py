@@ -1,0 +1,38 @@
+"""Facts that a test switches on and off, and the progress of stages made of them."""
+
+from __future__ import annotations
+
+from duobench.sim.simulation import Simulation
+from duobench.stages.logic import Predicate
+from duobench.stages.progress import Progress, Stage
+
+
+class Bench:
+    """Facts that a test switches on and off, and the progress of stages made of them."""
+
+    def __init__(self, sim: Simulation) -> None:
+        self.sim = sim
+        self.true: set[str] = set()
+        self.asked: list[str] = []
+
+    def fact(self, name: str) -> Predicate:
+        def test(_moment: object) -> bool:
+            self.asked.append(name)
+            return name in self.true
+
+        return Predicate(name, test)
+
+    def begin(self, *constraints: Predicate, **variants: str) -> Progress:
+        progress = Progress(
+            tuple(Stage(name=p.name, instruction=f"do {p.name}", holds=p) for p in constraints)
+        )
+        progress.reset(self.sim, variants)
+        return progress
+
+    def play(self, progress: Progress, *steps: str) -> list[int]:
+        """Stage after each step; a step is the facts that hold, one letter each."""
+        stages = []
+        for step in steps:
+            self.true = set(step)
+            stages.append(progress.update(self.sim))
+        return stages
