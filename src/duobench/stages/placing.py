@@ -8,7 +8,7 @@ of rest without a hand tells what stands from what topples, rolls off or drops t
 from __future__ import annotations
 
 from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, since
-from duobench.stages.predicates import arm_touches, grasped, mm, still
+from duobench.stages.predicates import arm_touches, grasped, mm, released, still
 from duobench.types import SIDES, Side
 
 PUT_HEIGHT = 0.012
@@ -59,8 +59,9 @@ def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
     """
     hand = f"the {sides[0]} gripper" if len(sides) == 1 else "a gripper"
     in_hand = any_of(*(grasped(side, prop) for side in sides or SIDES))
-    outside = since(in_hand & ~there, reset=~(in_hand | there))
-    carried = outside.called(f"{hand} has carried {prop} there")
+    carrying = (in_hand & ~there).called(f"{hand} carries {prop}")
+    dropped = (released(prop) & ~there).called(f"{prop} was dropped")
+    carried = since(carrying, reset=dropped).called(f"{hand} has carried {prop} there")
     event = (in_hand & there & carried).called(f"{hand} has {prop} at its place")
     return since(event, reset=~there).told_of(f"when {hand} let {prop} go", in_hand)
 
