@@ -6,7 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import Info, Observation
+from duobench.envs.duo_env import Info, Observation, base_of
 from duobench.envs.reset_options import (
     LAYOUT,
     LAYOUT_SEED,
@@ -42,9 +42,11 @@ class RandomizedReset(DuoWrapper):
             UnknownNameError: There is no such split.
         """
         super().__init__(env)
-        from duobench.envs.sim_env import sim_of
-
-        sim_of(env)  # only a simulation lays its objects out
+        if not hasattr(base := base_of(env), "simulation"):
+            raise TypeError(
+                f"Expected a simulated environment, which lays its objects out, got "
+                f"{type(base).__name__}."
+            )
         check_split(split)
         self._split = split
 

@@ -1,0 +1,114 @@
+"""What a real robot needs runs in a process that cannot import the simulator."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import duobench
+
+ENGINES = ("mujoco", "manifold3d", "mink")
+BLOCKED = f"import sys\nsys.modules.update(dict.fromkeys({ENGINES}))\n"
+"""As where they are not installed: importing one of them is an error."""
+MOST = 64
+"""Modules of the package that may load MuJoCo when they are imported."""
+
+# Rooms and modules that load no engine, whatever of them is imported.
+ROOMS = (
+    *("backend", "errors", "files", "kinematics", "looks", "objects", "pages", "randomness"),
+    *("references", "robot", "spatial", "stages", "tasks", "types", "versions", "envs", "results"),
+    *("checks", "installing", "lerobot_keys", "processes", "video", "training"),
+)
+NEEDS_AN_ENGINE = ("duobench.envs.make", "duobench.envs.sim_env", "duobench.envs.sim_judge")
+
+IMPORT_ALL = """
+import importlib
+for name in sys.argv[1:]:
+    importlib.import_module(name)
+import gc
+from duobench.objects import Shape, Solid
+from duobench.tasks import catalog
+for name in catalog.names():
+    catalog.get(name)
+print([type(one).__name__ for one in gc.get_objects() if isinstance(one, (Shape, Solid))])
+"""
+
+PLAY = """
+import json
+from pathlib import Path
+from tests.real_episode import play
+recording, results = play(Path(sys.argv[1]))
+(record,) = results.tasks[0].records
+print(json.dumps({
+    "stages": recording.stage.tolist(),
+    "states": recording.state.shape,
+    "is_real": recording.info.is_real,
+    "mode": recording.info.action_mode,
+    "success": record.success,
+    "stage_changes": record.stage_changes,
+    "layout": record.layout,
+    "successes": results.overall.successes,
+    "engines": [name for name in %r if sys.modules[name] is not None],
+}))
+"""
+
+LIST = """
+import importlib
+for name in sys.argv[1:]:
+    try:
+        importlib.import_module(name)
+    except ImportError as error:  # another engine, or a library of an optional extra
+        if error.name == "mujoco":
+            print(name)
+"""
+
+
+def modules() -> list[str]:
+    """Every module of the package but its entry point."""
+    folder = Path(duobench.__file__).parent
+    paths = (path.relative_to(folder.parent).with_suffix("") for path in folder.rglob("*.py"))
+    names = {".".join(path.parts).removesuffix(".__init__") for path in paths}
+    return sorted(name for name in names if not name.endswith("__main__"))
+
+
+def output(code: str, *arguments: str) -> str:
+    command = [sys.executable, "-W", "error", "-c", code, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_rooms_below_the_simulation_load_no_engine_and_tasks_no_geometry() -> None:
+    chosen = [
+        name
+        for name in modules()
+        if name.partition(".")[2].split(".")[0] in ROOMS and name not in NEEDS_AN_ENGINE
+    ]
+    assert len(chosen) > len(ROOMS)
+    assert output(BLOCKED + IMPORT_ALL, *chosen) == "[]\n"
+
+
+def test_an_episode_on_arms_without_a_simulation_is_played_recorded_and_reported(
+    tmp_path: Path,
+) -> None:
+    found = json.loads(output(BLOCKED + PLAY % (ENGINES,), str(tmp_path)))
+    assert found == {
+        "stages": [0, 0, 1, 1, 1, 3, 3, 3, 5],
+        "states": [9, 0],
+        "is_real": True,
+        "mode": "joint_relative",
+        "success": True,
+        "stage_changes": [[2, 1], [5, 3], [8, 5]],
+        "layout": {},
+        "successes": 1,
+        "engines": [],
+    }
+    assert (tmp_path / "run" / "index.html").read_text().count("Bin-Sort")
+
+
+def test_few_modules_load_mujoco() -> None:
+    loading = output(BLOCKED + LIST, *modules()).split()
+    assert "duobench.sim.simulation" in loading
+    assert len(loading) <= MOST, loading
