@@ -122,6 +122,10 @@ class EvaluationError(DuoBenchError):
     """A run cannot begin or go on, or a file of it cannot be read."""
 
 
+class TooFewSuccessesError(EvaluationError):
+    """A policy that is recorded hardly ever succeeds."""
+
+
 class FileError(DuoBenchError):
     """A file of a run or of a data set is damaged, or of another version."""
 

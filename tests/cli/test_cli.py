@@ -213,6 +213,8 @@ def test_doctor_without_graphics_says_so_and_fails() -> None:
         (["render", "bin_sort", "--seed", "-1"], "from 0 on, got -1"),
         (["render", "bin_sort", "--out", "/proc/run"], "/proc/run cannot be the folder"),
         (["report", "OUT"], "There is no folder"),
+        (["eval", "--policy", "mine.py", "--out", "OUT"], "mine:MyPolicy for MyPolicy in mine.py"),
+        (["eval", "--policy", "mine.Mine", "--out", "OUT"], "mine:Mine for Mine in mine.py"),
         (["serve", "--policy", "expert:human"], "expert:human reads the state of the simulator"),
         (["evaluate"], "no verb 'evaluate'. Did you mean `duobench eval`?"),
         (["export", "demos"], "Did you mean `duobench export lerobot demos`?"),

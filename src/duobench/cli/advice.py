@@ -14,6 +14,7 @@ from duobench.errors import (
     OtherRunError,
     OutputError,
     RenderingError,
+    TooFewSuccessesError,
 )
 
 if TYPE_CHECKING:
@@ -81,6 +82,8 @@ def for_recording(error: DuoBenchError) -> str | None:
             return "Give --out another folder."
         case OutputError() | MachineryError():
             return "The same command goes on with what is missing."
+        case TooFewSuccessesError():
+            return "With --keep-failures every episode is kept, and counts."
     return None
 
 

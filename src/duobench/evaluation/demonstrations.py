@@ -13,7 +13,7 @@ from pathlib import Path
 
 from duobench.data import DataSet, Recording
 from duobench.data.dataset import EPISODES, SUFFIX
-from duobench.errors import EvaluationError, OtherRunError
+from duobench.errors import OtherRunError, TooFewSuccessesError
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.executor import executor_for
 from duobench.evaluation.observer import Observer
@@ -93,7 +93,7 @@ def record(  # noqa: PLR0913
     Raises:
         OtherRunError: If the data set holds another recording.
         OutputError: If it is in use or cannot be written.
-        EvaluationError: If the policy hardly ever succeeds; what is finished is kept.
+        TooFewSuccessesError: If the policy hardly ever succeeds; what is finished is kept.
         PolicyError: If the policy cannot be made, or does not fit the environment.
     """
     plan = RecordingPlan(split=split, keep_failures=keep_failures)
@@ -191,7 +191,7 @@ def _next(task: TaskInfo, log: Mapping[tuple[str, int], Attempt], wanted: int) -
         kept += attempt is None or attempt.kept
         index += 1
         if index > MAX_EPISODES_PER_SUCCESS * wanted:
-            raise EvaluationError(
+            raise TooFewSuccessesError(
                 f"Only {kept - len(missing)} of the first {index - len(missing)} episodes of "
                 f"{task.id} succeeded; {wanted} are wanted. What succeeded is kept."
             )

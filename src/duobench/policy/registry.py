@@ -84,6 +84,14 @@ class PolicyName:
             kind, reference = PolicyKind.LEROBOT, rest
         elif is_divided:
             kind = PolicyKind.MODULE
+        if kind is None and "." in text:
+            path = Path(text)
+            module, attribute = path.stem, path.suffix.removeprefix(".")
+            attribute = "MyPolicy" if attribute == "py" else attribute
+            raise PolicyError(
+                f"A policy of your own is named module:attribute, not {text!r}: "
+                f"{module}:{attribute} for {attribute} in {module}.py."
+            )
         if kind is None:
             raise UnknownNameError("policy", text, [*words, *_FORMS])
         return cls(text=text, kind=kind, reference=reference, variety=variety)
