@@ -157,6 +157,19 @@ def test_broken_episode_is_shown_with_its_traceback(tmp_path: Path) -> None:
     assert "Trace ValueError: no" in words
 
 
+def test_what_kept_an_episode_from_its_next_stage_is_shown(tmp_path: Path) -> None:
+    run = sample_run(tasks=(SORT,), episodes=2)
+    records = [
+        sample_record(SORT, 0, (1,), unmet=("left does not grasp cube", "cube touches table")),
+        sample_record(SORT, 1, unmet=()),
+    ]
+    folder = sample_folder(tmp_path / "run", run, records)
+    write_report(folder)
+    text = folder.page.read_text(encoding="utf-8")
+    assert text.count("In the way of the next stage:") == 1
+    assert "left does not grasp cube; cube touches table" in text
+
+
 @pytest.mark.parametrize("kept", [0, 5])
 def test_unfinished_run_says_so(tmp_path: Path, kept: int) -> None:
     run = sample_run()
