@@ -10,8 +10,7 @@ Randomization:
 
 Success:
     Both blocks stand on the ends of the level beam, the beam on the cube, all let go and still for
-    half a second, after each arm had its block in hand until both were on the beam, or at most 12
-    mm above.
+    half a second, after each arm had its block in hand until both were on or little above the beam.
 """
 
 from __future__ import annotations
