@@ -126,6 +126,20 @@ QUESTIONS = {
 }
 
 
+@pytest.mark.parametrize(("gap", "is_near"), [(0.0, True), (0.029, True), (0.031, False)])
+def test_near_is_measured_from_surface_to_surface(gap: float, is_near: bool) -> None:
+    """And the link of an arm does not count, nor the other arm's hand."""
+    model, data, contacts = toy()
+    x, y, z = data.xpos[model.body("left/gripper/left_pad").id]
+    data.joint(0).qpos[:3] = x, y + 0.2 + gap, z
+    look(model, data, contacts)
+    assert contacts.near(Side.LEFT, "ball", 0.030) is is_near
+    assert not contacts.near(Side.RIGHT, "ball", 0.030)
+    data.joint(0).qpos[:3] = data.xpos[model.body("left/link").id] - (0.2, 0.0, 0.0)
+    look(model, data, contacts)
+    assert not contacts.near(Side.LEFT, "ball", 0.030)
+
+
 @pytest.mark.parametrize("question", QUESTIONS)
 def test_an_unknown_owner_is_an_error(question: str) -> None:
     _, _, contacts = toy()
