@@ -12,9 +12,8 @@ import mujoco
 import numpy as np
 
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, OVERVIEW, View, looking
-from duobench.scene.boxes import add_box
 from duobench.scene.filters import Group, distal
-from duobench.scene.surfaces import collide_as_metal
+from duobench.scene.surfaces import add_box, collide_as_metal
 from duobench.spatial import SE3
 from duobench.types import HEAD, Side, wrist_name
 

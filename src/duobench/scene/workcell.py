@@ -18,12 +18,11 @@ from duobench.robot.workcell import (
     TABLE_X,
     TABLE_Y,
 )
-from duobench.scene.boxes import add_box
 from duobench.scene.cameras import HEAD_POSITION
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP, Group, collide_as, visual_only
 from duobench.scene.mesh_normals import FLAT, add_visual_mesh
 from duobench.scene.naming import TABLE
-from duobench.scene.surfaces import collide_as_metal
+from duobench.scene.surfaces import add_box, collide_as_metal
 from duobench.spatial import SE3
 
 TABLE_THICKNESS = 0.03

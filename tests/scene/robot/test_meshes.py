@@ -11,8 +11,7 @@ from duobench.errors import AssetError, UnknownNameError
 from duobench.objects import Mesh
 from duobench.scene.compose import compose
 from duobench.scene.robot import meshes
-from duobench.scene.robot.links import add_mesh
-from duobench.scene.robot.meshes import decode, robot_meshes
+from duobench.scene.robot.meshes import add_mesh, decode, robot_meshes
 
 NAMES = sorted(robot_meshes())
 HULLS = [name for name in NAMES if name.endswith(":hull")]

@@ -1,7 +1,8 @@
-"""Meshes of the arms and grippers: reduced for images, convex hulls for contacts, in metres.
+"""Links of the arms and grippers in a model: bodies with their mass, and meshes.
 
-All 38 are in one file beside this module, made from the published models by the
-recipes of `tools/meshes.py`. Their names end in ":visual" or ":hull", such as "fr3/link1:hull".
+All 38 meshes, reduced for images and convex hulls for contacts, are in one file beside this module,
+made from the published models by the recipes of `tools/meshes.py`. Their names end in ":visual" or
+":hull", such as "fr3/link1:hull".
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ import io
 from collections.abc import Mapping
 from importlib import resources
 
+import mujoco
 import numpy as np
 
-from duobench.errors import AssetError
+from duobench.errors import AssetError, check_known
 from duobench.objects.solid import Mesh
+from duobench.robot.fr3_links import Link, Vector
 
 FILE = "robot_meshes.npz"
 """The data, uncompressed, since wheels compress what they hold: `names` (k,), `counts` (k, 2) of
@@ -61,3 +64,39 @@ def decode(data: bytes) -> Mapping[str, Mesh]:
         faces = np.split(file["faces"], ends[:, 1])
         names = file["names"].tolist()
     return dict(zip(names, map(Mesh, vertices, faces), strict=True))
+
+
+def add_link(parent: mujoco.MjsBody, name: str, link: Link) -> mujoco.MjsBody:
+    """Hang a link on a body, without its meshes; the robot's controller bears its weight."""
+    body = parent.add_body(name=name, pos=link.position, quat=link.wxyz, gravcomp=1.0)
+    if link.mass is not None:
+        body.explicitinertial = True
+        body.mass, body.ipos = link.mass, link.centre
+        body.iquat, body.inertia = link.axes_wxyz, link.inertia
+    return body
+
+
+def add_mesh(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    mesh: str,
+    position: Vector = (0.0, 0.0, 0.0),
+    wxyz: Vector = (1.0, 0.0, 0.0, 0.0),
+) -> mujoco.MjsGeom:
+    """Add one of the robot's meshes to a body, at a pose in its frame; the model has it once.
+
+    Raises:
+        UnknownNameError: There is no such mesh.
+        AssetError: The data file is missing or damaged.
+    """
+    meshes = robot_meshes()
+    check_known("mesh of the robot", mesh, meshes)
+    if spec.mesh(mesh) is None:
+        spec.add_mesh(
+            name=mesh,
+            uservert=meshes[mesh].vertices.ravel(),
+            userface=meshes[mesh].faces.ravel(),
+            # Reduced meshes need not be watertight; none of them carries mass.
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, pos=position, quat=wxyz)

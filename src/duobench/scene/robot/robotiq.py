@@ -19,8 +19,14 @@ import mujoco
 from duobench.robot.fr3_links import Link, Vector
 from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
 from duobench.scene.naming import gripper_name
-from duobench.scene.robot.links import add_link, add_mesh
-from duobench.scene.surfaces import ROLLING, TORSION, collide_unseen
+from duobench.scene.robot.meshes import add_link, add_mesh
+from duobench.scene.surfaces import (
+    CONTACT_SOLIMP,
+    CONTACT_SOLREF,
+    ROLLING,
+    TORSION,
+    collide_unseen,
+)
 from duobench.spatial import SE3
 from duobench.types import Side
 
@@ -54,8 +60,6 @@ METAL = (0.58, 0.58, 0.58, 1.0)
 BLACK = (0.149, 0.149, 0.149, 1.0)
 PAD_COLOUR = (0.45, 0.45, 0.45, 1.0)
 
-_STIFF_SOLREF = (0.005, 1.0)
-_STIFF_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 _LINKAGE_ANCHOR = (-0.0179014, -0.00651468, 0.0044)
 PAD_SOLREF = (0.004, 1.0)
 """Contact time constant of the pads [facts of the platform]; MuJoCo raises it to two time steps."""
@@ -231,8 +235,8 @@ def _add_finger(
                 name=name,
                 axis=(0, 0, 1),
                 limited=True,
-                solref_limit=_STIFF_SOLREF,
-                solimp_limit=_STIFF_SOLIMP,
+                solref_limit=CONTACT_SOLREF,
+                solimp_limit=CONTACT_SOLIMP,
                 **part.joint,
             )
         position, wxyz = part.mesh_position, part.mesh_wxyz
@@ -265,7 +269,7 @@ def _add_pad(follower: mujoco.MjsBody, name: str, side: Side) -> None:
             mass=_PAD_MASS,
             friction=(PAD_FRICTION, TORSION, ROLLING),
             solref=PAD_SOLREF,
-            solimp=_STIFF_SOLIMP,
+            solimp=CONTACT_SOLIMP,
             priority=1,
             rgba=PAD_COLOUR,
             group=COLLISION_GEOM_GROUP,
@@ -282,8 +286,8 @@ def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:
             name1=f"{prefix}/{finger}_follower",
             name2=f"{prefix}/{finger}_coupler",
             data=[*_LINKAGE_ANCHOR, *[0.0] * 9],
-            solref=_STIFF_SOLREF,
-            solimp=_STIFF_SOLIMP,
+            solref=CONTACT_SOLREF,
+            solimp=CONTACT_SOLIMP,
         )
     spec.add_equality(
         type=mujoco.mjtEq.mjEQ_JOINT,
@@ -291,8 +295,8 @@ def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:
         name1=f"{prefix}/right_driver",
         name2=f"{prefix}/left_driver",
         data=[0.0, 1.0, *[0.0] * 10],
-        solref=_STIFF_SOLREF,
-        solimp=_STIFF_SOLIMP,
+        solref=CONTACT_SOLREF,
+        solimp=CONTACT_SOLIMP,
     )
     tendon = spec.add_tendon(name=prefix, damping=[DRIVER_DAMPING, 0.0, 0.0])
     for finger in FINGERS:
