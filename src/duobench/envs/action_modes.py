@@ -29,7 +29,7 @@ class ActionMode:
     """The action space for arms with some limits."""
     wrappers: tuple[str, ...] = ()
     """Import paths `module:CLASS` of the wrappers that make joint targets of an action, from the
-    inside out. Each declares the name of its mode as `action_mode`."""
+    inside out."""
 
     @property
     def arm_size(self) -> int:

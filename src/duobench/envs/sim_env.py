@@ -21,7 +21,6 @@ from duobench.envs.reset_options import (
     checked_reset_options,
     checked_seed,
 )
-from duobench.envs.sim_judge import SimJudge
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
@@ -31,6 +30,7 @@ from duobench.sim import placement
 from duobench.sim.backend import SimBackend
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
+from duobench.stages.progress import Progress, ProgressState, check_names
 from duobench.tasks.task import Task
 
 DEFAULT_SEED = 0
@@ -108,7 +108,7 @@ class SimEnv(DuoEnv):
             UnknownNameError: A stage names what is not there; near misses are listed.
             LayoutError: The task does not place all of its objects.
         """
-        return SimJudge(self.definition, self.simulation, lambda: self.layout)
+        return SimJudge(self)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
         options = checked_reset_options(options, OF_SIMULATION)
@@ -208,6 +208,38 @@ class SimEnv(DuoEnv):
         if self._layout is None:
             raise ResetNeededError("There is nothing to see before the first reset.")
         return self.backend.images((OVERVIEW,), self._render_size)[OVERVIEW]
+
+
+class SimJudge(Progress):
+    """Judges by the task's constraints, from the state of the simulation."""
+
+    def __init__(self, env: SimEnv) -> None:
+        """Check that the simulation and its layouts have everything that the stages name.
+
+        Raises:
+            UnknownNameError: A stage names what is not there; near misses are listed.
+            LayoutError: The task does not place all of its objects.
+        """
+        task = env.definition
+        sampled = next(task.layouts(0))
+        task.instruct(sampled)
+        task.subinstructions(sampled)
+        options = {name: choice.options for name, choice in task.variants.items()}
+        check_names(task.stages, env.simulation, sampled.variants, options)
+        super().__init__(task.stages)
+        self._env = env
+
+    def begin(self) -> None:
+        """Begin at stage 0, and remember where everything is."""
+        self.reset(self._env.simulation, self._env.layout.variants)
+
+    def judge(self) -> None:
+        """Evaluate the stage rule."""
+        self.update(self._env.simulation)
+
+    def set_state(self, state: ProgressState, variants: Mapping[str, str] | None = None) -> None:
+        """Continue from a state, in the environment's layout where no variants are given."""
+        super().set_state(state, self._env.layout.variants if variants is None else variants)
 
 
 def _as_floats(layout: Mapping[str, Any]) -> dict[str, Any]:

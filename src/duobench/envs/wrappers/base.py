@@ -7,8 +7,11 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
+from duobench.envs import spaces
+from duobench.envs.action_modes import ActionMode
 from duobench.envs.duo_env import DuoEnv, Info, Observation, base_of
 from duobench.envs.episode_state import EpisodeState
+from duobench.types import Array
 
 
 class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
@@ -72,3 +75,28 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def _max_episode_steps(self) -> int:
         """Control steps after which an episode is cut off."""
         return self.env.get_wrapper_attr("_max_episode_steps")
+
+
+class ActionModeWrapper(DuoWrapper):
+    """A wrapper that takes the actions of a mode; a subclass says which, and what they mean."""
+
+    mode: ActionMode
+    """The mode."""
+
+    def __init__(self, env: gym.Env) -> None:
+        """Wrap an environment that takes the actions which the wrapper makes of its own."""
+        super().__init__(env)
+        self.action_space = self.mode.space(self.base.backend.limits)
+
+    @property
+    def action_mode(self) -> str:
+        """Name of what an action means."""
+        return self.mode.name
+
+    def check_action(self, action: Any) -> Array:
+        """The action as float64 numbers, as many as the mode has, without executing it.
+
+        Raises:
+            ActionError: It has another shape, or holds NaN or infinity.
+        """
+        return spaces.checked_action(action, self.mode.names)

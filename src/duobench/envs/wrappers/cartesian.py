@@ -6,10 +6,9 @@ from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs import spaces
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.duo_env import Transition
-from duobench.envs.wrappers.base import DuoWrapper
+from duobench.envs.wrappers.base import ActionModeWrapper
 from duobench.errors import ActionError
 from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3, length
@@ -19,7 +18,7 @@ MIN_NORM = 1e-3
 """A quaternion shorter than this names no orientation."""
 
 
-class CartesianActions(DuoWrapper):
+class CartesianActions(ActionModeWrapper):
     """Absolute tool poses.
 
     An action is 16 numbers, left then right: tool centre point in the table frame x y z (metres)
@@ -28,14 +27,13 @@ class CartesianActions(DuoWrapper):
     joint ranges and velocity limits; a pose that is far away is reached after several steps.
     """
 
-    action_mode = CARTESIAN.name
+    mode = CARTESIAN
 
     def __init__(self, env: gym.Env) -> None:
         """Wrap an environment that takes joint targets."""
         super().__init__(env)
         self.kinematics = Kinematics()
         """The solver, for wrappers outside this one."""
-        self.action_space = CARTESIAN.space(self.base.backend.limits)
 
     def check_action(self, action: Any) -> Array:
         """The action as 16 float64 numbers, without executing it.
@@ -43,7 +41,7 @@ class CartesianActions(DuoWrapper):
         Raises:
             ActionError: It has another shape, holds NaN or infinity, or a quaternion is zero.
         """
-        numbers = spaces.checked_action(action, CARTESIAN.names)
+        numbers = super().check_action(action)
         for side in SIDES:
             start = side.index * SIDE_SIZE
             quaternion = numbers[start + 3 : start + 7]

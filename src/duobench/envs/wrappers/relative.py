@@ -12,7 +12,7 @@ from duobench.envs import spaces
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.envs.duo_env import Info, Observation, Transition
 from duobench.envs.episode_state import EpisodeState, required
-from duobench.envs.wrappers.base import DuoWrapper
+from duobench.envs.wrappers.base import ActionModeWrapper
 from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3, product, rotation_by
 from duobench.types import SIDES, Array, Side
@@ -25,7 +25,7 @@ MAX_DISPLACEMENT = 1e6
 finite."""
 
 
-class RelativeJointActions(DuoWrapper):
+class RelativeJointActions(ActionModeWrapper):
     """Joint displacements.
 
     An action is 16 numbers in the order of a joint action: each joint's displacement from its last
@@ -33,20 +33,7 @@ class RelativeJointActions(DuoWrapper):
     is clipped there, and the next displacement starts from the clipped one.
     """
 
-    action_mode = JOINT_RELATIVE.name
-
-    def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment that takes joint targets."""
-        super().__init__(env)
-        self.action_space = JOINT_RELATIVE.space(self.base.backend.limits)
-
-    def check_action(self, action: Any) -> Array:
-        """The action as 16 float64 numbers, without executing it.
-
-        Raises:
-            ActionError: It has another shape, or holds NaN or infinity.
-        """
-        return spaces.checked_action(action, JOINT_RELATIVE.names)
+    mode = JOINT_RELATIVE
 
     def step(self, action: Any) -> Transition:
         """Advance one control step.
@@ -54,16 +41,12 @@ class RelativeJointActions(DuoWrapper):
         Raises:
             ActionError: See `check_action`. Nothing was moved.
         """
-        targets = self.check_action(action) + self._start()
-        return self.env.step(targets)
-
-    def _start(self) -> Array:
-        last = self.base.backend.last_command.flat
-        last[spaces.opening_slots(len(last))] = 0.0
-        return last
+        start = self.base.backend.last_command.flat
+        start[spaces.opening_slots(len(start))] = 0.0
+        return self.env.step(self.check_action(action) + start)
 
 
-class RelativeCartesianActions(DuoWrapper):
+class RelativeCartesianActions(ActionModeWrapper):
     """Tool displacements.
 
     An action is 14 numbers, left then right: translation dx dy dz (metres) and rotation vector
@@ -75,7 +58,7 @@ class RelativeCartesianActions(DuoWrapper):
     commanded to be, so that pushing against a limit stores nothing up.
     """
 
-    action_mode = CARTESIAN_RELATIVE.name
+    mode = CARTESIAN_RELATIVE
 
     def __init__(self, env: gym.Env) -> None:
         """Wrap an environment with `CartesianActions` inside.
@@ -85,7 +68,6 @@ class RelativeCartesianActions(DuoWrapper):
         """
         super().__init__(env)
         self._kinematics: Kinematics = env.get_wrapper_attr("kinematics")
-        self.action_space = CARTESIAN_RELATIVE.space(self.base.backend.limits)
         self._targets: dict[Side, SE3] = {}
 
     def reset(
@@ -110,14 +92,6 @@ class RelativeCartesianActions(DuoWrapper):
         result = super().restore_state(state)
         self._targets = dict(targets)
         return result
-
-    def check_action(self, action: Any) -> Array:
-        """The action as 14 float64 numbers, without executing it.
-
-        Raises:
-            ActionError: It has another shape, or holds NaN or infinity.
-        """
-        return spaces.checked_action(action, CARTESIAN_RELATIVE.names)
 
     def step(self, action: Any) -> Transition:
         """Advance one control step.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import gymnasium as gym
 
@@ -14,7 +14,11 @@ from duobench.stages.progress import ProgressState
 
 
 class Judge(Protocol):
-    """Who says which stage an episode has reached: the simulation, or a person."""
+    """Who says which stage an episode has reached: the simulation, or a person.
+
+    One that can say why the next stage is not reached also has `explain(on)`, which asks for it,
+    and from the next step on `unmet`, the reasons in words; see `stages.progress.Progress`.
+    """
 
     def begin(self) -> None:
         """An episode has begun."""
@@ -40,20 +44,6 @@ class Judge(Protocol):
 
     def set_state(self, state: ProgressState) -> None:
         """Continue from a state."""
-        ...
-
-
-@runtime_checkable
-class ExplainingJudge(Judge, Protocol):
-    """A judge that says why a stage is not reached, if asked."""
-
-    @property
-    def unmet(self) -> tuple[str, ...]:
-        """Why the next stage is not reached, in words, since `explain` asked for it."""
-        ...
-
-    def explain(self, on: bool = True) -> None:
-        """Say why, from the next step on, or stop it."""
         ...
 
 
@@ -83,7 +73,7 @@ class TaskStages(DuoWrapper):
         """Who says which stage is reached."""
         self._max_stage = self.base.definition.max_stage
         self._subinstructions: dict[int, str] = {}
-        self._explained: ExplainingJudge | None = None
+        self._is_explained = False
 
     def explain_stages(self, on: bool = True) -> None:
         """Say in `info["unmet"]` at every step why the next stage is not reached.
@@ -93,10 +83,9 @@ class TaskStages(DuoWrapper):
         a person, leaves the key out. What earlier steps tell, such as how high something was let
         go, is known of steps from here on.
         """
-        self._explained = None
-        if isinstance(self.judge, ExplainingJudge):
-            self.judge.explain(on)
-            self._explained = self.judge if on else None
+        if explain := getattr(self.judge, "explain", None):
+            explain(on)
+            self._is_explained = on
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -113,8 +102,8 @@ class TaskStages(DuoWrapper):
         observation, _, terminated, truncated, info = self.env.step(action)
         self.judge.judge()
         success = self._report(info)
-        if self._explained is not None:
-            info["unmet"] = self._explained.unmet
+        if self._is_explained:
+            info["unmet"] = getattr(self.judge, "unmet", ())
         reward = self.judge.stage / self._max_stage
         return observation, reward, terminated or success, truncated, info
 

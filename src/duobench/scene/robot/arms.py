@@ -1,4 +1,4 @@
-"""The FR3 Duo: two arms of the published numbers of `robot.fr3_links`, with grippers and cameras."""
+"""The FR3 Duo: two arms of the published numbers of `robot.fr3_links`, grippers and cameras."""
 
 from __future__ import annotations
 
