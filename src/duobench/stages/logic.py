@@ -108,13 +108,13 @@ class Predicate:
 
     def unmet(self, state: StateView) -> Words:
         """Why it does not hold: the constraints in it that do not; nothing where it holds."""
-        if self.ask(state):
-            return ()
-        return (self.otherwise(state),) if self.otherwise else self._unmet(state)
+        return () if self.ask(state) else self.why(state)
 
-    def met(self, state: StateView) -> Words:
-        """Why it holds; nothing where it does not."""
-        return self._met(state) if self.ask(state) else ()
+    def why(self, state: StateView) -> Words:
+        """Why it holds, or why it does not, whichever is so."""
+        if self.ask(state):
+            return self._met(state)
+        return (self.otherwise(state),) if self.otherwise else self._unmet(state)
 
     def possible(self, state: StateView) -> bool:  # noqa: ARG002 - variants differ
         """Whether it can ever hold in the episode's layout."""
@@ -149,10 +149,9 @@ class _Not(Predicate):
     __slots__ = ()
 
     def _unmet(self, state: StateView) -> Words:
-        return self.parts[0].met(state)
+        return self.parts[0].why(state)
 
-    def _met(self, state: StateView) -> Words:
-        return self.parts[0].unmet(state)
+    _met = _unmet
 
 
 class _AllOf(Predicate):
@@ -193,7 +192,7 @@ class _AnyOf(Predicate):
         return (*shared, start + " nor ".join(names))
 
     def _met(self, state: StateView) -> Words:
-        return _each_once(part.met(state) for part in self.parts)
+        return _each_once(part.why(state) for part in self.parts if part.ask(state))
 
     def _alternatives(self) -> Iterator[Predicate]:
         for part in self.parts:
@@ -245,9 +244,9 @@ class Since(Predicate):
         if self.memory in remembered:
             return None
         if self.memory in state.remembered and reset is not None:
-            return f"undone: {event.name} ({', '.join(reset.met(state))})"
+            return f"undone: {event.name} ({', '.join(reset.why(state))})"
         if self._now(state):
-            missing = event.unmet(state) or (reset.met(state) if reset else ())
+            missing = event.unmet(state) or (reset.why(state) if reset else ())
             return f"{self.when}: {', '.join(missing)}"
         return state.past.get(self.memory)
 
