@@ -368,7 +368,7 @@ FULL_DISK = """
 import sys
 from pathlib import Path
 import numpy as np
-from duobench.data.lerobot.video import write_videos
+from duobench.data.lerobot.export import write_videos
 from duobench.errors import OutputError
 from tests.data.tools import room
 paths = {name: Path(sys.argv[1]) / f"{name}.mp4" for name in "ab"}

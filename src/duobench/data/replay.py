@@ -1,24 +1,89 @@
-"""Replaying recorded commands through the physics: what comes out the same, and what does not."""
+"""Replaying recorded episodes: images of their states, and their commands through the physics."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
+from duobench.backend import Image
 from duobench.data.recording import Recording
-from duobench.envs.config import EnvConfig
+from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.make import make_env
 from duobench.envs.reset_options import LAYOUT
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, BackendError, DataError, DuoBenchError
+from duobench.looks.catalog import DEFAULT, as_look
+from duobench.looks.look import Look
 from duobench.randomness import SUITE_VERSION
+from duobench.sim.backend import SimBackend
+from duobench.sim.layout import Layout
+from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
+from duobench.types import POLICY_CAMERAS
+
+
+class ImageSource:
+    """Renders recorded states of one task."""
+
+    def __init__(
+        self,
+        task: str | Task,
+        *,
+        cameras: Sequence[str] = POLICY_CAMERAS,
+        size: tuple[int, int] = IMAGE_SIZE,
+        look: str | Look = DEFAULT,
+    ) -> None:
+        """Compile the task's model.
+
+        Args:
+            task: The task, its id, or its import path.
+            cameras: Which cameras to render.
+            size: Height and width of the images in pixels.
+            look: How the images look, whatever they looked like while recording.
+
+        Raises:
+            UnknownNameError: There is no such task or look.
+        """
+        definition = catalog.get(task)
+        self.simulation = Simulation(definition.props, definition.overview)
+        """The physics, in the state that was rendered last."""
+        self._backend = SimBackend(self.simulation)
+        self._backend.set_look(as_look(look))
+        self._cameras, self._size = tuple(cameras), size
+        self._layout: dict[str, Any] | None = None
+
+    def images(self, recording: Recording, row: int) -> dict[str, Image]:
+        """What the cameras saw at a row of a recording.
+
+        Returns:
+            Images (height, width, 3) by camera, as the environment gave them.
+
+        Raises:
+            DataError: The state does not fit the task.
+            RenderingError: Nothing can be rendered.
+        """
+        try:
+            if recording.info.layout != self._layout:
+                self._layout = None
+                self.simulation.apply(Layout.from_json(recording.info.layout))
+                self._layout = recording.info.layout
+            self.simulation.set_state(recording.state[row])
+        except DuoBenchError as error:
+            raise DataError(
+                f"Row {row} of an episode of {recording.info.task} cannot be shown: {error}"
+            ) from error
+        return self._backend.images(self._cameras, self._size)
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._backend.close()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

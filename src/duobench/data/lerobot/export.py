@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -16,26 +16,26 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
-from duobench.data.images import ImageSource
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual, joint_targets
-from duobench.data.lerobot.features import COLUMNS, schema
+from duobench.data.lerobot.features import COLUMNS, FPS, schema
 from duobench.data.lerobot.folder import SCHEMA, EpisodeFacts, Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
-from duobench.data.lerobot.video import write_videos
 from duobench.data.parquet import to_arrow, to_bytes
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
+from duobench.data.replay import ImageSource
 from duobench.data.schema import action_mode
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError
-from duobench.files import encode, locked, write
+from duobench.files import encode, locked, replacing, write
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, STATE
 from duobench.randomness import SUITE_VERSION
 from duobench.sim import rendering
 from duobench.types import CONTROL_HZ, Array
 from duobench.versions import package_versions
+from duobench.video import AV1, VideoWriter
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -195,6 +195,27 @@ def _frames(
         for camera, image in images.items():
             statistics.count_values(counts[camera], image)
         yield images
+
+
+def write_videos(frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path]) -> None:
+    """Encode one video a camera side by side; each is whole or absent after a kill.
+
+    Args:
+        frames: Images (height, width, 3), both even, by camera, frame by frame.
+        paths: Where the video of each camera will be.
+
+    Raises:
+        VideoError: The images cannot be encoded.
+        OutputError: A file cannot be written.
+    """
+    with ExitStack() as stack:
+        writers = {}
+        for camera, path in paths.items():
+            temporary = stack.enter_context(replacing(path))
+            writers[camera] = stack.enter_context(closing(VideoWriter(temporary, AV1, FPS)))
+        for images in frames:
+            for camera, writer in writers.items():
+                writer.add(images[camera])
 
 
 def _hash_of(path: Path) -> str:

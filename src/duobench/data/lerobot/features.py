@@ -8,10 +8,12 @@ from typing import Any
 
 import pyarrow as pa
 
-from duobench.data.lerobot import video
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.lerobot_keys import ACTION, DOMAIN, IMAGE_PREFIX, STATE
+from duobench.types import CONTROL_HZ
+from duobench.video import AV1
 
+FPS = int(CONTROL_HZ)
 _VECTORS = (STATE, ACTION)
 _SCALARS = {
     "next.reward": "float32",
@@ -53,7 +55,7 @@ def describe(cameras: Sequence[str], size: tuple[int, int]) -> dict[str, dict[st
             "dtype": "video",
             "shape": [*size, 3],
             "names": ["height", "width", "channels"],
-            "info": video.describe(size),
+            "info": _describe_video(size),
         }
         for camera in cameras
     }
@@ -61,6 +63,30 @@ def describe(cameras: Sequence[str], size: tuple[int, int]) -> dict[str, dict[st
         name: {"dtype": dtype, "shape": [1], "names": None} for name, dtype in _SCALARS.items()
     }
     return vectors | images | scalars
+
+
+def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
+    """What `meta/info.json` says about a video, under the keys that LeRobot's own writer uses.
+
+    Args:
+        size: Height and width in pixels.
+    """
+    return {
+        "video.height": size[0],
+        "video.width": size[1],
+        "video.codec": "av1",
+        "video.pix_fmt": AV1.pixel_format,
+        "video.fps": FPS,
+        "video.channels": 3,
+        "has_audio": False,
+        "video.g": int(AV1.options["g"]),
+        "video.crf": int(AV1.options["crf"]),
+        "video.preset": int(AV1.options["preset"]),
+        "video.fast_decode": 0,
+        "video.video_backend": "pyav",
+        "video.extra_options": {},
+        "is_depth_map": False,
+    }
 
 
 def schema() -> pa.Schema:

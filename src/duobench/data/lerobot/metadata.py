@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual
-from duobench.data.lerobot.features import COLUMNS, describe, image_key
+from duobench.data.lerobot.features import COLUMNS, FPS, describe, image_key
 from duobench.data.lerobot.folder import CHUNK_SIZE, Export, ExportFolder, location
-from duobench.data.lerobot.video import FPS
 from duobench.data.parquet import to_bytes, to_numpy
 from duobench.errors import DataError
 from duobench.files import write
