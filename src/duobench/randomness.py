@@ -29,19 +29,10 @@ def _digest(*words: object) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest(), "big")
 
 
-def check_split(split: object) -> None:
-    """Reject what is no split.
-
-    Raises:
-        UnknownNameError: There is no such split.
-    """
-    check_known("split", split, SPLITS)
-
-
 def _word(kind: str, split: str) -> str:
     # The first hashed word keeps the splits apart, so a layout in both would need two different
     # texts with the same SHA-256 hash.
-    check_split(split)
+    check_known("split", split, SPLITS)
     return kind if split == EVAL else f"{split} {kind}"
 
 

@@ -10,7 +10,7 @@ import tyro
 
 from duobench.cli.advice import AdvisedError, advising, find_folder
 from duobench.cli.console import console, counted
-from duobench.cli.engine import load_engine
+from duobench.cli.doctor import load_engine
 from duobench.errors import DataError, DuoBenchError, NamesTakenError, OutputError
 
 if TYPE_CHECKING:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from statistics import median
 from timeit import repeat
 
 from duobench.cli.console import console
-from duobench.cli.engine import load_engine
-from duobench.errors import DuoBenchError
+from duobench.errors import DuoBenchError, RenderingError
 
 FRAMES = 20
 """Images that are timed; their median is shown."""
-IMAGE_SIZE = (224, 224)
-"""Height and width of what policies see by default."""
+ASKED = "MUJOCO_GL"
+"""Environment variable that names an OpenGL library."""
 
 
 def doctor() -> None:
@@ -33,6 +34,24 @@ def doctor() -> None:
         sys.exit(1)
 
 
+def load_engine() -> None:
+    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names.
+
+    Raises:
+        RenderingError: `MUJOCO_GL` names something that MuJoCo does not know or cannot load.
+    """
+    try:
+        import_module("mujoco")
+    except (RuntimeError, AttributeError, ImportError, OSError) as error:
+        asked = os.environ.get(ASKED)
+        if not asked:
+            raise
+        raise RenderingError(
+            f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to egl, "
+            "osmesa or glfw, whichever is installed, or unset it: then one that works is found."
+        ) from error
+
+
 def _versions() -> dict[str, str]:
     from duobench.randomness import SUITE_VERSION
     from duobench.versions import record_versions
@@ -44,6 +63,7 @@ def _versions() -> dict[str, str]:
 def _graphics() -> dict[str, str]:
     """What renders, and how long an image takes."""
     load_engine()
+    from duobench.envs.config import IMAGE_SIZE
     from duobench.envs.sim_env import SimEnv
     from duobench.sim.rendering import Renderer
     from duobench.tasks import catalog

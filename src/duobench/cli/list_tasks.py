@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 
 from duobench.cli.console import console
-from duobench.cli.engine import load_engine
 
 NARROW = 80
 """Columns of a terminal below which the category stands above the instruction, not beside it."""
@@ -17,7 +16,6 @@ def list_tasks(stages: bool = False) -> None:
     Args:
         stages: Also name the stages.
     """
-    load_engine()
     from rich import box
     from rich.table import Table
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from duobench.cli.console import command_line, console, counted
-from duobench.cli.engine import load_engine
+from duobench.cli.doctor import load_engine
 from duobench.cli.interrupt import raising
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from pathlib import Path
 import tyro
 
 from duobench.cli.console import console
-from duobench.cli.engine import load_engine
+from duobench.cli.doctor import load_engine
 
 SAMPLES = 16
 """Images averaged into the one for people; what policies see has one."""

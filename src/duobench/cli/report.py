@@ -8,7 +8,6 @@ import tyro
 
 from duobench.cli.advice import find_folder
 from duobench.cli.console import console
-from duobench.cli.engine import load_engine
 
 
 def report(folder: tyro.conf.Positional[Path]) -> None:
@@ -18,7 +17,6 @@ def report(folder: tyro.conf.Positional[Path]) -> None:
         folder: What was given to --out of duobench eval; the run need not be finished.
     """
     find_folder(folder, "run.json")
-    load_engine()
     from duobench.cli.table import results_table
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results, write_report

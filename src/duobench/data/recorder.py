@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from duobench.backend import DuoLimits
 from duobench.data.dataset import DataSet
 from duobench.data.schema import Actor, EpisodeInfo, Outcome
-from duobench.data.stream import EpisodeRows, RecordingBuffer, outcome_of
+from duobench.data.stream import EpisodeRows, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
 from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, Info, Observation
@@ -51,7 +51,7 @@ class Recorder(DuoWrapper):
     def __init__(
         self,
         env: gym.Env,
-        data: DataSet | RecordingBuffer | str | Path,
+        data: DataSet | str | Path | None,
         actor: Actor | None = None,
         *,
         keep: Callable[[Outcome], bool] = lambda _outcome: True,
@@ -61,7 +61,7 @@ class Recorder(DuoWrapper):
         Args:
             env: An environment that takes single actions and says the stage in `info`; on real arms
                 no states are recorded, since there are none.
-            data: Data set that episodes are added to, or its folder; or what takes them in memory.
+            data: Data set that episodes are added to, or its folder; None leaves each in `content`.
             actor: Who or what acts.
             keep: Whether a finished episode is written at all; by default every one is.
 
@@ -72,7 +72,9 @@ class Recorder(DuoWrapper):
         super().__init__(env)
         self._sim = _simulated(self.base)
         self.data = DataSet.open(data) if isinstance(data, str | Path) else data
-        """What takes the episodes."""
+        """What episodes are added to, if anything."""
+        self.content: bytes | None = None
+        """Without a data set, the last finished episode, as the content of its file."""
         self.actor = actor or Actor()
         """Who or what acts, from the next episode on."""
         self.next_name: str | None = None
@@ -119,7 +121,10 @@ class Recorder(DuoWrapper):
             action_mode=self._mode.name,
         )
         sizes = {"action": len(self._mode.names), "state": len(self._physics())}
-        self._stream = self.data.new_stream(described, sizes, self.next_name)
+        if self.data is None:
+            self.content, self._stream = None, EpisodeRows(described, sizes)
+        else:
+            self._stream = self.data.new_stream(described, sizes, self.next_name)
         self.next_name = self._intended = None
         self._see(self._stream, observation, info)
         return observation, info
@@ -220,7 +225,10 @@ class Recorder(DuoWrapper):
             return
         # A step that was broken off has left another state than that of the last row.
         is_last = np.array_equal(self._physics(), stream.rows[-1]["state"])
-        stream.finish(outcome, self.state_hash() if self._sim is not None and is_last else None)
+        last_hash = self.state_hash() if self._sim is not None and is_last else None
+        recording = stream.finish(outcome, last_hash)
+        if self.data is None:
+            self.content = recording.to_bytes()
 
     def _physics(self) -> Array:
         """The state of the simulation; no numbers where there is none."""

@@ -7,7 +7,7 @@ killed process leaves can be read up to its last whole row; see `recover`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BufferedWriter
@@ -55,20 +55,13 @@ class _Head:
 class EpisodeRows:
     """Takes the rows of one episode, in memory."""
 
-    def __init__(
-        self,
-        info: EpisodeInfo,
-        sizes: Mapping[str, int],
-        take: Callable[[Recording], None] = lambda _recording: None,
-    ) -> None:
+    def __init__(self, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
         """Begin without rows.
 
         Args:
             info: What is known about the episode at its start.
             sizes: Numbers in one row of `action` and `state`.
-            take: Takes the episode when it is whole.
         """
-        self._take = take
         self.info = info
         """What is known about it at its start."""
         self._head = _Head(info=info, sizes=dict(sizes))
@@ -104,36 +97,12 @@ class EpisodeRows:
         for name, value in row.items():
             self._rows[name][self._count - 1] = value
 
-    def recording(self, outcome: Outcome, last_hash: str | None) -> Recording:
-        """The whole episode."""
+    def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
+        """The whole episode, which ends here."""
         return _recording(replace(self.info, outcome=outcome, last_hash=last_hash), self.rows)
-
-    def finish(self, outcome: Outcome, last_hash: str | None) -> None:
-        """Give the whole episode away."""
-        self._take(self.recording(outcome, last_hash))
 
     def discard(self) -> None:
         """Forget the episode if it was not finished."""
-
-
-class RecordingBuffer:
-    """Takes what a recorder records, in memory, for somebody else to write."""
-
-    content: bytes | None = None
-    """The last episode that was finished, as the content of its file."""
-
-    def new_stream(
-        self,
-        info: EpisodeInfo,
-        sizes: Mapping[str, int],
-        name: str | None = None,  # noqa: ARG002 - whoever writes it names it
-    ) -> EpisodeRows:
-        """Begin the recording of an episode; the one before is forgotten."""
-        self.content = None
-        return EpisodeRows(info, sizes, self._take)
-
-    def _take(self, recording: Recording) -> None:
-        self.content = recording.to_bytes()
 
 
 class EpisodeStream(EpisodeRows):
@@ -178,14 +147,14 @@ class EpisodeStream(EpisodeRows):
         if self._count - self._written > BATCH_ROWS:
             self._flush(self._count - 1)  # all but the last row, whose action is still to come
 
-    def finish(self, outcome: Outcome, last_hash: str | None) -> None:
+    def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
         """Write the whole episode as Parquet and remove the stream.
 
         Raises:
             OutputError: It cannot be written; the stream stays, for `recover`.
             DataError: Somebody has put another episode there; the stream stays too.
         """
-        recording = self.recording(outcome, last_hash)
+        recording = super().finish(outcome, last_hash)
         try:
             self._check_free()
             recording.write(self.path)
@@ -193,6 +162,7 @@ class EpisodeStream(EpisodeRows):
             self.close()
             raise
         self.discard()
+        return recording
 
     def discard(self) -> None:
         """Remove the stream; the episode is lost if it was not finished."""

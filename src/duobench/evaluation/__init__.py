@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from duobench.evaluation.executor import Executor as Executor
     from duobench.evaluation.executor import LocalExecutor as LocalExecutor
     from duobench.evaluation.executor import ProcessExecutor as ProcessExecutor
-    from duobench.evaluation.observer import Observer as Observer
     from duobench.evaluation.policies import ExpertPolicy as ExpertPolicy
     from duobench.evaluation.policies import PolicyChoice as PolicyChoice
     from duobench.evaluation.policies import PolicySource as PolicySource
     from duobench.evaluation.policies import source as source
+    from duobench.evaluation.recorder import VideoRecorder as VideoRecorder
+    from duobench.evaluation.rollout import Observer as Observer
     from duobench.evaluation.rollout import Watcher as Watcher
     from duobench.evaluation.rollout import rollout as rollout
-    from duobench.evaluation.video import VideoRecorder as VideoRecorder
     from duobench.results.folder import RunFolder as RunFolder
     from duobench.results.limits import TimeLimits as TimeLimits
     from duobench.results.metrics import Results as Results

@@ -16,8 +16,8 @@ from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.errors import OtherRunError, TooFewSuccessesError
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.executor import executor_for
-from duobench.evaluation.observer import Observer
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.rollout import Observer
 from duobench.files import begin_or_continue, encode, locked, read, remove_temporary, write
 from duobench.randomness import TRAIN
 from duobench.results.limits import TimeLimits

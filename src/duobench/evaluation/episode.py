@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
-from duobench.data.stream import INTERRUPTED, RecordingBuffer
+from duobench.data.stream import INTERRUPTED
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.registration import make
 from duobench.envs.sim_env import sim_of
@@ -30,9 +30,8 @@ from duobench.errors import (
 )
 from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.policies import PolicyChoice, PolicySource
-from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
 from duobench.evaluation.rollout import Watcher, rollout
-from duobench.evaluation.video import VideoRecorder
 from duobench.policy import Policy
 from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, episode_seed
@@ -163,7 +162,6 @@ class EpisodeRunner:
         self._source = source
         self._limits = job.limits
         self._recording = job.recording
-        self._buffer = RecordingBuffer()
         is_expert = job.policy.name.kind is PolicyKind.EXPERT
         self._actor_kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
         self._clock = clock or EpisodeClock()
@@ -212,7 +210,9 @@ class EpisodeRunner:
         """
         start = time.perf_counter()
         env, policy = self._prepare(episode.task)
-        self._buffer.content = None
+        recording = self._recorder
+        if recording is not None:
+            recording.content = None
         recorder = EpisodeRecorder(
             episode, lambda: self._tell(recorder.record(self.run, self.versions))
         )
@@ -231,23 +231,23 @@ class EpisodeRunner:
             with self._clock.playing():
                 rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)
         except (RenderingError, MachineryError, VideoError) as fault:
-            if self._recorder is not None:
-                self._recorder.discard()
+            if recording is not None:
+                recording.discard()
             self._close_environment()
             raise MachineryError(str(fault)) from fault
         except self._let_through:
             raise
         except BaseException as caught:  # noqa: BLE001 - kept in the record
             error = caught
-            if self._recorder is not None:
+            if recording is not None:
                 reason = escaped(f"{type(error).__name__}: {error}")
-                self._recorder.finish(kept=False, reason=reason)
+                recording.finish(kept=False, reason=reason)
             self._close_environment()  # whatever broke may have left it in any state
         record = recorder.record(self.run, self.versions)
         return EpisodeResult(
             record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
-            recording=self._buffer.content,
+            recording=recording and recording.content,
             seconds=time.perf_counter() - start,
         )
 
@@ -281,7 +281,7 @@ class EpisodeRunner:
         """An environment that records what is played in it."""
         name, version = self.run.policy, self.run.metadata.version
         actor = Actor(kind=self._actor_kind, name=name, version=version)
-        return Recorder(env, self._buffer, actor, keep=plan.keeps)
+        return Recorder(env, None, actor, keep=plan.keeps)
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:
         """A video of the simulation that is being played, from the camera for people."""

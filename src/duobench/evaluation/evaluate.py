@@ -11,8 +11,8 @@ from contextlib import closing
 from duobench.errors import EvaluationError
 from duobench.evaluation.episode import Job
 from duobench.evaluation.executor import executor_for
-from duobench.evaluation.observer import Observer
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.rollout import Observer
 from duobench.files import locked
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import gymnasium as gym
 
@@ -15,9 +15,12 @@ from duobench.envs.reset_options import SPLIT
 from duobench.policy.compatibility import check_fits
 from duobench.policy.policy import Policy, as_chunk
 from duobench.randomness import EVAL, policy_seed
+from duobench.results.run import Run
 
 Observation = Mapping[str, Any]
 Info = Mapping[str, Any]
+Played_contra = TypeVar("Played_contra", contravariant=True)
+"""What there is of a finished episode: an `EpisodeRecord`, or an `Attempt` at a demonstration."""
 
 
 class Watcher(Protocol):
@@ -41,6 +44,18 @@ class Watcher(Protocol):
         Args:
             error: What made it crash, or None if it ended by itself.
         """
+        ...
+
+
+class Observer(Protocol[Played_contra]):
+    """Something that shows how far a run is."""
+
+    def on_run_start(self, run: Run, finished: Sequence[Played_contra]) -> None:
+        """The run begins, or goes on with some episodes already finished."""
+        ...
+
+    def on_episode(self, played: Played_contra) -> None:
+        """One more episode is finished, and written."""
         ...
 
 

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duobench.errors import EvaluationError
-from duobench.types import Array
+from duobench.types import FLAT_SIZE, Array
 
-SIZE = 16
-"""Numbers of a command: seven joint targets in radians and an opening, left, then right."""
 _TYPES = (np.dtype("<f4"), np.dtype("<f8"))
 
 
@@ -25,7 +23,7 @@ def pack_targets(sent: ArrayLike) -> bytes:
     Args:
         sent: Commands (T, 16).
     """
-    exact = np.asarray(sent, dtype=_TYPES[1]).reshape(-1, SIZE)
+    exact = np.asarray(sent, dtype=_TYPES[1]).reshape(-1, FLAT_SIZE)
     short = exact.astype(_TYPES[0])
     kept = short if np.array_equal(short, exact) else exact
     columns = np.ascontiguousarray(kept.T)
@@ -39,7 +37,7 @@ def unpack_targets(content: bytes, steps: int) -> Array:
     Raises:
         EvaluationError: The bytes do not hold as many commands.
     """
-    sizes = {steps * SIZE * kind.itemsize: kind for kind in _TYPES}
+    sizes = {steps * FLAT_SIZE * kind.itemsize: kind for kind in _TYPES}
     unpacking = zlib.decompressobj()
     try:
         data = unpacking.decompress(content, max(sizes) + 1)  # a few bytes can become many
@@ -49,5 +47,5 @@ def unpack_targets(content: bytes, steps: int) -> Array:
         raise EvaluationError(f"A record of {steps} steps does not hold as many joint targets.")
     kind = sizes[len(data)]
     planes = np.frombuffer(data, np.uint8).reshape(kind.itemsize, -1)
-    columns = np.ascontiguousarray(planes.T).view(kind).reshape(SIZE, steps)
+    columns = np.ascontiguousarray(planes.T).view(kind).reshape(FLAT_SIZE, steps)
     return columns.T.astype(np.float64)

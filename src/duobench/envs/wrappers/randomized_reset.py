@@ -15,7 +15,8 @@ from duobench.envs.reset_options import (
     checked_reset_options,
 )
 from duobench.envs.wrappers.base import DuoWrapper
-from duobench.randomness import EVAL, check_split
+from duobench.errors import check_known
+from duobench.randomness import EVAL, SPLITS
 
 SEEDS = 2**32
 """A reset without a seed samples one below this number."""
@@ -47,7 +48,7 @@ class RandomizedReset(DuoWrapper):
                 f"Expected a simulated environment, which lays its objects out, got "
                 f"{type(base).__name__}."
             )
-        check_split(split)
+        check_known("split", split, SPLITS)
         self._split = split
 
     def reset(
