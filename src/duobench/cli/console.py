@@ -5,15 +5,12 @@ from __future__ import annotations
 import inspect
 import shlex
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 
 from rich.console import Console
 
 PLAIN_WIDTH = 130
 """Columns when the output goes to a file or another program, which never wraps."""
-_ELSEWHERE: Mapping[str, str] = MappingProxyType(
-    {"out": "DIR", "server": "URL", "key_file": "FILE"}
-)
+_ELSEWHERE: Mapping[str, str] = {"out": "DIR", "server": "URL", "key_file": "FILE"}
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
 _NO_MATTER = ("workers", "retry_broken", "wait")
 """Options that no result depends on."""

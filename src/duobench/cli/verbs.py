@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 
 import tyro
 
@@ -28,33 +27,29 @@ DESCRIPTION = (
 )
 
 
-VERBS: Mapping[str, Callable[..., None]] = MappingProxyType(
-    {
-        "eval": evaluate,
-        "report": report,
-        "record": record,
-        "replay": replay,
-        "list": list_tasks,
-        "render": render,
-        "serve": serve,
-        "data": data.verbs,
-        "export": export.verbs,
-        "train": train,
-        "doctor": doctor,
-    }
-)
-GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = MappingProxyType(
-    {
-        "data": {
-            "info": data.info,
-            "check": data.check,
-            "recover": data.recover,
-            "merge": data.merge,
-            "split": data.split,
-        },
-        "export": {"lerobot": export.lerobot},
-    }
-)
+VERBS: Mapping[str, Callable[..., None]] = {
+    "eval": evaluate,
+    "report": report,
+    "record": record,
+    "replay": replay,
+    "list": list_tasks,
+    "render": render,
+    "serve": serve,
+    "data": data.verbs,
+    "export": export.verbs,
+    "train": train,
+    "doctor": doctor,
+}
+GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
+    "data": {
+        "info": data.info,
+        "check": data.check,
+        "recover": data.recover,
+        "merge": data.merge,
+        "split": data.split,
+    },
+    "export": {"lerobot": export.lerobot},
+}
 """Verbs that have verbs of their own."""
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
-from types import MappingProxyType
 from typing import Any
 
 from duobench import checks
@@ -124,17 +123,15 @@ def _look(value: Any) -> Any:
     return as_look(value) if isinstance(value, Mapping) else value
 
 
-_FORMS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
-    {
-        "cameras": _cameras,
-        "image_size": _size,
-        "render_size": _size,
-        "binary_gripper": _flag,
-        "chunk": _number,
-        "horizon": _number,
-        "look": _look,
-    }
-)
+_FORMS: Mapping[str, Callable[[Any], Any]] = {
+    "cameras": _cameras,
+    "image_size": _size,
+    "render_size": _size,
+    "binary_gripper": _flag,
+    "chunk": _number,
+    "horizon": _number,
+    "look": _look,
+}
 """What gives a looser value the form of its field, and leaves anything else as it is."""
 
 

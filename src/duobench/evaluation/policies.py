@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pkgutil import resolve_name
-from types import MappingProxyType
 
 import gymnasium as gym
 
@@ -33,13 +32,11 @@ from duobench.policy.serving.address import OPENPI, SERVED, RemoteServer
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
 
-WORDS: Mapping[str, PolicyKind] = MappingProxyType(
-    {
-        **{kind.value: kind for kind in (PolicyKind.EXPERT, PolicyKind.BLIND)},
-        **MADE_ALONE,
-        **dict.fromkeys(SERVED, PolicyKind.SERVED),
-    }
-)
+WORDS: Mapping[str, PolicyKind] = {
+    **{kind.value: kind for kind in (PolicyKind.EXPERT, PolicyKind.BLIND)},
+    **MADE_ALONE,
+    **dict.fromkeys(SERVED, PolicyKind.SERVED),
+}
 """Words that name a policy."""
 
 

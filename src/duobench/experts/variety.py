@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -92,7 +91,7 @@ WIDE = Variety(
     noise=0.025,
     swaps=True,
 )
-VARIETIES: Mapping[str, Variety] = MappingProxyType({v.name: v for v in (NONE, HUMAN, WIDE)})
+VARIETIES: Mapping[str, Variety] = {v.name: v for v in (NONE, HUMAN, WIDE)}
 """Every variety by name."""
 
 

@@ -6,7 +6,6 @@ import colorsys
 import math
 import re
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import numpy as np
 
@@ -35,63 +34,61 @@ _BRICKS = Material(colour=(0.80, 0.74, 0.68), texture="bricks", second_colour=(0
 _CHECKER = Material(colour=(0.75, 0.62, 0.20), texture="checker", second_colour=(0.28, 0.20, 0.42))
 _CONCRETE = Material(colour=(0.50, 0.52, 0.50), texture="concrete")
 
-LOOKS: Mapping[str, Look] = MappingProxyType(
-    {
-        DEFAULT: Look(),
-        "bright": Look(
-            lights=(
-                Light(position=_KEY, colour=(0.50, 0.50, 0.50), highlight=0.3, shadow=True),
-                Light(position=_WINDOW, colour=(0.25, 0.25, 0.26)),
+LOOKS: Mapping[str, Look] = {
+    DEFAULT: Look(),
+    "bright": Look(
+        lights=(
+            Light(position=_KEY, colour=(0.50, 0.50, 0.50), highlight=0.3, shadow=True),
+            Light(position=_WINDOW, colour=(0.25, 0.25, 0.26)),
+        ),
+        ambient=(0.52, 0.52, 0.52),
+        exposure=0.1,
+    ),
+    "dark": Look(
+        lights=(
+            Light(position=_KEY, colour=(0.26, 0.25, 0.24), highlight=0.12, shadow=True),
+            Light(position=_WINDOW, colour=(0.05, 0.06, 0.08)),
+        ),
+        ambient=(0.18, 0.18, 0.20),
+    ),
+    "side_light": Look(lights=(_LOW_SUN,), ambient=(0.24, 0.25, 0.28)),
+    "warm_light": Look(lights=(_LAMP,), ambient=(0.44, 0.39, 0.32)),
+    "wood_table": Look(parts={"table": _OAK, "floor": _CONCRETE}),
+    "marble_table": Look(parts={"table": _MARBLE, "floor": _TILES}),
+    "cluttered_background": Look(parts={"walls": _BRICKS, "floor": _PARQUET}, clutter=32),
+    "distractor_colours": Look(
+        parts={
+            "table": Material(colour=(0.32, 0.42, 0.52)),
+            "floor": _CHECKER,
+            "walls": Material(colour=(0.62, 0.30, 0.34)),
+            "robot": Material(colour=(0.92, 0.78, 0.62)),
+        },
+        colour_variation=1.0,
+        clutter=12,
+    ),
+    "textured_objects": Look(
+        objects={"*": Material(texture="speckle", contrast=0.45)},
+        colour_variation=0.6,
+        seed=3,
+    ),
+    "camera_shift": Look(
+        cameras={
+            "head": CameraOffset(
+                position=(0.03, 0.02, -0.02),
+                rotation=(math.radians(-2.5), math.radians(3.0), math.radians(2.0)),
+                field_of_view=math.radians(2.5),
             ),
-            ambient=(0.52, 0.52, 0.52),
-            exposure=0.1,
-        ),
-        "dark": Look(
-            lights=(
-                Light(position=_KEY, colour=(0.26, 0.25, 0.24), highlight=0.12, shadow=True),
-                Light(position=_WINDOW, colour=(0.05, 0.06, 0.08)),
+            "left_wrist": CameraOffset(
+                position=(0.006, -0.004, 0.004), rotation=(0.03, -0.04, 0.05)
             ),
-            ambient=(0.18, 0.18, 0.20),
-        ),
-        "side_light": Look(lights=(_LOW_SUN,), ambient=(0.24, 0.25, 0.28)),
-        "warm_light": Look(lights=(_LAMP,), ambient=(0.44, 0.39, 0.32)),
-        "wood_table": Look(parts={"table": _OAK, "floor": _CONCRETE}),
-        "marble_table": Look(parts={"table": _MARBLE, "floor": _TILES}),
-        "cluttered_background": Look(parts={"walls": _BRICKS, "floor": _PARQUET}, clutter=32),
-        "distractor_colours": Look(
-            parts={
-                "table": Material(colour=(0.32, 0.42, 0.52)),
-                "floor": _CHECKER,
-                "walls": Material(colour=(0.62, 0.30, 0.34)),
-                "robot": Material(colour=(0.92, 0.78, 0.62)),
-            },
-            colour_variation=1.0,
-            clutter=12,
-        ),
-        "textured_objects": Look(
-            objects={"*": Material(texture="speckle", contrast=0.45)},
-            colour_variation=0.6,
-            seed=3,
-        ),
-        "camera_shift": Look(
-            cameras={
-                "head": CameraOffset(
-                    position=(0.03, 0.02, -0.02),
-                    rotation=(math.radians(-2.5), math.radians(3.0), math.radians(2.0)),
-                    field_of_view=math.radians(2.5),
-                ),
-                "left_wrist": CameraOffset(
-                    position=(0.006, -0.004, 0.004), rotation=(0.03, -0.04, 0.05)
-                ),
-                "right_wrist": CameraOffset(
-                    position=(-0.005, 0.005, 0.003), rotation=(-0.03, 0.03, -0.04)
-                ),
-                "overview": CameraOffset(position=(0.05, 0.03, -0.03), rotation=(0.02, 0.02, 0.03)),
-            }
-        ),
-        "noisy": Look(noise=0.045, blur=0.003, exposure=-0.3),
-    }
-)
+            "right_wrist": CameraOffset(
+                position=(-0.005, 0.005, 0.003), rotation=(-0.03, 0.03, -0.04)
+            ),
+            "overview": CameraOffset(position=(0.05, 0.03, -0.03), rotation=(0.02, 0.02, 0.03)),
+        }
+    ),
+    "noisy": Look(noise=0.045, blur=0.003, exposure=-0.3),
+}
 """The named looks."""
 
 TABLE_VALUES = (0.34, 0.66)

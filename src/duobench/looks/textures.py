@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -157,17 +156,15 @@ def _edge(along: Pattern, period: float) -> NDArray[np.bool_]:
     return along % period < _JOINT
 
 
-TEXTURES: Mapping[str, Callable[[_Canvas], Pattern]] = MappingProxyType(
-    {
-        "wood": _wood,
-        "marble": _marble,
-        "concrete": _concrete,
-        "fabric": _fabric,
-        "speckle": _speckle,
-        "tiles": _tiles,
-        "bricks": _bricks,
-        "checker": _checker,
-        "stripes": _stripes,
-    }
-)
+TEXTURES: Mapping[str, Callable[[_Canvas], Pattern]] = {
+    "wood": _wood,
+    "marble": _marble,
+    "concrete": _concrete,
+    "fabric": _fabric,
+    "speckle": _speckle,
+    "tiles": _tiles,
+    "bricks": _bricks,
+    "checker": _checker,
+    "stripes": _stripes,
+}
 """Textures by name."""

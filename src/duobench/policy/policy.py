@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -84,16 +83,14 @@ def _horizon(actions: Any) -> int | None:
     return number
 
 
-_CONVERSIONS: Mapping[str, Callable[[Any], object]] = MappingProxyType(
-    {
-        "cameras": tuple,
-        "image_size": _image_size,
-        "control_rate_hz": float,
-        "horizon": _horizon,
-        "seeded": bool,
-        "batch_invariant": bool,
-    }
-)
+_CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
+    "cameras": tuple,
+    "image_size": _image_size,
+    "control_rate_hz": float,
+    "horizon": _horizon,
+    "seeded": bool,
+    "batch_invariant": bool,
+}
 """What makes plain values of what is given, which records and messages hold."""
 
 

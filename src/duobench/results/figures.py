@@ -12,7 +12,6 @@ import io
 import math
 import re
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import matplotlib as mpl
@@ -147,9 +146,10 @@ def progress_over_time(results: Results) -> Figure:
     return figure
 
 
-FIGURES: Mapping[str, Callable[[Results], Figure]] = MappingProxyType(
-    {"stages": stage_bars, "progress": progress_over_time}
-)
+FIGURES: Mapping[str, Callable[[Results], Figure]] = {
+    "stages": stage_bars,
+    "progress": progress_over_time,
+}
 """Every figure by its name."""
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from duobench.errors import check_known
@@ -16,21 +15,19 @@ from duobench.references import load
 if TYPE_CHECKING:
     from duobench.tasks.task import Task
 
-HORIZONS: Mapping[str, int] = MappingProxyType(
-    {
-        "hinge_chest": 441,
-        "spring_door": 807,
-        "pour_marbles": 442,
-        "ball_maze": 350,
-        "carry_pot": 450,
-        "block_balance": 766,
-        "join_blocks": 829,
-        "transfer_cube": 441,
-        "transfer_gate": 523,
-        "transfer_reorient": 505,
-        "bin_sort": 216,
-    }
-)
+HORIZONS: Mapping[str, int] = {
+    "hinge_chest": 441,
+    "spring_door": 807,
+    "pour_marbles": 442,
+    "ball_maze": 350,
+    "carry_pot": 450,
+    "block_balance": 766,
+    "join_blocks": 829,
+    "transfer_cube": 441,
+    "transfer_gate": 523,
+    "transfer_reorient": 505,
+    "bin_sort": 216,
+}
 """Horizon of every task, by id in the order of the paper's categories: what Gymnasium has to know
 before a task is loaded. The tasks say the same."""
 

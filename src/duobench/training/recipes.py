@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import NamedTuple
 
 from duobench.lerobot_keys import EXECUTED
@@ -108,41 +107,37 @@ _XVLA = (
     _BATCH,
 )
 
-RECIPES: Mapping[str, Recipe] = MappingProxyType(
-    {
-        "act": Recipe(
-            settings=(*_ACT, _BATCH),
-            steps=Setting("steps", "100000", "ours: LeRobot's default; the paper does not say"),
-            workers=14,
-            one_task=True,
+RECIPES: Mapping[str, Recipe] = {
+    "act": Recipe(
+        settings=(*_ACT, _BATCH),
+        steps=Setting("steps", "100000", "ours: LeRobot's default; the paper does not say"),
+        workers=14,
+        one_task=True,
+    ),
+    "pi05": Recipe(
+        settings=_PI05,
+        steps=Setting(
+            "steps",
+            "30000",
+            "ours: the length of its learning rate's decay; the paper does not say",
         ),
-        "pi05": Recipe(
-            settings=_PI05,
-            steps=Setting(
-                "steps",
-                "30000",
-                "ours: the length of its learning rate's decay; the paper does not say",
-            ),
-            workers=14,
-        ),
-        "xvla": Recipe(
-            settings=_XVLA,
-            steps=Setting("steps", "20000", "ours: the paper does not say"),
-            workers=14,
-            takes_domains=True,
-        ),
-    }
-)
+        workers=14,
+    ),
+    "xvla": Recipe(
+        settings=_XVLA,
+        steps=Setting("steps", "20000", "ours: the paper does not say"),
+        workers=14,
+        takes_domains=True,
+    ),
+}
 """Recipes with the paper's settings, by the names of LeRobot's kinds of policies."""
 
-SMALL: Mapping[str, Recipe] = MappingProxyType(
-    {
-        "act": Recipe(
-            settings=(*_ACT, *_SMALL_ACT),
-            steps=Setting("steps", "4000", "ours: about half an hour on two cores"),
-            workers=1,
-            one_task=True,
-        )
-    }
-)
+SMALL: Mapping[str, Recipe] = {
+    "act": Recipe(
+        settings=(*_ACT, *_SMALL_ACT),
+        steps=Setting("steps", "4000", "ours: about half an hour on two cores"),
+        workers=1,
+        one_task=True,
+    )
+}
 """Recipes for a processor: not the paper's, to see that everything works together."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 
 import numpy as np
 
@@ -35,5 +34,5 @@ def ball_maze(arms: Arms) -> Script:
         yield from board.lean(TILT * np.array(tilt.value), TILT_STEPS)
 
 
-SCRIPTS: Mapping[str, Callable[[Arms], Script]] = MappingProxyType({"ball_maze": ball_maze})
+SCRIPTS: Mapping[str, Callable[[Arms], Script]] = {"ball_maze": ball_maze}
 """The script of each task that can be played like that."""

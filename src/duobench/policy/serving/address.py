@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from urllib.parse import SplitResult, urlsplit
 
 from duobench.errors import ServingError
@@ -24,9 +23,10 @@ _FORM = "The address of a server is ws://HOST:PORT or wss://HOST:PORT."
 
 OPENPI = "duobench.policy.serving.client:RemotePolicy"
 """Client of the servers of DuoBench, and of all others that speak openpi's protocol."""
-SERVED: Mapping[str, str] = MappingProxyType(
-    {"openpi": OPENPI, "vla-eval": "duobench.policy.serving.vla_eval:VlaEvalPolicy"}
-)
+SERVED: Mapping[str, str] = {
+    "openpi": OPENPI,
+    "vla-eval": "duobench.policy.serving.vla_eval:VlaEvalPolicy",
+}
 """Import paths of the clients, each a `ConnectedPolicy`, by the name under which a served
 policy is evaluated."""
 

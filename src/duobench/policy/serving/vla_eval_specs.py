@@ -7,7 +7,6 @@ those that vla-eval 0.8 has names for; others are not compared.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import msgspec
@@ -15,34 +14,30 @@ import msgspec
 from duobench.envs import action_modes
 from duobench.policy.serving.message_format import MessageFormat
 
-MODES: Mapping[tuple[str, str], str] = MappingProxyType(
-    {
-        ("joints", "none"): "joint",
-        ("joints", "last_step"): "joint_relative",
-        ("cartesian_tquat", "none"): "cartesian",
-        ("cartesian_rotvec", "last_step"): "cartesian_relative",
-    }
-)
+MODES: Mapping[tuple[str, str], str] = {
+    ("joints", "none"): "joint",
+    ("joints", "last_step"): "joint_relative",
+    ("cartesian_tquat", "none"): "cartesian",
+    ("cartesian_rotvec", "last_step"): "cartesian_relative",
+}
 """The environment's action mode for their `control_mode` and `relative_to`; the last
 `control_mode` is ours."""
 
 Spec = dict[str, Any]
 
 _RGB, _RAW = "rgb_hwc_uint8", "raw"
-_ARM: Mapping[str, tuple[Spec, ...]] = MappingProxyType(
-    {
-        "joint": ({"name": "joints", "dims": 7, "format": "joint_positions"},),
-        "joint_relative": ({"name": "joints", "dims": 7, "format": "joint_delta_pos"},),
-        "cartesian": (
-            {"name": "position", "dims": 3, "format": "absolute_xyz"},
-            {"name": "rotation", "dims": 4, "format": "quaternion_xyzw"},
-        ),
-        "cartesian_relative": (
-            {"name": "position", "dims": 3, "format": "delta_xyz"},
-            {"name": "rotation", "dims": 3, "format": "axis_angle"},
-        ),
-    }
-)
+_ARM: Mapping[str, tuple[Spec, ...]] = {
+    "joint": ({"name": "joints", "dims": 7, "format": "joint_positions"},),
+    "joint_relative": ({"name": "joints", "dims": 7, "format": "joint_delta_pos"},),
+    "cartesian": (
+        {"name": "position", "dims": 3, "format": "absolute_xyz"},
+        {"name": "rotation", "dims": 4, "format": "quaternion_xyzw"},
+    ),
+    "cartesian_relative": (
+        {"name": "position", "dims": 3, "format": "delta_xyz"},
+        {"name": "rotation", "dims": 3, "format": "axis_angle"},
+    ),
+}
 """Components of an arm's action, by the environment's action mode; of another one, raw numbers."""
 _GRIPPER = {"open_is_one": "continuous_01", "closed_is_one": "binary_close_01"}
 _FORMATS = frozenset(
