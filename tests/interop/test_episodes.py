@@ -60,12 +60,12 @@ def test_same_actions_have_the_same_outcome_as_in_an_evaluation(
     for task in results.tasks:
         for record in task.records:
             turn = episodes.begin(f"{toy_tasks.__name__}:{record.task.upper()}", record.episode)
-            assert not turn.is_over
-            while not turn.is_over:
+            assert not turn.is_last
+            while not turn.is_last:
                 turn = episodes.execute(chunk_of(turn.observation["agent_pos"]))
             assert episodes._env is not None
             assert episodes._env.get_wrapper_attr("state_hash")() == record.state_hash
-            assert (turn.info["stage"], turn.steps) == (record.final_stage, record.steps)
+            assert (turn.info["stage"], turn.number) == (record.final_stage, record.steps)
             assert turn.info["max_stage"] == record.max_stage
             assert (turn.info["success"], turn.reward) == (record.success, record.progress)
             assert record.suite_version == SUITE_VERSION
@@ -77,10 +77,10 @@ def test_single_actions_are_chunks_of_one_and_the_horizon_counts_control_steps()
     episodes = Episodes(BLIND, horizon=7)
     turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
     still = turn.observation["agent_pos"]
-    assert episodes.execute(still).steps == 1
-    assert episodes.execute(np.tile(still, (2, 1))).steps == 3
+    assert episodes.execute(still).number == 1
+    assert episodes.execute(np.tile(still, (2, 1))).number == 3
     last = episodes.execute(np.tile(still, (30, 1)))
-    assert (last.steps, last.is_over, last.info["success"]) == (7, True, False)
+    assert (last.number, last.is_last, last.info["success"]) == (7, True, False)
     episodes.close()
 
 
@@ -105,8 +105,8 @@ def test_broken_actions_end_the_episode_and_the_next_can_be_played(episodes: Epi
     for broken in (np.full(16, np.nan), np.zeros(14), np.zeros((0, 16)), None, "text"):
         with pytest.raises(PolicyError):
             episodes.execute(broken)  # pyright: ignore[reportArgumentType] - that is the point
-    assert episodes.execute(turn.observation["agent_pos"]).steps == 1
-    assert episodes.begin(toy_tasks.WAVE_NAME, 0).steps == 0
+    assert episodes.execute(turn.observation["agent_pos"]).number == 1
+    assert episodes.begin(toy_tasks.WAVE_NAME, 0).number == 0
 
 
 @pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])

@@ -17,7 +17,7 @@ from duobench.data.schema import Actor, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeRows, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
-from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, Info, Observation
+from duobench.envs.duo_env import TRUNCATION_REASON, Info, Observation
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
@@ -70,7 +70,8 @@ class Recorder(DuoWrapper):
                 observation lacks what is to be recorded.
         """
         super().__init__(env)
-        self._sim = _simulated(self.base)
+        # Asked without loading the simulation.
+        self._sim = cast("SimEnv", self.base) if hasattr(self.base, "simulation") else None
         self.data = DataSet.open(data) if isinstance(data, str | Path) else data
         """What episodes are added to, if anything."""
         self.content: bytes | None = None
@@ -233,11 +234,6 @@ class Recorder(DuoWrapper):
     def _physics(self) -> Array:
         """The state of the simulation; no numbers where there is none."""
         return np.empty(0) if self._sim is None else self._sim.simulation.get_state()
-
-
-def _simulated(base: DuoEnv) -> SimEnv | None:
-    """The environment, if it is a simulated one; asked without loading the simulation."""
-    return cast("SimEnv", base) if hasattr(base, "simulation") else None
 
 
 def _action_mode(env: gym.Env, limits: DuoLimits) -> ActionMode:

@@ -118,7 +118,8 @@ def record(  # noqa: PLR0913
             for result in executor.play(missing):
                 attempt = _write(data, result)
                 log[attempt.task, attempt.episode] = attempt
-                _write_attempts(data, log)
+                played = encode(Attempts(attempts=tuple(sorted(log.values()))), ATTEMPTS_SCHEMA)
+                write(data.path / ATTEMPTS, played)
                 for observer in observers:
                     observer.on_episode(attempt)
     return sorted(log.values())
@@ -212,8 +213,3 @@ def _write(data: DataSet, result: EpisodeResult) -> Attempt:
         kept=recording is not None,
         error=record.reason or None,
     )
-
-
-def _write_attempts(data: DataSet, log: Log) -> None:
-    attempts = Attempts(attempts=tuple(sorted(log.values())))
-    write(data.path / ATTEMPTS, encode(attempts, ATTEMPTS_SCHEMA))

@@ -162,8 +162,6 @@ class EpisodeRunner:
         self._source = source
         self._limits = job.limits
         self._recording = job.recording
-        is_expert = job.policy.name.kind is PolicyKind.EXPERT
-        self._actor_kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
         self._clock = clock or EpisodeClock()
         self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
@@ -194,6 +192,9 @@ class EpisodeRunner:
             command=job.command,
         )
         """What is played, and by what; the same for every episode."""
+        is_expert = job.policy.name.kind is PolicyKind.EXPERT
+        kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
+        self._actor = Actor(kind=kind, name=self.run.policy, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
         """Versions of everything that a result may depend on."""
 
@@ -267,7 +268,9 @@ class EpisodeRunner:
                 self._env = make(task.reference, **asdict(self.run.config))
                 self._policy = self._source.bind(self._env)
                 if self._recording is not None:
-                    self._env = self._recorder = self._recorded(self._env, self._recording)
+                    self._env = self._recorder = Recorder(
+                        self._env, None, self._actor, keep=self._recording.keeps
+                    )
             except (DuoBenchError, KeyboardInterrupt):
                 raise
             except BaseException as error:
@@ -276,12 +279,6 @@ class EpisodeRunner:
                 ) from error
             self._task = task
         return self._env, self._policy
-
-    def _recorded(self, env: gym.Env, plan: RecordingPlan) -> Recorder:
-        """An environment that records what is played in it."""
-        name, version = self.run.policy, self.run.metadata.version
-        actor = Actor(kind=self._actor_kind, name=name, version=version)
-        return Recorder(env, None, actor, keep=plan.keeps)
 
     def _video_recorder(self, env: gym.Env) -> VideoRecorder:
         """A video of the simulation that is being played, from the camera for people."""

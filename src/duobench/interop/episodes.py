@@ -5,8 +5,6 @@ They are the episodes of the evaluation: the same seeds, horizons, stages and su
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -15,30 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.duo_env import ResetNeededError
-from duobench.envs.execution import execute, optional_method
+from duobench.envs.execution import Step, execute, optional_method
 from duobench.envs.registration import make
 from duobench.policy.batch import Observation
 from duobench.policy.policy import dimensions
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.randomness import episode_seed
 from duobench.tasks import catalog
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Turn:
-    """What a chunk of actions has led to."""
-
-    observation: Observation
-    """The environment's, after the last action; without images if the episode ended before the
-    chunk did."""
-    reward: float
-    """The reward of the last control step."""
-    is_over: bool
-    """Whether the episode is over."""
-    info: Mapping[str, Any]
-    """The environment's, with `success`, `stage` and `max_stage`."""
-    steps: int
-    """Control steps of the episode so far."""
 
 
 class Episodes:
@@ -68,9 +49,9 @@ class Episodes:
         self._import_path: str | None = None
         self._env: gym.Env | None = None
         self._instruction = ""
-        self._last: Turn | None = None
+        self._last: Step | None = None
 
-    def begin(self, task: str, index: int) -> Turn:
+    def begin(self, task: str, index: int) -> Step:
         """Begin an episode of the evaluation.
 
         Args:
@@ -88,11 +69,21 @@ class Episodes:
         seed = episode_seed(catalog.get(task).id, index)
         observation, info = self._env.reset(seed=seed)
         self._instruction = info["instruction"]
-        self._last = Turn(observation=observation, reward=0.0, is_over=False, info=info, steps=0)
+        self._last = Step(
+            number=0,
+            action=np.empty(0),
+            observation=observation,
+            reward=0.0,
+            terminated=False,
+            truncated=False,
+            info=info,
+        )
         return self._last
 
-    def execute(self, actions: ArrayLike) -> Turn:
-        """Execute a chunk, until its end or the episode's.
+    def execute(self, actions: ArrayLike) -> Step:
+        """Execute a chunk, until its end or the episode's; the last control step.
+
+        Its observation has no images if the episode ended before the chunk did.
 
         Args:
             actions: One action (n,) or a chunk (H, n), in the format's order.
@@ -104,21 +95,13 @@ class Episodes:
         if self._env is None or self._last is None:
             raise ResetNeededError("No episode is running; begin one first.")
         chunk = self.message_format.chunk([actions] if dimensions(actions) == 1 else actions)
-        turn, render_last = self._last, bool(self.message_format.images)
+        before, render_last = self._last.number, bool(self.message_format.images)
         try:
-            for step in execute(self._env, chunk, before=turn.steps, render_last=render_last):
-                turn = Turn(
-                    observation=step.observation,
-                    reward=step.reward,
-                    is_over=step.is_last,
-                    info=step.info,
-                    steps=step.number,
-                )
+            *_, self._last = execute(self._env, chunk, before=before, render_last=render_last)
         except BaseException:
             self.close()  # whatever broke may have left it in any state
             raise
-        self._last = turn
-        return turn
+        return self._last
 
     def shown(self, observation: Observation) -> dict[str, Any]:
         """An observation of the running episode as the format says."""

@@ -18,8 +18,9 @@ from vla_eval.benchmarks.base import (  # pyright: ignore[reportMissingImports]
 from vla_eval.recording import NullEpisodeRecorder  # pyright: ignore[reportMissingImports]
 from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
+from duobench.envs.execution import Step
 from duobench.errors import OptionError, PolicyError, check_known
-from duobench.interop.episodes import Episodes, Turn
+from duobench.interop.episodes import Episodes
 from duobench.interop.vla_eval_options import Resolution, format_for, tasks_by_id
 from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
 from duobench.tasks import catalog
@@ -115,7 +116,7 @@ class DuoBench(StepBenchmark):
         """The tasks, by name and `task_id`."""
         return [{"name": task_id, "task_id": task_id} for task_id in self._tasks]
 
-    def reset(self, task: dict[str, Any]) -> Turn:
+    def reset(self, task: dict[str, Any]) -> Step:
         """Begin the episode `episode_idx` of a task, counted from the first one.
 
         Raises:
@@ -123,11 +124,11 @@ class DuoBench(StepBenchmark):
         """
         task_id = task["task_id"]
         check_known("task", task_id, self._tasks)
-        turn = self._episodes.begin(
+        last = self._episodes.begin(
             self._tasks[task_id], self._first_episode + int(task["episode_idx"])
         )
-        self._record_image(turn)
-        return turn
+        self._record_image(last)
+        return last
 
     def step(self, action: dict[str, Any]) -> StepResult:
         """Execute an action (n,) or a chunk (H, n), until its end or the episode's.
@@ -141,18 +142,18 @@ class DuoBench(StepBenchmark):
                 f"The model server answers without {key!r}; it gives "
                 f"{', '.join(sorted(map(str, action))) or 'nothing'}."
             )
-        turn = self._episodes.execute(action[key])
-        self._record_image(turn)
+        last = self._episodes.execute(action[key])
+        self._record_image(last)
         self._recorder.record_step(
-            reward=turn.reward,
-            done=turn.is_over,
-            success=turn.info["success"],
-            stage=turn.info["stage"],
-            steps=turn.steps,
+            reward=last.reward,
+            done=last.is_last,
+            success=last.info["success"],
+            stage=last.info["stage"],
+            steps=last.number,
         )
-        return StepResult(obs=turn, reward=turn.reward, done=turn.is_over, info={})
+        return StepResult(obs=last, reward=last.reward, done=last.is_last, info={})
 
-    def make_obs(self, raw_obs: Turn, task: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002 - their signature
+    def make_obs(self, raw_obs: Step, task: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002 - their signature
         """What the model server sees."""
         return self._episodes.shown(raw_obs.observation)
 
@@ -189,9 +190,9 @@ class DuoBench(StepBenchmark):
         """Free the environment."""
         self._episodes.close()
 
-    def _record_image(self, turn: Turn) -> None:
+    def _record_image(self, last: Step) -> None:
         """Add an image to their video, if one is shown: one a call, from the first camera."""
-        pixels = turn.observation.get("pixels", {})
+        pixels = last.observation.get("pixels", {})
         self._recorder.record_video(next(iter(pixels.values()), None))
 
 

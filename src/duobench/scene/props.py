@@ -72,7 +72,8 @@ def _fill(
     i = properties.inertia
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     group = Group.FIXTURE if prop.fixed and not moving else Group.OBJECT
-    rendered_alone = _rendered_alone(solid)
+    kinds = [shape.kind for shape in solid.shapes]
+    rendered_alone = solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
     for number, shape in enumerate(solid.shapes):
         geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
         geom.rgba = shape.rgba or solid.rgba
@@ -84,12 +85,6 @@ def _fill(
     if not rendered_alone:
         for number, image in enumerate(_images(solid)):
             _add_image(spec, body, f"{body.name}:image{number}", image)
-
-
-def _rendered_alone(solid: Solid) -> bool:
-    """Whether a solid is one box or ball, which is rendered as it collides."""
-    kinds = [shape.kind for shape in solid.shapes]
-    return solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
 
 
 def _images(solid: Solid) -> tuple[Image, ...]:

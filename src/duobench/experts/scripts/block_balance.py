@@ -59,7 +59,8 @@ def lower(arms: Arms, *sides: Side, reach: float = _REACH, gap: float = _GAP) ->
     yield from move(arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3)
     yield from wait(8)
     yield from move(arms, goals, speed=0.06)
-    yield from wait_until(lambda: all(_landed(arms, side) for side in sides), 15)
+    touches = arms.sim.contacts.between
+    yield from wait_until(lambda: all(touches(_block(side), "beam") for side in sides), 15)
 
 
 def lay_beam(
@@ -98,7 +99,3 @@ def take_block(arms: Arms, side: Side, height: float = _BLOCK_GRASP) -> Script:
 
 def _block(side: Side) -> str:
     return f"{side}_block"
-
-
-def _landed(arms: Arms, side: Side) -> bool:
-    return arms.sim.contacts.between(_block(side), "beam")

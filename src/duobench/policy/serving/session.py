@@ -6,12 +6,12 @@ A client that says `reset` with prompt and seed gets answers that follow from th
 from __future__ import annotations
 
 import asyncio
-import operator
 import time
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from duobench.checks import whole
 from duobench.errors import MessageError, PolicyError
 from duobench.policy.batch import Session
 from duobench.policy.inference import BusyError, InferenceLoop
@@ -44,11 +44,8 @@ class _Episode:
         session_id = request.pop("session_id", self.session_id)
         if not isinstance(prompt, str):
             raise MessageError(f"A prompt is a text, got a {type(prompt).__name__}.")
-        try:
-            number = operator.index(seed)
-        except TypeError:
-            number = -1
-        if not 0 <= number <= limits.MAX_SEED:
+        number = whole(seed)
+        if number is None or not 0 <= number <= limits.MAX_SEED:
             raise MessageError(f"A seed is a whole number from 0, got {seed!r:.40}.")
         if not isinstance(session_id, str | int | None):
             raise MessageError(f"A session_id is a text, got a {type(session_id).__name__}.")
