@@ -212,17 +212,19 @@ def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = N
         raise FileError(str(error)) from error
 
 
-def read(path: Path, kind: type[T], schema: int, oldest: int | None = None) -> T:
+def read(
+    path: Path, kind: type[T], schema: int, oldest: int | None = None, *, advice: str = ""
+) -> T:
     """A data class from a file that `encode` filled.
 
     Raises:
-        FileError: See `decode`; the message names file and field.
+        FileError: See `decode`; the message names file and field, and ends with the advice.
     """
     try:
         return decode(path.read_bytes(), kind, schema, oldest)
     except (FileError, OSError) as error:
         reason = f"{error.strerror}." if isinstance(error, OSError) else error
-        raise FileError(f"Cannot read {path}: {reason}") from error
+        raise FileError(f"Cannot read {path}: {reason} {advice}".strip()) from error
 
 
 def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages

@@ -185,7 +185,12 @@ def find_source(
     if choice.server is not None:
         return _served(choice, choice.server, limits)
     if choice.name.kind is PolicyKind.EXPERT:
-        policy = _expert(variety_of(choice.name), tasks)
+        variety = variety_of(choice.name)
+        modules = {find_script(task.reference).__module__ for task in tasks}
+        if variety is not NONE:
+            modules.add(Variety.__module__)
+        metadata = replace(_expert_metadata(variety), version=source_version(*modules))
+        policy = PolicySource(metadata=metadata, bind=partial(ExpertPolicy, variety=variety))
     elif choice.name.kind is PolicyKind.BLIND:
         modules = {script.__module__ for script in blind.SCRIPTS.values()}
         modules |= {find_script(task).__module__ for task in blind.SCRIPTS}
@@ -199,15 +204,6 @@ def find_source(
             "With `begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
         )
     return policy
-
-
-def _expert(variety: Variety, tasks: Sequence[TaskInfo]) -> PolicySource:
-    """The experts of tasks, whose scripts are their version."""
-    modules = {find_script(task.reference).__module__ for task in tasks}
-    if variety is not NONE:
-        modules.add(Variety.__module__)
-    metadata = replace(_expert_metadata(variety), version=source_version(*modules))
-    return PolicySource(metadata=metadata, bind=partial(ExpertPolicy, variety=variety))
 
 
 def _served(choice: PolicyChoice, server: RemoteServer, limits: TimeLimits) -> PolicySource:

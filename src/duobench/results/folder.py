@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from duobench.errors import EvaluationError, FileError
+from duobench.errors import EvaluationError
 from duobench.files import begin_or_continue, encode, read, remove_temporary, write, writing
 from duobench.results.records import OLDEST_RECORD_SCHEMA, RECORD_SCHEMA, EpisodeRecord
 from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
@@ -97,13 +97,8 @@ class RunFolder:
     def _read_record(self, run: Run, task: TaskInfo, index: int) -> EpisodeRecord:
         """One record, of this episode of this run."""
         path = self.record(task.id, index)
-        try:
-            record = read(path, EpisodeRecord, RECORD_SCHEMA, OLDEST_RECORD_SCHEMA)
-        except FileError as error:
-            raise FileError(
-                f"{error} Delete the file and run the evaluation again: it plays only the missing "
-                "episodes."
-            ) from error
+        advice = "Delete the file and run the evaluation again: it plays only the missing episodes."
+        record = read(path, EpisodeRecord, RECORD_SCHEMA, OLDEST_RECORD_SCHEMA, advice=advice)
         episode = Episode(task=task, index=index, split=run.config.split)
         if objection := run.objection(record, episode):
             raise EvaluationError(f"{path} does not belong to this run: {objection}")

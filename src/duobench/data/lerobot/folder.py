@@ -10,7 +10,6 @@ from typing import Any
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import image_key
 from duobench.data.lerobot.options import ExportOptions
-from duobench.errors import FileError
 from duobench.files import begin_or_continue, differences, read, remove_temporary
 from duobench.lerobot_keys import DOMAINS
 
@@ -143,10 +142,8 @@ class ExportFolder:
         Raises:
             FileError: It cannot be read.
         """
-        try:
-            return read(self.facts(index), EpisodeFacts, SCHEMA)
-        except FileError as error:
-            raise FileError(f"{error} Delete the file and export again.") from error
+        advice = "Delete the file and export again."
+        return read(self.facts(index), EpisodeFacts, SCHEMA, advice=advice)
 
 
 def location(index: int) -> tuple[int, int]:
