@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import gymnasium as gym
 import numpy as np
@@ -17,7 +17,7 @@ from duobench.data.schema import Actor, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeRows, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
-from duobench.envs.duo_env import TRUNCATION_REASON, Info, Observation
+from duobench.envs.duo_env import TRUNCATION_REASON, Info, Observation, ResetOptions, Start
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
@@ -91,9 +91,7 @@ class Recorder(DuoWrapper):
             )
         self._mode = _action_mode(env, self.base.backend.limits)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, Info]:
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode and its recording; a running one ends here, marked as cut.
 
         Raises:
@@ -170,7 +168,7 @@ class Recorder(DuoWrapper):
         """
         self._intended = spaces.checked_action(action, self._mode.names)
 
-    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+    def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, unrecorded; the recording of the running episode ends here.
 
         Raises:

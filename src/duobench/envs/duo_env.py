@@ -23,6 +23,9 @@ from duobench.types import CONTROL_HZ, Array, DuoCommand
 
 Observation = dict[str, Any]
 Info = dict[str, Any]
+ResetOptions = dict[str, Any] | None
+Start = tuple[Observation, Info]
+"""What an episode begins with, or continues from a saved state with."""
 Transition = tuple[Observation, SupportsFloat, bool, bool, Info]
 """Observation, reward, terminated, truncated, info."""
 
@@ -112,9 +115,7 @@ class DuoEnv(gym.Env[Observation, Any]):
 
     # --- episodes --------------------------------------------------------------------------------
 
-    def reset(
-        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
-    ) -> tuple[Observation, Info]:
+    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Start:
         """Begin an episode.
 
         Args:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.envs.config import RENDER_SIZE
-from duobench.envs.duo_env import DuoEnv, Info, Observation, ResetNeededError, base_of
+from duobench.envs.duo_env import DuoEnv, Info, ResetNeededError, Start, base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.reset_options import (
     LAYOUT,
@@ -172,7 +172,7 @@ class SimEnv(DuoEnv):
         """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
         return self.save_state().hash
 
-    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+    def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state of the same task; bit-exact.
 
         Returns:

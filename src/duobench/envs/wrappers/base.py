@@ -9,7 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from duobench.envs import spaces
 from duobench.envs.action_modes import ActionMode
-from duobench.envs.duo_env import DuoEnv, Info, Observation, base_of
+from duobench.envs.duo_env import DuoEnv, Start, base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.types import Array
 
@@ -67,7 +67,7 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
         return self.save_state().hash
 
-    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+    def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state; see `SimEnv.restore_state`."""
         return self.env.get_wrapper_attr("restore_state")(state)
 

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.envs.config import IMAGE_SIZE
-from duobench.envs.duo_env import Info, Observation, Transition
+from duobench.envs.duo_env import Observation, ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import check_known
@@ -68,9 +68,7 @@ class Cameras(DuoWrapper):
         """Switch images on or off; while they are off, an observation has no `pixels`."""
         self._is_rendering = is_on
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, Info]:
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode."""
         observation, info = self.env.reset(seed=seed, options=options)
         return self._seen(observation), info
@@ -80,7 +78,7 @@ class Cameras(DuoWrapper):
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._seen(observation), float(reward), terminated, truncated, info
 
-    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+    def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, and look."""
         observation, info = super().restore_state(state)
         return self._seen(observation), info

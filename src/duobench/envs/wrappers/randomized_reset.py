@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import gymnasium as gym
 
-from duobench.envs.duo_env import Info, Observation, base_of
+from duobench.envs.duo_env import ResetOptions, Start, base_of
 from duobench.envs.reset_options import (
     LAYOUT,
     LAYOUT_SEED,
@@ -51,9 +49,7 @@ class RandomizedReset(DuoWrapper):
         check_known("split", split, SPLITS)
         self._split = split
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, Info]:
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode.
 
         Info also holds `seed` and `split`, from which the layout was sampled; both are None for a

@@ -10,7 +10,7 @@ import numpy as np
 
 from duobench.envs import spaces
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
-from duobench.envs.duo_env import Info, Observation, Transition
+from duobench.envs.duo_env import ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import ActionModeWrapper
 from duobench.kinematics.inverse import Kinematics
@@ -70,9 +70,7 @@ class RelativeCartesianActions(ActionModeWrapper):
         self._kinematics: Kinematics = env.get_wrapper_attr("kinematics")
         self._targets: dict[Side, SE3] = {}
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, Info]:
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode; the first displacement starts at home."""
         result = self.env.reset(seed=seed, options=options)
         self._targets = {}
@@ -82,7 +80,7 @@ class RelativeCartesianActions(ActionModeWrapper):
         """The state of the wrapped environment, with what displacements have added up to."""
         return replace(super().save_state(), tool_targets=tuple(self._targets.items()))
 
-    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+    def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, and from what displacements had added up to.
 
         Raises:

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import Info, Observation, Transition
+from duobench.envs.duo_env import Info, ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.stages.progress import ProgressState
@@ -87,9 +87,7 @@ class TaskStages(DuoWrapper):
             explain(on)
             self._is_explained = on
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, Info]:
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode at stage 0."""
         observation, info = self.env.reset(seed=seed, options=options)
         self.judge.begin()
@@ -111,7 +109,7 @@ class TaskStages(DuoWrapper):
         """The state of the wrapped environment, with stage and memories."""
         return replace(super().save_state(), progress=self.judge.get_state())
 
-    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+    def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, at its stage.
 
         Raises:

@@ -7,7 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs.duo_env import Info, Observation, ResetNeededError, Transition
+from duobench.envs.duo_env import ResetNeededError, ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
 
@@ -40,9 +40,7 @@ class TimeLimit(DuoWrapper):
         """Control steps after which an episode is cut off."""
         return self._horizon
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, Info]:
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode and count from zero."""
         result = self.env.reset(seed=seed, options=options)
         self._steps, self._over = 0, False
@@ -52,7 +50,7 @@ class TimeLimit(DuoWrapper):
         """The state of the wrapped environment, with the steps so far."""
         return replace(super().save_state(), steps=self._steps, over=self._over)
 
-    def restore_state(self, state: EpisodeState) -> tuple[Observation, Info]:
+    def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, and count on.
 
         Raises:
