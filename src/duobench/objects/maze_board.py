@@ -112,7 +112,9 @@ def wall_variants() -> dict[str, Variant]:
             without_shapes=frozenset(numbers[s] for s in SEGMENTS if s not in maze.walls),
             without_images=frozenset(
                 first + number
-                for number, shown in enumerate((*_shown_corners(maze), *_only(index)))
+                for number, shown in enumerate(
+                    (*_shown_corners(maze), *(other is maze for other in MAZES))
+                )
                 if not shown
             ),
             printed=printable_board(maze),
@@ -126,11 +128,6 @@ def _shown_corners(maze: Maze) -> Iterable[bool]:
     colours = {maze.start: _START_COLOUR, maze.goal: _GOAL_COLOUR}
     for corner, colour in _CORNER_COLOURS:
         yield colour == colours.get(corner, _FLOOR_COLOUR)
-
-
-def _only(index: int) -> Iterable[bool]:
-    """Which of the images of walls the maze of a number shows."""
-    return (other == index for other in range(len(MAZES)))
 
 
 def printable_board(maze: Maze) -> Solid:

@@ -20,8 +20,6 @@ RUN_SCHEMA = 4
 """Version of the description's fields."""
 OLDEST_RUN_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
-OF_POLICY = "policy's"
-"""What a policy says about itself, in words."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -80,18 +78,16 @@ class Run:
 
     def differences(self, other: Run) -> list[str]:
         """What another run has differently, field by field; its number of episodes may be lower."""
-        ours, theirs = self._facts(), other._facts()
-        if self.policy != other.policy:  # what it says about itself differs too, which says no more
-            ours = {name: fact for name, fact in ours.items() if not name.startswith(OF_POLICY)}
-            theirs = {name: fact for name, fact in theirs.items() if name in ours}
-        differing = differences(ours, theirs)
+        # What another policy says about itself differs too, which says no more.
+        is_same = self.policy == other.policy
+        differing = differences(self._facts(is_same), other._facts(is_same))
         if self.suite.episodes < other.suite.episodes:
             differing.append(
                 f"episodes {self.suite.episodes} instead of {other.suite.episodes} or more"
             )
         return differing
 
-    def _facts(self) -> dict[str, object]:
+    def _facts(self, with_metadata: bool) -> dict[str, object]:
         """Everything but the number of episodes, by its name in words."""
         suite = self.suite
         return {
@@ -102,7 +98,7 @@ class Run:
             "suite version": suite.version,
             "videos": self.videos,
             **_fields("time limit", self.limits),
-            **_fields(OF_POLICY, self.metadata),
+            **(_fields("policy's", self.metadata) if with_metadata else {}),
             "batches": self.batching,
             **_fields("environment's", self.config),
             **{f"version of {name}": value for name, value in self.versions.items()},

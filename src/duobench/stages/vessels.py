@@ -35,17 +35,13 @@ class Vessel:
         """The prop is in it, or so little above its rim that it is put in when it is let go."""
         return inside(prop, self._region(inf)) & low_over(prop, self.body, self.rim)
 
-    def stands(self) -> Predicate:
-        """It stands upright on the table; see `stands_upright`."""
-        return stands_upright(self.body)
-
     def holds(self, prop: str) -> Predicate:
         """The prop lies still in it, and it stands; what flies through or hangs above does not."""
         whole = all_of(
             touching(prop, self.body),
             inside(prop, self._region(self.rim)),
             still(prop),
-            self.stands(),
+            stands_upright(self.body),
         )
         return whole.called(f"{prop} lies in {self.body}")
 

@@ -33,7 +33,7 @@ from duobench.stages.predicates import (
     rests_on,
 )
 from duobench.stages.progress import Stage
-from duobench.stages.vessels import Vessel
+from duobench.stages.vessels import Vessel, stands_upright
 from duobench.tasks.task import Category, Placement, Task
 
 CUBE, BOWL = "cube", "bowl"
@@ -84,7 +84,7 @@ TASK = Task(
                     rests_on(CUBE, BOWL),
                     ~raised(CUBE, BELOW_RIM),
                     released(CUBE),
-                    _BOWL.stands(),
+                    stands_upright(_BOWL.body),
                 ),
                 _CUBE.put(_BOWL.over(CUBE)),
             ),
