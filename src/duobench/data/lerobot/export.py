@@ -22,9 +22,8 @@ from duobench.data.lerobot.features import COLUMNS, FPS, schema
 from duobench.data.lerobot.folder import SCHEMA, EpisodeFacts, Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
-from duobench.data.parquet import to_arrow, to_bytes
 from duobench.data.processes import Progress, run_all
-from duobench.data.recording import Recording
+from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.replay import ImageSource
 from duobench.data.schema import action_mode
 from duobench.envs.action_modes import CARTESIAN, JOINT

@@ -18,7 +18,7 @@ from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import COLUMNS, FPS, describe, image_key
 from duobench.data.lerobot.folder import CHUNK_SIZE, Export, ExportFolder, location
-from duobench.data.parquet import to_bytes, to_numpy
+from duobench.data.recording import to_bytes, to_numpy
 from duobench.errors import DataError
 from duobench.files import write
 from duobench.types import CONTROL_HZ
