@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from difflib import get_close_matches
 from typing import Any
 
 from duobench.checks import whole
@@ -32,15 +33,17 @@ def checked_reset_options(options: Any, known: Collection[str] | None = None) ->
 
     Args:
         options: What was given.
-        known: Names of all options; None leaves unknown ones to others.
+        known: Names of our options; None leaves names to others.
 
     Raises:
         OptionError: They are no mapping.
-        UnknownNameError: There is no such option; near misses are listed.
+        UnknownNameError: One is nearly an option of ours. Those of another name are left to the
+            wrappers and programs around the environment, some of which hand on their own.
     """
     if options is not None and not isinstance(options, Mapping):
         raise OptionError(f"The options of a reset are a dict, got {options!r}.")
     if known is not None:
-        for name in options or ():
-            check_known("option of a reset", name, known)
+        for name in map(str, options or ()):
+            if get_close_matches(name, known):
+                check_known("option of a reset", name, known)
     return dict(options or {})
