@@ -9,7 +9,7 @@ this is worth. Each task has a module here that lists its own as `ADVERSARIES`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from enum import Enum
 
 from duobench.experts.motion import Arms, Script
@@ -24,7 +24,7 @@ class Hands(Enum):
     BOTH = "two arms as it likes"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, slots=True)
 class Adversary:
     """One way to cheat."""
 
@@ -32,12 +32,13 @@ class Adversary:
     """What it does, in a few words."""
     script: Callable[[Arms], Script]
     """How it acts."""
-    hands: Hands
-    """Which arms it uses."""
-    deed: Callable[[Simulation], bool]
-    """What holds at some control step if the script does what it is meant to do."""
     gets: int
     """The highest stage that it may reach: with its deed done it reaches this one exactly."""
+    _: KW_ONLY
+    deed: Callable[[Simulation], bool]
+    """What holds at some control step if the script does what it is meant to do."""
+    hands: Hands = Hands.BOTH
+    """Which arms it uses."""
     seed: int = 0
     """First seed of the layouts that are tried until the deed is done."""
     settle: int = 45

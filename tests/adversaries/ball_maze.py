@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -211,55 +212,30 @@ def pressed(sim: Simulation) -> bool:
     return pads <= sim.contacts.partners("board")
 
 
-ADVERSARIES = (
-    Adversary(
-        name="one arm alone lifts the board and solves the maze",
-        script=solve_alone,
+cheat = partial(Adversary, deed=at_goal(*SIDES))
+ADVERSARIES: tuple[Adversary, ...] = (
+    cheat(
+        "one arm alone lifts the board and solves the maze",
+        solve_alone,
+        1,
         hands=Hands.ONE,
         deed=at_goal(ONE),
-        gets=1,
     ),
-    Adversary(
-        name="one arm begins and puts the board down, the other one solves the maze",
-        script=solve_in_turns,
+    cheat(
+        "one arm begins and puts the board down, the other one solves the maze",
+        solve_in_turns,
+        1,
         hands=Hands.TURNS,
         deed=at_goal(ONE.other),
-        gets=1,
     ),
-    Adversary(
-        name="both arms begin, one goes on alone, both lift the board again",
-        script=lift_once_then_solve_alone,
-        hands=Hands.BOTH,
-        deed=at_goal(*SIDES),
-        gets=3,
+    cheat(
+        "both arms begin, one goes on alone, both lift the board again",
+        lift_once_then_solve_alone,
+        3,
         lacks="ball rolls while board is not held up by both arms",
     ),
-    Adversary(
-        name="the board is yanked away and the ball hops over the walls",
-        script=yank,
-        hands=Hands.BOTH,
-        deed=at_goal(*SIDES),
-        gets=3,
-    ),
-    Adversary(
-        name="the board is jerked about on the table",
-        script=shake,
-        hands=Hands.BOTH,
-        deed=at_goal(*SIDES),
-        gets=2,
-    ),
-    Adversary(
-        name="a finger pushes the ball out of the start",
-        script=push_the_ball,
-        hands=Hands.BOTH,
-        deed=at_goal(*SIDES),
-        gets=2,
-    ),
-    Adversary(
-        name="half-open fingers are pressed on two grips",
-        script=press_half_open_fingers,
-        hands=Hands.BOTH,
-        deed=pressed,
-        gets=1,
-    ),
+    cheat("the board is yanked away and the ball hops over the walls", yank, 3),
+    cheat("the board is jerked about on the table", shake, 2),
+    cheat("a finger pushes the ball out of the start", push_the_ball, 2),
+    cheat("half-open fingers are pressed on two grips", press_half_open_fingers, 1, deed=pressed),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from duobench.experts.handling import pick, pick_cube, place
 from duobench.experts.motion import (
@@ -167,49 +168,28 @@ def flying(sim: Simulation) -> bool:
     return fast and in_bowl(sim, "white_cube", "white_bowl")
 
 
+cheat = partial(Adversary, deed=both_in)
 ADVERSARIES: tuple[Adversary, ...] = (
-    Adversary(
-        name="a thrown cube touches its bowl in flight",
-        script=throw,
-        hands=Hands.ONE,
-        deed=flying,
-        gets=1,
-        seed=1,
+    cheat(
+        "a thrown cube touches its bowl in flight", throw, 1, hands=Hands.ONE, deed=flying, seed=1
     ),
-    Adversary(
-        name="both cubes are dropped from above the rims",
-        script=drop,
-        hands=Hands.BOTH,
-        deed=both_in,
-        gets=2,
+    cheat("both cubes are dropped from above the rims", drop, 2),
+    cheat(
+        "both cubes are dropped from above the rims, and grasped where they lie", drop_and_pinch, 2
     ),
-    Adversary(
-        name="both cubes are dropped from above the rims, and grasped where they lie",
-        script=drop_and_pinch,
-        hands=Hands.BOTH,
-        deed=both_in,
-        gets=2,
-    ),
-    Adversary(
-        name="a cube is pushed from the rim into its bowl",
-        script=push_in_from_the_rim,
+    cheat(
+        "a cube is pushed from the rim into its bowl",
+        push_in_from_the_rim,
+        1,
         hands=Hands.ONE,
         deed=lying,
-        gets=1,
     ),
-    Adversary(
-        name="each cube lies in the other's bowl",
-        script=swap,
-        hands=Hands.BOTH,
-        deed=swapped,
-        gets=1,
-    ),
-    Adversary(
-        name="a cube lies in its bowl, which an arm holds in the air",
-        script=lifted_bowl,
-        hands=Hands.BOTH,
+    cheat("each cube lies in the other's bowl", swap, 1, deed=swapped),
+    cheat(
+        "a cube lies in its bowl, which an arm holds in the air",
+        lifted_bowl,
+        1,
         deed=in_the_air,
-        gets=1,
         lacks="white_bowl does not touch table",
     ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 from duobench.experts.handling import pick, place, tool_for
 from duobench.experts.motion import CAREFUL, Arms, Script, down, grip, move, release, together, wait
@@ -252,83 +253,41 @@ def rebuild(arms: Arms) -> Script:
     yield from build(arms, RIGHT, RIGHT)
 
 
+cheat = partial(Adversary, deed=balanced)
 ADVERSARIES: tuple[Adversary, ...] = (
-    Adversary(
-        name="one arm puts one block on after the other, and slides them out",
-        script=alone,
-        hands=Hands.ONE,
-        deed=balanced,
-        gets=2,
+    cheat(
+        "one arm puts one block on after the other, and slides them out", alone, 2, hands=Hands.ONE
     ),
-    Adversary(
-        name="each arm puts its block on and slides it out, in turns",
-        script=in_turns,
-        hands=Hands.TURNS,
-        deed=balanced,
-        gets=2,
+    cheat("each arm puts its block on and slides it out, in turns", in_turns, 2, hands=Hands.TURNS),
+    cheat("both grasp the blocks once on the table, then one arm builds it", close_once, 3),
+    cheat("built in turns, then both grasp the blocks on the beam", grasp_on_the_beam(0.0), 3),
+    cheat(
+        "built in turns, then both raise the blocks on the beam by 5 mm",
+        grasp_on_the_beam(0.005),
+        3,
     ),
-    Adversary(
-        name="both grasp the blocks once on the table, then one arm builds it",
-        script=close_once,
-        hands=Hands.BOTH,
-        deed=balanced,
-        gets=3,
-    ),
-    Adversary(
-        name="built in turns, then both grasp the blocks on the beam",
-        script=grasp_on_the_beam(0.0),
-        hands=Hands.BOTH,
-        deed=balanced,
-        gets=3,
-    ),
-    Adversary(
-        name="built in turns, then both raise the blocks on the beam by 5 mm",
-        script=grasp_on_the_beam(0.005),
-        hands=Hands.BOTH,
-        deed=balanced,
-        gets=3,
-    ),
-    Adversary(
-        name="the beam is held in the hand against the cube",
-        script=beside,
+    cheat(
+        "the beam is held in the hand against the cube",
+        beside,
+        1,
         hands=Hands.ONE,
         deed=against_the_cube,
-        gets=1,
     ),
-    Adversary(
-        name="the beam is laid so that it slides off",
-        script=lay_aslant,
+    cheat(
+        "the beam is laid so that it slides off",
+        lay_aslant,
+        1,
         hands=Hands.ONE,
         deed=let_go_on_the_cube,
-        gets=1,
     ),
-    Adversary(
-        name="both let their blocks go 2 cm above the beam",
-        script=drop_from(0.02),
-        hands=Hands.BOTH,
-        deed=balanced,
-        gets=3,
-    ),
-    Adversary(
-        name="half-open fingers pressed on the blocks",
-        script=press,
-        hands=Hands.BOTH,
-        deed=pressed,
-        gets=2,
-    ),
-    Adversary(
-        name="a balance held by a gripper",
-        script=keep_one,
-        hands=Hands.BOTH,
+    cheat("both let their blocks go 2 cm above the beam", drop_from(0.02), 3),
+    cheat("half-open fingers pressed on the blocks", press, 2, deed=pressed),
+    cheat(
+        "a balance held by a gripper",
+        keep_one,
+        4,
         deed=held_balance,
-        gets=4,
         lacks="right arm touches right_block",
     ),
-    Adversary(
-        name="built by both, taken down, and built again by one arm",
-        script=rebuild,
-        hands=Hands.BOTH,
-        deed=balanced,
-        gets=4,
-    ),
+    cheat("built by both, taken down, and built again by one arm", rebuild, 4),
 )

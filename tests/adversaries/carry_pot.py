@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 from duobench.experts.handling import carry
 from duobench.experts.motion import (
@@ -215,92 +216,35 @@ def high(sim: Simulation) -> bool:
     return not hands and abs(x) < OFF_CENTRE[0] and abs(y) < OFF_CENTRE[1] and z > HEIGHT / 2 + 0.1
 
 
+cheat = partial(Adversary, deed=on_stove)
 ADVERSARIES: tuple[Adversary, ...] = (
-    Adversary(
-        name="one arm carries the pot level",
-        script=carry_alone,
+    cheat(
+        "one arm carries the pot level",
+        carry_alone,
+        1,
         hands=Hands.ONE,
         deed=level_and_alone,
-        gets=1,
         seed=3,
     ),
-    Adversary(
-        name="one arm drags the pot onto the plate",
-        script=drag,
-        hands=Hands.ONE,
-        deed=on_stove,
-        gets=1,
-    ),
-    Adversary(
-        name="one arm pushes it, then the other one drags it",
-        script=push_and_drag,
-        hands=Hands.TURNS,
-        deed=on_stove,
-        gets=1,
-    ),
-    Adversary(
-        name="both lift it once, then one arm drags it",
-        script=lift_and_drag,
-        hands=Hands.BOTH,
-        deed=on_stove,
-        gets=2,
-    ),
-    Adversary(
-        name="both carry it without lifting it",
-        script=skim,
-        hands=Hands.BOTH,
-        deed=on_stove,
-        gets=1,
-    ),
-    Adversary(
-        name="both put it on the plate's edge, one arm pushes it to the middle",
-        script=put_on_the_edge,
-        hands=Hands.BOTH,
-        deed=on_stove,
-        gets=2,
+    cheat("one arm drags the pot onto the plate", drag, 1, hands=Hands.ONE),
+    cheat("one arm pushes it, then the other one drags it", push_and_drag, 1, hands=Hands.TURNS),
+    cheat("both lift it once, then one arm drags it", lift_and_drag, 2),
+    cheat("both carry it without lifting it", skim, 1),
+    cheat(
+        "both put it on the plate's edge, one arm pushes it to the middle",
+        put_on_the_edge,
+        2,
         seed=3,
     ),
-    Adversary(
-        name="both let go 17 cm above the plate",
-        script=drop_from(0.17),
-        hands=Hands.BOTH,
-        deed=high,
-        gets=2,
-    ),
-    Adversary(
-        name="both let go 2 cm above the plate",
-        script=drop_from(0.02),
-        hands=Hands.BOTH,
-        deed=on_stove,
-        gets=2,
+    cheat("both let go 17 cm above the plate", drop_from(0.17), 2, deed=high),
+    cheat(
+        "both let go 2 cm above the plate",
+        drop_from(0.02),
+        2,
         lacks="when both hands last had pot: pot is ",
     ),
-    Adversary(
-        name="both let go 2 cm above the plate, and grasp the handles again",
-        script=drop_and_grasp,
-        hands=Hands.BOTH,
-        deed=on_stove,
-        gets=2,
-    ),
-    Adversary(
-        name="one arm lets go above the plate",
-        script=one_lets_go,
-        hands=Hands.BOTH,
-        deed=on_stove,
-        gets=2,
-    ),
-    Adversary(
-        name="one arm lets go 2 cm above the plate, the other one a moment later",
-        script=one_hovers,
-        hands=Hands.BOTH,
-        deed=on_stove,
-        gets=2,
-    ),
-    Adversary(
-        name="one arm lets go in the air, and grasps its handle again",
-        script=one_carries_on,
-        hands=Hands.BOTH,
-        deed=on_stove,
-        gets=2,
-    ),
+    cheat("both let go 2 cm above the plate, and grasp the handles again", drop_and_grasp, 2),
+    cheat("one arm lets go above the plate", one_lets_go, 2),
+    cheat("one arm lets go 2 cm above the plate, the other one a moment later", one_hovers, 2),
+    cheat("one arm lets go in the air, and grasps its handle again", one_carries_on, 2),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 from duobench.experts.handling import LET_GO, pick_cube
 from duobench.experts.motion import (
@@ -248,76 +249,40 @@ def _tapped(sim: Simulation) -> bool:
     return touched and sim.angle(LID) >= OPEN_ANGLE
 
 
+cheat = partial(Adversary, deed=_is_in)
 ADVERSARIES: tuple[Adversary, ...] = (
-    Adversary(
-        name="one arm lifts the lid with the back of the hand that holds the cube",
-        script=one_arm,
+    cheat(
+        "one arm lifts the lid with the back of the hand that holds the cube",
+        one_arm,
+        1,
         hands=Hands.ONE,
-        deed=_is_in,
-        gets=1,
     ),
-    Adversary(
-        name="one arm opens the lid and leaves, the other one does it alone",
-        script=one_after_the_other,
+    cheat(
+        "one arm opens the lid and leaves, the other one does it alone",
+        one_after_the_other,
+        1,
         hands=Hands.TURNS,
-        deed=_is_in,
-        gets=1,
     ),
-    Adversary(
-        name="the other hand touches the lid for a moment",
-        script=a_tap_of_the_other_hand,
-        hands=Hands.BOTH,
-        deed=_tapped,
-        gets=1,
+    cheat("the other hand touches the lid for a moment", a_tap_of_the_other_hand, 1, deed=_tapped),
+    cheat("the lid is left to the hand with the cube", lid_left_to_the_hand_with_the_cube, 2),
+    cheat("the lid is let fall on the hand with the cube", lid_let_fall_on_the_hand, 2),
+    cheat(
+        "the lid is let fall on the hand with the cube, and only touched again",
+        lid_left_and_touched_again,
+        2,
     ),
-    Adversary(
-        name="the lid is left to the hand with the cube",
-        script=lid_left_to_the_hand_with_the_cube,
-        hands=Hands.BOTH,
-        deed=_is_in,
-        gets=2,
-    ),
-    Adversary(
-        name="the lid is let fall on the hand with the cube",
-        script=lid_let_fall_on_the_hand,
-        hands=Hands.BOTH,
-        deed=_is_in,
-        gets=2,
-    ),
-    Adversary(
-        name="the lid is let fall on the hand with the cube, and only touched again",
-        script=lid_left_and_touched_again,
-        hands=Hands.BOTH,
-        deed=_is_in,
-        gets=2,
-    ),
-    Adversary(
-        name="the hand that holds the lid is away while the cube goes in",
-        script=holder_away_while_the_cube_goes_in,
-        hands=Hands.BOTH,
+    cheat(
+        "the hand that holds the lid is away while the cube goes in",
+        holder_away_while_the_cube_goes_in,
+        2,
         deed=_held_open_at_last,
-        gets=2,
     ),
-    Adversary(
-        name="the cube is dropped into the chest from 2 cm above the rim",
-        script=drop_over(0.045, 0.02),
-        hands=Hands.BOTH,
-        deed=_is_in,
-        gets=2,
+    cheat(
+        "the cube is dropped into the chest from 2 cm above the rim",
+        drop_over(0.045, 0.02),
+        2,
         lacks="when the left gripper let cube go: cube is ",
     ),
-    Adversary(
-        name="the cube is thrown on the rim",
-        script=drop_over(OUTER_Y / 2, 0.03),
-        hands=Hands.BOTH,
-        deed=_bounces_off,
-        gets=2,
-    ),
-    Adversary(
-        name="the cube is put in and taken out again",
-        script=in_and_out_again,
-        hands=Hands.BOTH,
-        deed=_pinched_inside,
-        gets=2,
-    ),
+    cheat("the cube is thrown on the rim", drop_over(OUTER_Y / 2, 0.03), 2, deed=_bounces_off),
+    cheat("the cube is put in and taken out again", in_and_out_again, 2, deed=_pinched_inside),
 )

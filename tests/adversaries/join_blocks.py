@@ -274,84 +274,45 @@ def pressed(sim: Simulation) -> bool:
     )
 
 
+cheat = partial(Adversary, deed=finished)
 ADVERSARIES: tuple[Adversary, ...] = (
-    Adversary(
-        name="half-open fingers press on both blocks",
-        script=press,
-        hands=Hands.BOTH,
-        deed=pressed,
-        gets=0,
-    ),
-    Adversary(
-        name="one arm puts the dark block onto the wall and plugs in the light one",
-        script=partial(one_after_the_other, dark=Side.RIGHT, light=Side.RIGHT),
+    cheat("half-open fingers press on both blocks", press, 0, deed=pressed),
+    cheat(
+        "one arm puts the dark block onto the wall and plugs in the light one",
+        partial(one_after_the_other, dark=Side.RIGHT, light=Side.RIGHT),
+        0,
         hands=Hands.ONE,
-        deed=finished,
-        gets=0,
     ),
-    Adversary(
-        name="one arm puts the dark block onto the wall, the other plugs in the light one",
-        script=partial(one_after_the_other, dark=Side.RIGHT, light=Side.LEFT),
+    cheat(
+        "one arm puts the dark block onto the wall, the other plugs in the light one",
+        partial(one_after_the_other, dark=Side.RIGHT, light=Side.LEFT),
+        0,
         hands=Hands.TURNS,
-        deed=finished,
-        gets=0,
     ),
-    Adversary(
-        name="both blocks are grasped once, then one arm does the rest",
-        script=grasp_once,
-        hands=Hands.BOTH,
-        deed=finished,
-        gets=1,
-    ),
-    Adversary(
-        name="the blocks are joined on the wall, by both arms",
-        script=join_at_wall,
-        hands=Hands.BOTH,
-        deed=finished,
-        gets=1,
-    ),
-    Adversary(
-        name="one arm joins the blocks on the table, against the wall",
-        script=partial(join_on_table, side=Side.RIGHT),
+    cheat("both blocks are grasped once, then one arm does the rest", grasp_once, 1),
+    cheat("the blocks are joined on the wall, by both arms", join_at_wall, 1),
+    cheat(
+        "one arm joins the blocks on the table, against the wall",
+        partial(join_on_table, side=Side.RIGHT),
+        0,
         hands=Hands.ONE,
         deed=joined,
-        gets=0,
     ),
-    Adversary(
-        name="one arm joins the blocks on the table, both bring them to the wall",
-        script=take_joined,
-        hands=Hands.BOTH,
-        deed=finished,
-        gets=1,
-    ),
-    Adversary(
-        name="one arm only closes on a block that lies on the table",
-        script=close_on_the_table,
-        hands=Hands.BOTH,
+    cheat("one arm joins the blocks on the table, both bring them to the wall", take_joined, 1),
+    cheat(
+        "one arm only closes on a block that lies on the table",
+        close_on_the_table,
+        1,
         deed=joined,
-        gets=1,
         seed=1,
     ),
-    Adversary(
-        name="one arm only closes on a block that the wall keeps in its place",
-        script=close_at_the_wall,
-        hands=Hands.BOTH,
-        deed=finished,
-        gets=1,
-    ),
-    Adversary(
-        name="joined, pulled apart, and put onto the wall one after the other",
-        script=pull_apart,
-        hands=Hands.BOTH,
-        deed=finished,
-        gets=2,
-    ),
-    Adversary(
-        name="never lets go of what is on the wall",
-        script=never_let_go,
-        hands=Hands.BOTH,
+    cheat("one arm only closes on a block that the wall keeps in its place", close_at_the_wall, 1),
+    cheat("joined, pulled apart, and put onto the wall one after the other", pull_apart, 2),
+    cheat(
+        "never lets go of what is on the wall",
+        never_let_go,
+        2,
         deed=on_wall,
-        gets=2,
         lacks="left still touches light_block",
     ),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -173,48 +174,32 @@ def pressed(sim: Simulation) -> bool:
     return all(sim.contacts.gripper(side, CUPS[side]) for side in SIDES)
 
 
-ADVERSARIES = (
-    Adversary(
-        name="one arm alone brings the cups together and pours",
-        script=pour_alone,
-        hands=Hands.ONE,
-        deed=in_the_middle(on_table=True),
-        gets=1,
-    ),
-    Adversary(
-        name="one arm sets its cup down, then the other one comes and pours",
-        script=pour_in_turns,
+cheat = partial(Adversary, deed=in_the_middle(on_table=True))
+ADVERSARIES: tuple[Adversary, ...] = (
+    cheat("one arm alone brings the cups together and pours", pour_alone, 1, hands=Hands.ONE),
+    cheat(
+        "one arm sets its cup down, then the other one comes and pours",
+        pour_in_turns,
+        1,
         hands=Hands.TURNS,
-        deed=in_the_middle(on_table=True),
-        gets=1,
     ),
-    Adversary(
-        name="both cups are lifted once, then one arm pours into a cup that was let go",
-        script=lift_once_then_pour_alone,
-        hands=Hands.BOTH,
-        deed=in_the_middle(on_table=True),
-        gets=3,
+    cheat(
+        "both cups are lifted once, then one arm pours into a cup that was let go",
+        lift_once_then_pour_alone,
+        3,
     ),
-    Adversary(
-        name="a cup is filled on the table, grasped, and lifted afterwards",
-        script=pour_into_a_cup_on_the_table,
-        hands=Hands.BOTH,
+    cheat(
+        "a cup is filled on the table, grasped, and lifted afterwards",
+        pour_into_a_cup_on_the_table,
+        3,
         deed=in_the_middle(on_table=False),
-        gets=3,
         lacks="left_cup has stood on the table with something in it",
     ),
-    Adversary(
-        name="some marbles are poured in the air, and the rest by one arm",
-        script=pour_the_rest_alone,
-        hands=Hands.BOTH,
+    cheat(
+        "some marbles are poured in the air, and the rest by one arm",
+        pour_the_rest_alone,
+        4,
         deed=in_the_middle(on_table=False),
-        gets=4,
     ),
-    Adversary(
-        name="half-open fingers are pressed on both cups",
-        script=press_half_open_fingers,
-        hands=Hands.BOTH,
-        deed=pressed,
-        gets=0,
-    ),
+    cheat("half-open fingers are pressed on both cups", press_half_open_fingers, 0, deed=pressed),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from duobench.experts.handling import LET_GO
 from duobench.experts.motion import (
@@ -202,55 +203,36 @@ def _pinched_inside(sim: Simulation) -> bool:
     return inner and on_floor and sim.contacts.grasped(INSERTER, "cube")
 
 
+cheat = partial(Adversary, deed=_dragged_open)
 ADVERSARIES: tuple[Adversary, ...] = (
-    Adversary(
-        name="one arm drags the door open with its knuckles while it holds the cube",
-        script=one_arm,
+    cheat(
+        "one arm drags the door open with its knuckles while it holds the cube",
+        one_arm,
+        1,
         hands=Hands.ONE,
-        deed=_dragged_open,
-        gets=1,
     ),
-    Adversary(
-        name="one arm opens the door and leaves, the other one drags it open with the cube",
-        script=one_after_the_other,
+    cheat(
+        "one arm opens the door and leaves, the other one drags it open with the cube",
+        one_after_the_other,
+        1,
         hands=Hands.TURNS,
-        deed=_dragged_open,
-        gets=1,
     ),
-    Adversary(
-        name="the other hand touches the door for a moment",
-        script=a_tap_of_the_other_hand,
-        hands=Hands.BOTH,
-        deed=_tapped,
-        gets=1,
+    cheat("the other hand touches the door for a moment", a_tap_of_the_other_hand, 1, deed=_tapped),
+    cheat(
+        "the door is let fall on the arm with the cube", door_let_fall_on_the_arm, 2, deed=_is_in
     ),
-    Adversary(
-        name="the door is let fall on the arm with the cube",
-        script=door_let_fall_on_the_arm,
-        hands=Hands.BOTH,
-        deed=_is_in,
-        gets=2,
-    ),
-    Adversary(
-        name="the hand that holds the door is away while the cube goes in",
-        script=holder_away_while_the_cube_goes_in,
-        hands=Hands.BOTH,
+    cheat(
+        "the hand that holds the door is away while the cube goes in",
+        holder_away_while_the_cube_goes_in,
+        2,
         deed=_held_open_at_last,
-        gets=2,
     ),
-    Adversary(
-        name="the cube is wedged in the door",
-        script=cube_wedged_in_the_door,
-        hands=Hands.BOTH,
+    cheat(
+        "the cube is wedged in the door",
+        cube_wedged_in_the_door,
+        2,
         deed=_wedged,
-        gets=2,
         lacks="cube touches microwave/door",
     ),
-    Adversary(
-        name="the cube is put in and taken out again",
-        script=in_and_out_again,
-        hands=Hands.BOTH,
-        deed=_pinched_inside,
-        gets=2,
-    ),
+    cheat("the cube is put in and taken out again", in_and_out_again, 2, deed=_pinched_inside),
 )

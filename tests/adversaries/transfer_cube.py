@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -170,102 +171,27 @@ def tip_over_the_rim(arms: Arms) -> Script:
     yield from move(arms, {LEFT: down(x, y - 0.2, 0.2)})
 
 
+cheat = partial(Adversary, deed=ends_in_bowl, seed=NEAR_BOWL)
 ADVERSARIES: tuple[Adversary, ...] = (
-    Adversary(
-        name="one arm picks the block up and puts it into the bowl",
-        script=alone,
-        hands=Hands.ONE,
-        deed=ends_in_bowl,
-        gets=1,
-        seed=NEAR_BOWL,
+    cheat("one arm picks the block up and puts it into the bowl", alone, 1, hands=Hands.ONE),
+    cheat("the block is laid on the table for the other arm", by_table, 1, hands=Hands.TURNS),
+    cheat("the other arm grasps the block as well, and lets go again", keep, 2),
+    cheat("the block is handed back", hand_back, 3),
+    cheat("both arms hold the block and drop it, and the other one picks it up", fumble, 2),
+    cheat("the block is given back by way of the table", give_back_by_table, 3),
+    cheat(
+        "the block is handed over once, and once more by way of the table",
+        hand_over_once_then_by_table,
+        3,
     ),
-    Adversary(
-        name="the block is laid on the table for the other arm",
-        script=by_table,
-        hands=Hands.TURNS,
-        deed=ends_in_bowl,
-        gets=1,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="the other arm grasps the block as well, and lets go again",
-        script=keep,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=2,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="the block is handed back",
-        script=hand_back,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=3,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="both arms hold the block and drop it, and the other one picks it up",
-        script=fumble,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=2,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="the block is given back by way of the table",
-        script=give_back_by_table,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=3,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="the block is handed over once, and once more by way of the table",
-        script=hand_over_once_then_by_table,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=3,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="the block is thrown into the bowl",
-        script=throw,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=3,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="the block is dropped into the bowl from on high",
-        script=drop_from_on_high,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=3,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="the block is dropped into the bowl from two centimetres above its rim",
-        script=drop_from_above_the_rim,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=3,
+    cheat("the block is thrown into the bowl", throw, 3),
+    cheat("the block is dropped into the bowl from on high", drop_from_on_high, 3),
+    cheat(
+        "the block is dropped into the bowl from two centimetres above its rim",
+        drop_from_above_the_rim,
+        3,
         lacks="when left let cube go: cube is 1",
-        seed=NEAR_BOWL,
     ),
-    Adversary(
-        name="the other arm presses half-open fingers on the block's end",
-        script=press_on_its_end,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=1,
-        seed=NEAR_BOWL,
-    ),
-    Adversary(
-        name="the block is tipped over the rim into the bowl",
-        script=tip_over_the_rim,
-        hands=Hands.BOTH,
-        deed=ends_in_bowl,
-        gets=3,
-        seed=NEAR_BOWL,
-    ),
+    cheat("the other arm presses half-open fingers on the block's end", press_on_its_end, 1),
+    cheat("the block is tipped over the rim into the bowl", tip_over_the_rim, 3),
 )

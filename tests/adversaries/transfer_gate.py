@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -228,20 +228,7 @@ def pressed_on_gate(sim: Simulation) -> bool:
     return sim.contacts.arm(LEFT, "gate")
 
 
-def cheat(
-    name: str,
-    script: Callable[[Arms], Script],
-    gets: int,
-    *,
-    hands: Hands = Hands.BOTH,
-    deed: Callable[[Simulation], bool] = ends_on_mat,
-    lacks: str = "",
-) -> Adversary:
-    return Adversary(
-        name=name, script=script, hands=hands, deed=deed, gets=gets, seed=NEAR_MAT, lacks=lacks
-    )
-
-
+cheat = partial(Adversary, deed=ends_on_mat, seed=NEAR_MAT)
 ADVERSARIES: tuple[Adversary, ...] = (
     cheat("one arm goes through the ring, back, and around it", alone, 2, hands=Hands.ONE),
     cheat("the block falls behind the ring, for the other arm", drop_behind, 2, hands=Hands.TURNS),

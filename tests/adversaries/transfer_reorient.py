@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -143,25 +143,7 @@ def let_fall_and_pinch(arms: Arms) -> Script:
     yield from let_go(arms, LEFT)
 
 
-def cheat(
-    name: str,
-    script: Callable[[Arms], Script],
-    gets: int,
-    *,
-    hands: Hands = Hands.BOTH,
-    lacks: str = "",
-) -> Adversary:
-    return Adversary(
-        name=name,
-        script=script,
-        hands=hands,
-        deed=ends_in_hole,
-        gets=gets,
-        seed=NEAR_BOARD,
-        lacks=lacks,
-    )
-
-
+cheat = partial(Adversary, deed=ends_in_hole, seed=NEAR_BOARD)
 ADVERSARIES: tuple[Adversary, ...] = (
     cheat("one arm picks the peg up and inserts it", alone, 1, hands=Hands.ONE),
     cheat("the peg is laid on the table for the other arm", by_table, 1, hands=Hands.TURNS),
