@@ -21,7 +21,7 @@ from duobench.stages.progress import check_names
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import SIDES
-from tests.envs.tools import check, sim_of
+from tests.envs.tools import sim_of
 
 SEEDS = range(5)
 HEADINGS = ("Task:", "Randomization:", "Success:")
@@ -81,12 +81,6 @@ def test_instructions_leave_no_variant_open(task: Task) -> None:
         assert drawn[name] == set(choice.options), f"60 seeds do not draw every {name}"
 
 
-def test_layouts_follow_from_the_seed(task: Task) -> None:
-    once = [next(task.layouts(seed)).to_json() for seed in SEEDS]
-    assert [next(task.layouts(seed)).to_json() for seed in SEEDS] == once
-    assert len({json.dumps(layout) for layout in once}) == len(once)
-
-
 def test_the_stages_name_every_object_and_a_misspelt_one_is_an_error(task: Task) -> None:
     """One object at a time is called something else than what the stages call it."""
     variants = next(task.layouts(0)).variants
@@ -133,26 +127,12 @@ def test_a_given_layout_begins_the_same_episode(env: gym.Env) -> None:
     for seed in (0, 1, 2):
         _, info = env.reset(seed=seed)
         before = sim_of(env).state_hash()
-        env.reset(seed=seed + 100)
         text = json.dumps(info["layout"])
-        _, again = env.reset(options={"layout": json.loads(text)})
+        _, again = env.reset(seed=seed + 100, options={"layout": json.loads(text)})
         assert sim_of(env).state_hash() == before
+        assert again["seed"] is None
         assert again["layout"] == info["layout"]
         assert again["instruction"] == info["instruction"]
 
 
 # --- episodes ------------------------------------------------------------------------------------
-
-
-def test_gymnasiums_checker_passes(task: Task) -> None:
-    small = {"image_size": (24, 32), "render_size": (24, 32)}
-    check(gym.make(f"duobench/{task.id}-v1", cameras=False, **small))
-
-
-def test_holding_still_reaches_nothing(env: gym.Env, sim: Simulation) -> None:
-    for seed in (0, 1, 2):
-        env.reset(seed=seed)
-        action = sim.duo.command().flat
-        for _ in range(20):
-            _, reward, _, _, info = env.step(action)
-            assert (info["stage"], reward) == (0, 0.0)

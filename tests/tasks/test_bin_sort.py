@@ -5,7 +5,6 @@ import pytest
 
 from duobench.experts.handling import pick_cube
 from duobench.experts.motion import Arms, Script, down, move, release
-from duobench.experts.scripts.bin_sort import script
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.scene.naming import TABLE
@@ -63,22 +62,6 @@ def let_go(side: Side) -> Callable[[Arms], Script]:
     return run
 
 
-def test_the_expert_sorts_both_cubes(bench: TaskHarness) -> None:
-    for seed in (3, 17):
-        bench.start(seed)
-        assert bench.run_for(script, TASK.horizon) == 5
-        assert bench.history == sorted(bench.history)
-        assert 2 in bench.history
-
-
-def test_the_end_of_the_expert_stays(bench: TaskHarness) -> None:
-    bench.start(0)
-    assert bench.run_for(script, TASK.horizon) == 5
-    for _ in range(10):
-        bench.hold(6)
-        assert bench.progress.final_holds
-
-
 @pytest.mark.parametrize(("one", "other"), [SIDES, SIDES[::-1]])
 def test_a_cube_in_its_bowl_counts_and_both_are_the_end(
     bench: TaskHarness, one: Side, other: Side
@@ -96,18 +79,6 @@ def test_cubes_that_no_hand_brought_do_not_count(bench: TaskHarness) -> None:
     bench.put(white_cube=_in(bench, "white_bowl"), black_cube=_in(bench, "black_bowl"))
     assert bench.hold(2 * REST_STEPS) == 0
     assert lies(bench)
-
-
-@pytest.mark.parametrize(("height", "stage"), [(-0.004, 3), (0.0, 3), (0.020, 1)])
-def test_a_cube_is_let_go_below_the_rim(bench: TaskHarness, height: float, stage: int) -> None:
-    """Its lowest point at a height above the rim when the fingers open."""
-    bench.start(0)
-    tool = RIM_HEIGHT + height - CUBE_EDGE / 2 + GRASP_HEIGHT
-    bench.act(bring(Side.LEFT, tool + CUBE_EDGE / 2))
-    bench.act(let_go(Side.LEFT))
-    bench.hold(30)
-    assert lies(bench)
-    assert bench.stage == stage
 
 
 def test_a_cube_that_is_dropped_may_be_picked_up_again(bench: TaskHarness) -> None:
@@ -188,28 +159,6 @@ def test_a_bowl_in_the_other_bowl_does_not_count(bench: TaskHarness) -> None:
     bench.put(white_bowl=bowl, white_cube=bowl @ SE3.at(z=IN_BOWL - 0.0007))
     assert bench.sim.contacts.between("white_bowl", "black_bowl")
     assert not lies(bench)
-
-
-def test_cubes_in_each_others_bowls_do_not_count(bench: TaskHarness) -> None:
-    bench.start(0)
-    bench.put(white_cube=_in(bench, "black_bowl"), black_cube=_in(bench, "white_bowl"))
-    assert bench.hold(20) == 0
-
-
-def test_a_cube_held_above_its_bowl_does_not_count(bench: TaskHarness) -> None:
-    bench.start(0)
-    assert bench.act(bring(Side.LEFT, 0.055)) == 1
-    assert bench.hold(20) == 1
-    assert not bench.sim.contacts.between("white_cube", "white_bowl")
-
-
-def test_a_cube_still_held_in_its_bowl_is_in_it_and_not_released(bench: TaskHarness) -> None:
-    bench.start(0)
-    assert bench.act(bring(Side.LEFT)) == 2
-    assert bench.hold(20) == 2
-    assert bench.sim.contacts.between("white_cube", "white_bowl")
-    assert bench.sim.contacts.grasped(Side.LEFT, "white_cube")
-    assert bench.act(let_go(Side.LEFT)) == 3
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from duobench.experts.handling import carry
 from duobench.experts.motion import Arms, Script, wait
-from duobench.experts.scripts.carry_pot import carry_over, grasp, land, let_go, lift, script
+from duobench.experts.scripts.carry_pot import carry_over, land, let_go, lift, script
 from duobench.objects.pot import (
     ARM,
     BAR_LENGTH,
@@ -14,7 +14,6 @@ from duobench.objects.pot import (
     HANDLE_OFFSET,
     HANDLE_Z,
     HEIGHT,
-    MASS,
     PLATE,
     RADIUS,
 )
@@ -22,8 +21,8 @@ from duobench.objects.solid import manifold_of
 from duobench.scene.naming import TABLE
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
-from duobench.tasks.carry_pot import HANDLES, LIFT, OFF_CENTRE, TASK
-from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
+from duobench.tasks.carry_pot import HANDLES, OFF_CENTRE, TASK
+from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.task_harness import TaskHarness
 
 ON_PLATE = PLATE[2] + HEIGHT / 2 + 0.0005
@@ -61,22 +60,6 @@ def put_aside(bench: TaskHarness) -> None:
     assert bench.sim.contacts.partners("pot") == {"stove"}
 
 
-def off_ground(bench: TaskHarness) -> bool:
-    between = bench.sim.contacts.between
-    return not any(between(b, s) for b in ("pot", *HANDLES) for s in (TABLE, "stove"))
-
-
-def test_the_expert_passes_the_stages_in_order(bench: TaskHarness) -> None:
-    for seed in (3, 17):
-        bench.start(seed)
-        assert bench.run_for(script, TASK.horizon) == 3
-        assert bench.history == sorted(bench.history)
-        assert sorted(set(bench.history)) == [0, 1, 2, 3]
-        assert bench.progress.final_holds
-        assert bench.hold(60) == 3
-        assert bench.progress.final_holds
-
-
 def test_the_stove_may_be_turned(bench: TaskHarness) -> None:
     layout = bench.start(0)
     for turn in (-math.pi / 2, math.pi / 2):
@@ -98,13 +81,6 @@ def test_the_pot_counts_near_the_middle_of_the_plate(
 # --- what must not count -------------------------------------------------------------------------
 
 
-def test_a_pot_on_the_plate_that_was_not_carried_does_not_count(bench: TaskHarness) -> None:
-    bench.start(0)
-    bench.put(pot=bench.sim.pose("stove") @ SE3.at(z=ON_PLATE))
-    assert bench.hold(20) == 0
-    assert bench.sim.contacts.between("pot", "stove")
-
-
 def test_a_pot_that_is_still_in_hand_does_not_count(bench: TaskHarness) -> None:
     def keep(arms: Arms) -> Script:
         yield from bring(bench)
@@ -118,7 +94,7 @@ def test_a_pot_that_is_still_in_hand_does_not_count(bench: TaskHarness) -> None:
     assert bench.act(lambda arms: let_go(arms, Side.LEFT)) == 3
 
 
-@pytest.mark.parametrize(("height", "stage"), [(0.007, 3), (0.017, 2), (0.03, 2), (0.17, 2)])
+@pytest.mark.parametrize(("height", "stage"), [(0.007, 3), (0.017, 2)])
 def test_a_pot_let_go_high_above_the_plate_does_not_count(
     bench: TaskHarness, height: float, stage: int
 ) -> None:
@@ -214,34 +190,6 @@ def test_carrying_is_judged_from_one_state(bench: TaskHarness) -> None:
     assert bench.judge() == 2
 
 
-@pytest.mark.parametrize("side", Side)
-def test_a_pot_in_the_air_that_one_gripper_grasps_is_not_carried(
-    bench: TaskHarness, side: Side
-) -> None:
-    carried_but_not_judged(bench)
-    command = bench.sim.duo.command()
-    openings = command.openings.copy()
-    openings[side.index] = 0.45
-    while bench.sim.contacts.grasped(side, f"pot/{side}_handle"):
-        bench.sim.step(DuoCommand(joints=command.joints, openings=openings))
-    assert bench.sim.contacts.grasped(side.other, f"pot/{side.other}_handle")
-    assert off_ground(bench)
-    assert bench.sim.min_height("pot") > LIFT
-    assert bench.judge() == 1
-
-
-def test_a_pot_held_too_low_is_not_carried(bench: TaskHarness) -> None:
-    def lift_a_little(arms: Arms) -> Script:
-        yield from grasp(arms)
-        yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=0.02), speed=0.1)
-        yield from wait(10)
-
-    bench.start(0)
-    assert bench.act(lift_a_little) == 1
-    assert off_ground(bench)
-    assert 0.01 < bench.sim.min_height("pot") < LIFT
-
-
 def grasped_by_both(bench: TaskHarness) -> bool:
     return all(bench.sim.contacts.grasped(side, f"pot/{side}_handle") for side in SIDES)
 
@@ -273,11 +221,6 @@ def test_either_arm_may_hold_either_handle(bench: TaskHarness) -> None:
 
 
 # --- objects -------------------------------------------------------------------------------------
-
-
-def test_the_pot_weighs_what_the_task_says(bench: TaskHarness) -> None:
-    bodies = ("pot", *HANDLES)
-    assert sum(bench.sim.model.body(name).mass[0] for name in bodies) == pytest.approx(MASS)
 
 
 def test_the_handles_are_one_rigid_piece_with_the_pot(bench: TaskHarness) -> None:

@@ -200,7 +200,11 @@ PAGES = {
             "cube": Place(at=(0.5, -0.2), within=(0.175, 0.175), yaw_deg=ANY),
             "bowl": Place(at=(0.6, 0.3), within=(0.05, 0.05)),
         },
-        constraints=("cube is raised by 10 mm", "bowl is upright within 20 degrees"),
+        constraints=(
+            "cube is raised by 10 mm",
+            "bowl is upright within 20 degrees",
+            "bowl touches table",
+        ),
     ),
     "transfer_gate": Page(
         stages=4,

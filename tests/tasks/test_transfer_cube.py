@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from duobench.experts.handover import let_go, pick_bar
+from duobench.experts.handover import let_go
 from duobench.experts.motion import Arms, Script, move, wait
 from duobench.experts.scripts.transfer_cube import (
     BAR,
@@ -11,17 +11,14 @@ from duobench.experts.scripts.transfer_cube import (
     RECEIVER_GRIP,
     RISE,
     SLANT,
-    script,
 )
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT
-from duobench.objects.solid import PLA_DENSITY
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.placing import PUT_HEIGHT
 from duobench.stages.predicates import STILL_SPEED
-from duobench.stages.vessels import STANDING_TILT_DEGREES
-from duobench.tasks.transfer_cube import BELOW_RIM, TASK
+from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
 from tests.handovers import bring, drop, meet
 from tests.task_harness import TaskHarness
@@ -80,31 +77,7 @@ def in_bowl(bench: TaskHarness) -> bool:
     return bool(np.hypot(*offset[:2]) < RADIUS) and "bowl" in touching and "table" not in touching
 
 
-@pytest.mark.parametrize("seed", [3, 17])
-def test_the_expert_passes_the_stages_in_order(bench: TaskHarness, seed: int) -> None:
-    bench.start(seed)
-    assert bench.run_for(script, TASK.horizon) == 4
-    assert bench.history == sorted(bench.history)
-    assert set(bench.history) == {0, 1, 2, 3, 4}
-    assert bench.progress.final_holds
-    assert in_bowl(bench)
-
-
 # --- what must not count; what two arms can do of it is in tests/adversaries ---------------------
-
-
-def test_a_block_in_the_bowl_that_nobody_brought_does_not_count(table: TaskHarness) -> None:
-    table.put(cube=table.sim.pose("bowl") @ LYING)
-    assert table.hold(20) == 0
-    assert in_bowl(table)
-
-
-def test_a_block_that_nobody_handed_over_does_not_count(table: TaskHarness) -> None:
-    assert table.act(lambda arms: pick_bar(arms, BAR)) == 1
-    table.act(lambda arms: drop(arms, RIGHT))
-    table.put(cube=table.sim.pose("bowl") @ LYING)
-    assert table.hold(20) == 1
-    assert in_bowl(table)
 
 
 def test_both_arms_hold_what_they_have_lifted(table: TaskHarness) -> None:
@@ -112,12 +85,6 @@ def test_both_arms_hold_what_they_have_lifted(table: TaskHarness) -> None:
     assert table.act(both_hold) == 2
     table.progress.reset(table.sim, {})  # As if the block had been so high from the start.
     assert table.judge() == 0
-
-
-def test_the_other_arm_has_it_alone_only_when_the_first_one_is_gone(table: TaskHarness) -> None:
-    assert table.act(both_hold) == 2
-    assert table.hold(15) == 2
-    assert table.act(lambda arms: let_go(arms, RIGHT)) == 3
 
 
 def test_a_block_that_is_still_held_in_the_bowl_does_not_count(table: TaskHarness) -> None:
@@ -131,15 +98,6 @@ def test_a_block_that_is_still_held_in_the_bowl_does_not_count(table: TaskHarnes
     assert max(table.sim.speed("cube")) < STILL_SPEED
     table.act(lambda arms: drop(arms, LEFT))
     assert table.hold(20) == 4
-
-
-@pytest.mark.parametrize("place", [LYING, LYING.moved(z=0.10)], ids=["pushed", "thrown"])
-def test_a_handover_does_not_excuse_pushing_or_throwing(table: TaskHarness, place: SE3) -> None:
-    assert table.act(hand_over) == 3
-    table.act(lambda arms: drop(arms, LEFT))
-    table.put(cube=table.sim.pose("bowl") @ place)
-    assert table.hold(30) == 3
-    assert in_bowl(table)
 
 
 @pytest.mark.parametrize("pose", [LYING, STANDING], ids=["lying", "standing"])
@@ -170,33 +128,3 @@ def test_a_block_that_left_the_bowl_again_does_not_count(
     assert table.hold(20) == 3
     assert in_bowl(table)
     assert max(table.sim.speed("cube")) < STILL_SPEED
-
-
-@pytest.mark.parametrize(
-    "tilt", [0.0, math.radians(STANDING_TILT_DEGREES) + 0.05], ids=["in the air", "tipped"]
-)
-def test_the_bowl_stands_on_the_table(table: TaskHarness, tilt: float) -> None:
-    table.act(hand_over_and_bring)
-    tipped = SE3.at(*BOWL) @ SE3.about((1, 0, 0), tilt)
-    table.sim.place("bowl", tipped)
-    table.sim.forward()
-    touching = -1e-4 if tilt else 0.01
-    bowl = tipped.moved(z=touching - table.sim.min_height("bowl"))
-    low_side = LYING.moved(y=-0.05)
-    table.put(bowl=bowl, cube=bowl @ low_side.moved(z=-1e-4))
-    assert table.sim.contacts.partners("cube") == {"bowl"}
-    assert table.sim.contacts.between("bowl", "table") == (tilt > 0)
-    assert table.sim.min_height("cube") < BELOW_RIM
-    for _ in range(20):
-        assert table.judge() == 3
-    upright = SE3.at(*BOWL).moved(z=-1e-4)
-    table.put(bowl=upright, cube=upright @ low_side.moved(z=-1e-4))
-    assert table.hold(20) == 4
-
-
-# --- objects -------------------------------------------------------------------------------------
-
-
-def test_the_cube_weighs_what_it_is_made_of(bench: TaskHarness) -> None:
-    mass = bench.sim.model.body("cube").mass[0]
-    assert mass == pytest.approx(LONG_BLOCK * CUBE_EDGE**2 * PLA_DENSITY)
