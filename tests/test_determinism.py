@@ -1,14 +1,9 @@
-"""An episode is a function of task and seed, bit for bit: not of cameras, of the vector environment
-around it, or of the number of workers.
+"""An episode is a function of task and seed, bit for bit: not of cameras or of vector environments.
 
-`tests.experts.test_episodes` adds the process and what ran before. These are the places where that
-is proven; other tests rely on it.
+`tests.experts.test_episodes` adds the process and what ran before: the golden episodes were played
+by another one, in another order. The number of workers is in `tests.evaluation.test_evaluate` and,
+for experts, in `tests.evaluation.test_demonstrations`. Other tests rely on these.
 """
-
-import subprocess
-import sys
-from functools import cache
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -16,27 +11,17 @@ import pytest
 
 import duobench
 from duobench.envs.ids import env_id
-from duobench.files import decode
-from duobench.randomness import episode_seed
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.sim.duo import HOME
-from tests.experts.baseline_episodes import Episode, play_alone
+from tests.experts.baseline_episodes import SEEDS, baseline
 
-SEED, OTHER_SEED = 0, 1
+SEED, _ = SEEDS
 VECTOR_TASKS = ("bin_sort", "ball_maze")
 """The shortest task, and one whose layouts have a variant."""
-
-ROOT = Path(__file__).parents[1]
-
-
-@cache
-def played(name: str) -> tuple[Episode, ...]:
-    return play_alone(name, SEED, OTHER_SEED)
 
 
 def test_cameras_change_nothing() -> None:
     name = VECTOR_TASKS[0]
-    (episode, _) = played(name)
+    (episode, _) = baseline(name)
     env = duobench.make(name, cameras=("head",), image_size=(24, 32))
     env.reset(seed=SEED)
     for action in episode.actions:
@@ -51,9 +36,9 @@ def test_vector_environments_play_the_same_episodes(
     name: str, vector: type[gym.vector.VectorEnv]
 ) -> None:
     """Each environment gets its own episode's actions; who is done first goes on with another."""
-    episodes = played(name)
+    episodes = baseline(name)
     envs = vector([lambda: gym.make(env_id(name), cameras=False)] * len(episodes))
-    envs.reset(seed=[SEED, OTHER_SEED])
+    envs.reset(seed=list(SEEDS))
     last = [len(episode.actions) - 1 for episode in episodes]
     ends: dict[int, str] = {}
     for step in range(max(last) + 1):
@@ -67,28 +52,3 @@ def test_vector_environments_play_the_same_episodes(
                 ends[number] = envs.call("state_hash")[number]
     envs.close()
     assert ends == {number: episode.state_hash for number, episode in enumerate(episodes)}
-
-
-def test_workers_change_nothing(tmp_path: Path) -> None:
-    """Compared byte for byte: records hold no time, but layout, steps, stages and state_hash."""
-    tasks, episodes = ["bin_sort", "carry_pot"], 2
-    for workers in ("0", "2"):
-        command = [sys.executable, "-m", "duobench", "eval", "--policy", "expert"]
-        command += ["--episodes", str(episodes), "--videos", "0", "--tasks", *tasks]
-        command += ["--workers", workers, "--out", str(tmp_path / workers)]
-        subprocess.run(command, check=True, capture_output=True)
-    here, pool = (_records(tmp_path / workers) for workers in ("0", "2"))
-    assert len(here) == episodes * len(tasks)
-    assert here == pool
-    records = [decode(text, EpisodeRecord, RECORD_SCHEMA) for text in here.values()]
-    assert len({record.state_hash for record in records} - {None}) == len(records)
-    assert {record.task for record in records if record.success} == set(tasks)
-    seed = episode_seed(tasks[0], episodes - 1)
-    assert play_alone(tasks[0], seed)[0].state_hash in {record.state_hash for record in records}
-
-
-def _records(folder: Path) -> dict[str, str]:
-    return {
-        str(path.relative_to(folder)): path.read_text(encoding="utf-8")
-        for path in (folder / "records").rglob("*.json")
-    }

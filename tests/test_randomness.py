@@ -128,15 +128,6 @@ def test_generators_of_both_splits_begin_with_other_numbers() -> None:
     assert len(draws) == 2 * len(FIRST)
 
 
-@pytest.mark.parametrize("name", catalog.names())
-def test_sampled_layouts_of_both_splits_differ(name: str) -> None:
-    task, count = catalog.get(name), 100
-    layouts = [
-        next(task.layouts(seed, s)).to_json() for s in (EVAL, TRAIN) for seed in range(count)
-    ]
-    assert len({str(layout["poses"]) for layout in layouts}) == 2 * count
-
-
 def test_episode_seeds_of_both_splits_differ() -> None:
     seeds = [{episode_seed("bin_sort", n, split) for n in range(1000)} for split in (EVAL, TRAIN)]
     assert seeds[0].isdisjoint(seeds[1])

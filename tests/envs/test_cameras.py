@@ -15,7 +15,7 @@ from duobench.envs.sim_env import SimEnv
 from duobench.errors import RenderingError, UnknownNameError
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS
-from tests.envs.tools import TASK, sim_of, wave, waves
+from tests.envs.tools import TASK, wave, waves
 
 SIZE = (24, 32)
 
@@ -58,20 +58,6 @@ def test_an_image_follows_the_step_and_belongs_to_the_user() -> None:
     assert not np.array_equal(last["pixels"]["head"], kept)
     assert np.array_equal(first["pixels"]["head"], kept)
     env.close()
-
-
-def test_cameras_change_nothing_but_the_pixels() -> None:
-    seen = duobench.make(TASK, cameras=("right_wrist",), image_size=SIZE)
-    blind = duobench.make(TASK, cameras=False)
-    one, other = seen.reset(seed=2)[0], blind.reset(seed=2)[0]
-    for k in range(3):
-        pixels = one.pop("pixels")
-        assert list(pixels) == ["right_wrist"]
-        assert one.keys() == other.keys()
-        assert all(np.array_equal(one[key], other[key]) for key in other)
-        one, other = seen.step(wave(k))[0], blind.step(wave(k))[0]
-    assert sim_of(seen).state_hash() == sim_of(blind).state_hash()
-    seen.close()
 
 
 def test_images_that_nobody_looks_at_are_left_out_through_any_wrappers() -> None:

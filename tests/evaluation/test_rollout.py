@@ -70,20 +70,8 @@ def test_actions_of_a_chunk_are_executed_in_order_until_the_end(env: gym.Env, le
     assert policy.sent == -(-toy_tasks.HORIZON // length) * length
 
 
-def test_same_seed_gives_the_same_episode_whatever_ran_before(env: gym.Env) -> None:
-    listeners = []
-    for seed in (7, 8, 7):
-        listeners.append(Listener())
-        rollout(env, make("random"), seed=seed, watchers=[listeners[-1]])
-    first, other, again = (
-        np.array([step.observation["agent_pos"] for step in one.steps]) for one in listeners
-    )
-    np.testing.assert_array_equal(first, again)
-    assert len(other) != len(first) or not np.array_equal(first, other)
-
-
 @pytest.mark.parametrize("split", SPLITS)
-def test_policy_gets_a_hash_of_the_seed_with_which_no_layout_can_be_made_again(split: str) -> None:
+def test_policy_gets_a_hash_of_the_seed(split: str) -> None:
     class Keeps(HoldPolicy):
         def reset(self, instruction: str, seed: int) -> None:
             super().reset(instruction, seed)
@@ -93,11 +81,6 @@ def test_policy_gets_a_hash_of_the_seed_with_which_no_layout_can_be_made_again(s
     for seed in (0, 1, 2**32 - 1):
         rollout(Passes(env), policy, seed=seed)
         assert policy.seed == policy_seed("wave", seed, split) != seed
-        layouts = [
-            env.reset(seed=number, options={"split": made})[1]["layout"]
-            for number, made in [(seed, split), *((policy.seed, each) for each in SPLITS)]
-        ]
-        assert layouts[0] not in layouts[1:]
     env.close()
 
 

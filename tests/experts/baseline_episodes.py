@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import gymnasium as gym
@@ -32,6 +33,10 @@ class Episode:
     def state_hash(self) -> str:
         """That of the state after the last action."""
         return self.states[-1].hash
+
+
+SEEDS = (0, 1)
+"""Seeds of the layouts whose episodes are played once and shared."""
 
 
 def make(name: str) -> gym.Env:
@@ -75,3 +80,12 @@ def play_alone(name: str, *seeds: int) -> tuple[Episode, ...]:
     episodes = tuple(play(env, expert, seed) for seed in seeds)
     env.close()
     return episodes
+
+
+@cache
+def baseline(name: str) -> tuple[Episode, ...]:
+    """Episodes of the shared seeds, in their order; the last one is played first.
+
+    They are played once in a session: what a golden file holds was played in the other order.
+    """
+    return play_alone(name, *reversed(SEEDS))[::-1]

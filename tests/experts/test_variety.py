@@ -130,23 +130,17 @@ def test_without_freedom_a_motion_is_that_of_the_script(variety: Variety) -> Non
 
 @pytest.fixture(scope="module")
 def episodes() -> list[Episode]:
-    """Episodes of one layout: two of the same seed, one of another seed."""
+    """Episodes of one layout, by two seeds of the expert."""
     found = []
-    for seed in (0, 0, 1):
+    for seed in (0, 1):
         env = make(TASK)
         found.append(play(env, ExpertPolicy(env, HUMAN), 0, expert_seed=seed))
         env.close()
     return found
 
 
-def test_the_same_seed_is_the_same_episode(episodes: list[Episode]) -> None:
-    one, again, _ = episodes
-    assert one.state_hash == again.state_hash
-    assert np.array_equal(one.actions, again.actions)
-
-
 def test_another_seed_is_another_path_in_the_same_layout(episodes: list[Episode]) -> None:
-    one, _, other = episodes
+    one, other = episodes
     steps = min(len(one.actions), len(other.actions))
     assert np.abs(np.subtract(one.actions[:steps], other.actions[:steps])).max() > 0.05
 

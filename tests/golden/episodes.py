@@ -26,11 +26,10 @@ import numpy as np
 
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
-from tests.experts.baseline_episodes import Episode, play_alone
+from tests.experts.baseline_episodes import SEEDS, Episode, play_alone
 from tests.golden import models
 
 PATH = Path(__file__).with_name("episodes.json")
-SEEDS = (0, 1)
 CHECKPOINTS = (10, 20, 30)
 """Control steps at which states are kept: a third, two thirds and one second."""
 TOLERANCE = 1e-5

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 import duobench
 from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
-from duobench.evaluation import ExpertPolicy
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.bowl import FLOOR
 from duobench.objects.chest import HINGE, LID_UNDERSIDE, WALL
@@ -17,6 +16,7 @@ from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import HEAD, POLICY_CAMERAS
+from tests.experts.baseline_episodes import SEEDS, baseline, make
 
 DIFFERENCE = 25.0
 """Least difference of two neighbouring pixels' luminance, of 255."""
@@ -30,18 +30,12 @@ LUMA = (0.2126, 0.7152, 0.0722)
 
 def states(name: str, seed: int) -> Iterator[Simulation]:
     """The simulation every few steps of the expert's episode, and at its end."""
-    env = duobench.make(name, cameras=False)
+    env = make(name)
     env.reset(seed=seed)
-    simulation = sim_of(env).simulation
-    expert = ExpertPolicy(env)
-    expert.reset("", seed)
-    number, over = 0, False
-    while not over:
-        if number % EVERY == 0:
-            yield simulation
-        *_, terminated, truncated, _ = env.step(expert.act(None)[0])
-        number, over = number + 1, terminated or truncated
-    yield simulation
+    played = baseline(name)[SEEDS.index(seed)].states
+    for state in (*played[::EVERY], played[-1]):
+        env.get_wrapper_attr("restore_state")(state)
+        yield sim_of(env).simulation
     env.close()
 
 
