@@ -259,45 +259,6 @@ def test_late_answer_is_never_taken_for_the_next_one(remote: Connect, *, lives: 
         np.testing.assert_array_equal(policy.act(observation())[0], OURS)
 
 
-def test_connection_that_is_lost_is_made_again_for_the_next_episode(remote: Connect) -> None:
-    port = free_port()
-    server = ModelServer(acting(CHUNK))
-    with server.running(port):
-        policy = remote(port)
-        policy.reset("Do it.", 0)
-        policy.act(observation())
-    with pytest.raises(MachineryError, match="is lost"):
-        policy.act(observation())
-    with pytest.raises(MachineryError, match="cannot be reached"):
-        policy.reset("Do it.", 0)
-    with server.running(port):
-        policy.reset("Do it.", 0)
-        np.testing.assert_array_equal(policy.act(observation())[0], OURS)
-
-
-def test_connection_that_is_lost_between_episodes_costs_nothing(remote: Connect) -> None:
-    port = free_port()
-    server = ModelServer(acting(CHUNK))
-    with server.running(port):
-        policy = remote(port)
-        policy.reset("Do it.", 0)
-        policy.act(observation())
-    with server.running(port):
-        policy.reset("Do it.", 1)
-        np.testing.assert_array_equal(policy.act(observation())[0], OURS)
-
-
-def test_other_policy_at_the_same_address_does_not_go_on(remote: Connect) -> None:
-    port = free_port()
-    with ModelServer(acting(CHUNK)).running(port):
-        policy = remote(port)
-    changes: list[Message] = [{"model_server": "Other"}, {"protocol_version": 2}]
-    for change in changes:  # also a server that would be refused at the beginning of a run
-        other = ModelServer(acting(CHUNK), change)
-        with other.running(port), pytest.raises(MachineryError, match="another policy now"):
-            policy.reset("Do it.", 0)
-
-
 def test_server_that_speaks_openpi_is_told_apart(remote: Connect, serve: Serve) -> None:
     with pytest.raises(MachineryError, match="no model server of vla-eval"):
         remote(serve(Network()))
