@@ -355,15 +355,6 @@ def test_relative_actions_name_no_targets(tmp_path: Path) -> None:
         export_lerobot(data, tmp_path / "out", options, workers=0)
 
 
-def test_the_export_needs_no_torch(data: DataSet, tmp_path: Path) -> None:
-    script = (
-        "import sys\nfrom duobench.cli import main\n"
-        f"main({[*COMMAND, str(data.path), '--out', str(tmp_path / 'out'), '--workers', '0']!r})\n"
-        "assert not {'torch', 'lerobot', 'datasets', 'pandas'} & set(sys.modules)\n"
-    )
-    subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, cwd=tmp_path)
-
-
 FULL_DISK = """
 import sys
 from pathlib import Path

@@ -2,7 +2,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from duobench.files import locked
 from duobench.results.suite import find_tasks
 from tests.data.tools import room
 from tests.evaluation import toy_tasks
+from tests.evaluation.processes import children, is_running, wait_until
 from tests.evaluation.toy_tasks import seed_of
 
 TASKS = ("bin_sort",)
@@ -146,12 +146,11 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     child = subprocess.Popen(
         command, env=environment, stdout=subprocess.DEVNULL, start_new_session=True
     )
-    deadline = time.monotonic() + 120
-    while not killed.episodes() and time.monotonic() < deadline:
-        time.sleep(0.02)
+    wait_until(killed.episodes, "an episode")
+    workers = children(child.pid)
     os.killpg(child.pid, signal.SIGKILL)
     child.wait()
-    time.sleep(2.0)  # workers notice that their parent is gone
+    wait_until(lambda: not any(map(is_running, workers)), "the end of orphaned workers")
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
     assert contents(killed) == contents(whole)
     assert not killed.partials()
