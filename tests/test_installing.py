@@ -55,19 +55,10 @@ def test_every_other_word_is_of_a_package_of_others() -> None:
     assert {Requirement(word).name for word in words} <= {*OTHERS, SECOND}, words
 
 
-@pytest.fixture(scope="module")
-def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that stands for a package index with this package in it."""
-    folder = tmp_path_factory.mktemp("wheels")
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
-    return folder
-
-
 @pytest.mark.parametrize("word", [*OURS, f"{DISTRIBUTION}[serve]"])
-def test_what_is_named_installs_this_package(word: str, wheels: Path, tmp_path: Path) -> None:
+def test_what_is_named_installs_this_package(word: str, wheel: Path, tmp_path: Path) -> None:
     """In a new folder, without dependencies, from an index that has this package alone."""
-    offline = ["--no-deps", "--no-build-isolation", "--no-index", "--find-links", str(wheels)]
+    offline = ["--no-deps", "--no-build-isolation", "--no-index", "--find-links", str(wheel.parent)]
     command = [sys.executable, "-m", "pip", "install", "--pre", word, *offline]
     told = subprocess.run(
         [*command, "--target", str(tmp_path / "site")], cwd=ROOT, check=True, capture_output=True

@@ -79,19 +79,6 @@ def test_code_runs(code: str, folder: Path) -> None:
     assert run([sys.executable, "-c", code], folder)
 
 
-def test_it_installs_from_a_clone(tmp_path: Path) -> None:
-    """Without dependencies, which would be fetched; the package itself is built and unpacked."""
-    ((_, *words),) = (words for words in shell_lines() if words[0] == "pip")
-    offline = ["--no-deps", "--no-build-isolation", "--no-index", "--target", str(tmp_path)]
-    run([sys.executable, "-m", "pip", *words, *offline], ROOT)
-    code = "import duobench; print(duobench.__file__)"
-    found = run(
-        [sys.executable, "-P", "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {code}"],
-        tmp_path,
-    )
-    assert Path(found.strip()).is_relative_to(tmp_path)
-
-
 @pytest.mark.parametrize("line", [words for words in shell_lines() if words[0] == "duobench"])
 def test_command_runs(
     line: list[str], folder: Path, in_background: list[subprocess.Popen[bytes]]
