@@ -27,7 +27,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 from tests.sincere.oracle import left_alone, tilt
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 COLOURS = ("white", "black")
 OWN = {"white": Side.LEFT, "black": Side.RIGHT}
@@ -191,15 +191,7 @@ def done(sim: Simulation) -> bool:
     return True
 
 
-def way(name: str, how: Sorting | None = None, *, tremble: float = 0.0, slowness: int = 1) -> Way:
-    how = how or Sorting()
-    return Way(
-        name=name,
-        script=lambda arms: sort(arms, how),
-        done=done,
-        tremble=tremble,
-        slowness=slowness,
-    )
+way = ways_to(sort, done, Sorting())
 
 
 def by_one_arm(side: Side) -> Way:

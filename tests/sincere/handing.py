@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -153,9 +154,9 @@ def put_down(arms: Arms, side: Side, body: str, goal: SE3, *, low: float) -> Scr
     yield from move(arms, {side: back}, speed=0.35, arrive=False)
 
 
-def swapped(meeting: Meeting, giver: Side) -> Meeting:
-    """The same with a giver of one's choice."""
-    return replace(meeting, bar=replace(meeting.bar, giver=giver))
+def held(meeting: Meeting, **grasp: Any) -> Meeting:
+    """The same with another giver, or another grasp of the giver."""
+    return replace(meeting, bar=replace(meeting.bar, **grasp))
 
 
 def at_rest(speed: tuple[float, float]) -> bool:

@@ -25,7 +25,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 from tests.sincere.oracle import left_alone
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 LIGHT, DARK = "light_block", "dark_block"
 APART, BEFORE_WALL, TOUCHING = 0.03, 0.012, 0.0005
@@ -189,15 +189,7 @@ def done(sim: Simulation) -> bool:
     return mounted and plugged and straight and points_in
 
 
-def way(name: str, how: Joining | None = None, *, tremble: float = 0.0, slowness: int = 1) -> Way:
-    how = how or Joining()
-    return Way(
-        name=name,
-        script=lambda arms: join(arms, how),
-        done=done,
-        tremble=tremble,
-        slowness=slowness,
-    )
+way = ways_to(join, done, Joining())
 
 
 LOW = BAR[2] / 2

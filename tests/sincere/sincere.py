@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from duobench.experts.motion import Arms, Script
 from duobench.sim.simulation import Simulation
@@ -38,6 +39,20 @@ class Way:
     """Control steps for which the robot waits after the script."""
     seed: int = 0
     """First seed of the layouts that are tried."""
+
+
+H = TypeVar("H")
+
+
+def ways_to(
+    act: Callable[[Arms, H], Script], done: Callable[[Simulation], bool], expert: H
+) -> Callable[..., Way]:
+    """What makes ways of a script that takes a value; without one, the expert's."""
+
+    def way(name: str, how: H = expert, **fields: Any) -> Way:
+        return Way(name=name, script=lambda arms: act(arms, how), done=done, **fields)
+
+    return way
 
 
 PATIENCE = 30

@@ -35,7 +35,7 @@ from duobench.objects.microwave import (
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from tests.sincere.oracle import left_alone
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 DOOR = "microwave/door"
 AROUND_BAR = 0.55
@@ -169,15 +169,7 @@ def done(sim: Simulation) -> bool:
     return inside and on_floor and clear and left_alone(sim, "cube")
 
 
-def way(name: str, how: Putting | None = None, *, tremble: float = 0.0, slowness: int = 1) -> Way:
-    how = how or Putting()
-    return Way(
-        name=name,
-        script=lambda arms: put_in(arms, how),
-        done=done,
-        tremble=tremble,
-        slowness=slowness,
-    )
+way = ways_to(put_in, done, Putting())
 
 
 HOOK = Putting(hooked=True, aslant=-1.2, below=1.2, bar_height=0.16)

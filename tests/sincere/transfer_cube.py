@@ -18,14 +18,14 @@ from tests.sincere.handing import (
     Meeting,
     at_rest,
     hand_over,
+    held,
     leaning,
     low_end,
     put_down,
     random_grasps,
     random_tempo,
-    swapped,
 )
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 EXPERT = Meeting(
     bar=BAR,
@@ -74,35 +74,28 @@ def done(sim: Simulation) -> bool:
     )
 
 
-def held(*, grip: float = BAR.grip, height: float = BAR.height, tilt: float = 0.0) -> Meeting:
-    """The expert's handover, with another grasp of the giver."""
-    return replace(EXPERT, bar=replace(BAR, grip=grip, height=height, tilt=tilt))
-
-
-def way(name: str, plan: Plan, *, slowness: int = 1, tremble: float = 0.0, seed: int = 0) -> Way:
-    return Way(
-        name=name, script=plan.script, done=done, slowness=slowness, tremble=tremble, seed=seed
-    )
+way = ways_to(lambda arms, plan: plan.script(arms), done, Plan())
 
 
 FLAT = replace(EXPERT, slant=math.radians(45), grip_at=0.032)
+DEEP = replace(EXPERT, grip_at=0.012)
 WAYS: tuple[Way, ...] = (
-    way("received deep in the fingers", Plan(meeting=replace(held(grip=0.036), grip_at=0.012))),
+    way("received deep in the fingers", Plan(meeting=held(DEEP, grip=0.036))),
     way("received at the fingertips", Plan(meeting=replace(EXPERT, grip_at=0.044))),
     way("received from above, laid down flat", Plan(meeting=FLAT, lean=math.radians(88), y=-0.05)),
     way("put in standing", Plan(lean=0.0, y=0.0)),
     way("let go at the rim's height", Plan(lean=0.5, height=RIM_HEIGHT - FLOOR)),
     way("let go eight millimetres above the floor", Plan(lean=0.3, height=0.008)),
     way("pressed three millimetres into the floor", Plan(height=-0.003)),
-    way("picked up by its middle", Plan(meeting=held(grip=0.010))),
-    way("picked up by its end", Plan(meeting=held(grip=0.036))),
-    way("picked up by the fingertips", Plan(meeting=held(height=0.034))),
-    way("picked up deep", Plan(meeting=held(height=0.018))),
-    way("picked up by a tilted hand", Plan(meeting=held(tilt=0.3))),
+    way("picked up by its middle", Plan(meeting=held(EXPERT, grip=0.010))),
+    way("picked up by its end", Plan(meeting=held(EXPERT, grip=0.036))),
+    way("picked up by the fingertips", Plan(meeting=held(EXPERT, height=0.034))),
+    way("picked up deep", Plan(meeting=held(EXPERT, height=0.018))),
+    way("picked up by a tilted hand", Plan(meeting=held(EXPERT, tilt=0.3))),
     way("handed over upright", Plan(meeting=replace(EXPERT, rise=math.radians(60)))),
-    way("half the speed", Plan(), slowness=2),
-    way("trembling", Plan(), tremble=0.01),
-    way("the left arm gives", Plan(meeting=swapped(EXPERT, Side.LEFT)), seed=0),
+    way("half the speed", slowness=2),
+    way("trembling", tremble=0.01),
+    way("the left arm gives", Plan(meeting=held(EXPERT, giver=Side.LEFT)), seed=0),
 )
 
 

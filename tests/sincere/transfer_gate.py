@@ -30,7 +30,7 @@ from tests.sincere.handing import (
     random_grasps,
     random_tempo,
 )
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 BEFORE = -0.14
 """Where the block's centre waits before the ring, along its axis, in metres."""
@@ -100,8 +100,7 @@ def done(sim: Simulation) -> bool:
     )
 
 
-def way(name: str, plan: Plan, *, slowness: int = 1, tremble: float = 0.0) -> Way:
-    return Way(name=name, script=plan.script, done=done, slowness=slowness, tremble=tremble)
+way = ways_to(lambda arms, plan: plan.script(arms), done, Plan())
 
 
 WAYS: tuple[Way, ...] = (
@@ -122,8 +121,8 @@ WAYS: tuple[Way, ...] = (
     way("picked up by the fingertips", Plan(bar_height=0.034)),
     way("picked up by a tilted hand", Plan(tilt=0.3)),
     way("off the axis of the ring", Plan(aside=0.02)),
-    way("half the speed", Plan(), slowness=2),
-    way("trembling", Plan(), tremble=0.01),
+    way("half the speed", slowness=2),
+    way("trembling", tremble=0.01),
 )
 
 

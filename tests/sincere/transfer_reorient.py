@@ -27,11 +27,11 @@ from tests.sincere.handing import (
     at_rest,
     check,
     hand_over,
+    held,
     random_grasps,
     random_tempo,
-    swapped,
 )
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 EXPERT = Meeting(
     bar=BAR,
@@ -82,33 +82,26 @@ def done(sim: Simulation) -> bool:
     )
 
 
-def held(*, grip: float = BAR.grip, height: float = BAR.height, tilt: float = 0.0) -> Meeting:
-    """The expert's handover, with another grasp of the giver."""
-    return replace(EXPERT, bar=replace(BAR, grip=grip, height=height, tilt=tilt))
+way = ways_to(lambda arms, plan: plan.script(arms), done, Plan())
 
 
-def way(name: str, plan: Plan, *, slowness: int = 1, tremble: float = 0.0, seed: int = 0) -> Way:
-    return Way(
-        name=name, script=plan.script, done=done, slowness=slowness, tremble=tremble, seed=seed
-    )
-
-
+DEEP = replace(EXPERT, grip_at=0.014)
 WAYS: tuple[Way, ...] = (
-    way("received deep in the fingers", Plan(meeting=replace(held(grip=0.036), grip_at=0.014))),
+    way("received deep in the fingers", Plan(meeting=held(DEEP, grip=0.036))),
     way("received at the fingertips", Plan(meeting=replace(EXPERT, grip_at=0.042))),
     way("let go with the tip in the hole", Plan(depth=0.006)),
     way("let go half-way", Plan(depth=0.012)),
     way("pressed onto the hole's floor", Plan(depth=0.029)),
     way("the hand only opens", Plan(retreat=False)),
-    way("picked up by its middle", Plan(meeting=held(grip=0.016))),
-    way("picked up by its end", Plan(meeting=held(grip=0.038))),
-    way("picked up by the fingertips", Plan(meeting=held(height=0.033))),
-    way("picked up deep", Plan(meeting=held(height=0.019))),
-    way("picked up by a tilted hand", Plan(meeting=held(tilt=0.2))),
+    way("picked up by its middle", Plan(meeting=held(EXPERT, grip=0.016))),
+    way("picked up by its end", Plan(meeting=held(EXPERT, grip=0.038))),
+    way("picked up by the fingertips", Plan(meeting=held(EXPERT, height=0.033))),
+    way("picked up deep", Plan(meeting=held(EXPERT, height=0.019))),
+    way("picked up by a tilted hand", Plan(meeting=held(EXPERT, tilt=0.2))),
     way("handed over nearly level", Plan(meeting=replace(EXPERT, rise=math.radians(30)))),
-    way("half the speed", Plan(), slowness=2),
-    way("trembling", Plan(), tremble=0.01),
-    way("the left arm gives", Plan(meeting=swapped(EXPERT, Side.LEFT))),
+    way("half the speed", slowness=2),
+    way("trembling", tremble=0.01),
+    way("the left arm gives", Plan(meeting=held(EXPERT, giver=Side.LEFT))),
 )
 
 
