@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -228,15 +227,6 @@ def drawn(seed: int) -> Layout:
     return next(catalog.get(TASK).layouts(seed))
 
 
-def test_a_layout_is_reported_as_plain_data_and_can_be_given_back(env: SimEnv) -> None:
-    _, info = env.reset(options={"layout": drawn(5)})
-    first = env.state_hash()
-    assert info["layout"].keys() == {"poses", "variants"}
-    _, again = env.reset(options={"layout": info["layout"]})
-    assert env.state_hash() == first
-    assert again["layout"] == info["layout"]
-
-
 def test_reported_layouts_are_the_users_own(env: SimEnv) -> None:
     _, info = env.reset(options={"layout": drawn(5)})
     given = info["layout"]
@@ -326,15 +316,6 @@ def test_a_variant_that_only_the_instruction_names_must_be_given(worlds: Task) -
 # --- names and images --------------------------------------------------------------------------
 
 
-def test_names_that_tools_look_for(env: SimEnv) -> None:
-    env.reset(seed=0)
-    task = catalog.get(TASK)
-    assert (env.task, env.task_description) == (TASK, task.instruction)
-    assert env.get_wrapper_attr("_max_episode_steps") == task.horizon
-    assert env.definition is task
-    assert env.metadata["render_fps"] == 30
-
-
 def test_two_environments_share_nothing_that_changes() -> None:
     one, other = SimEnv(catalog.get(TASK)), SimEnv(catalog.get(TASK))
     one.reset(seed=0)
@@ -361,14 +342,6 @@ def test_render_draws_the_overview() -> None:
 def test_render_without_a_mode_says_what_to_do(running: SimEnv) -> None:
     with pytest.raises(DuoBenchError, match="render_mode"):
         running.render()
-
-
-def test_making_and_stepping_emits_no_warning() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        env = SimEnv(catalog.get(TASK))
-        env.reset(seed=0)
-        env.step(env.action_space.sample())
 
 
 @pytest.mark.parametrize(

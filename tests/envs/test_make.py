@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.action_modes import ACTION_MODES
 from duobench.envs.config import EnvConfig
 from duobench.envs.make import make_env
 from duobench.errors import DuoBenchError, LayoutError, OptionError, UnknownNameError
@@ -53,19 +52,6 @@ def test_everything_at_once_keeps_its_place() -> None:
         "SimEnv",
     ]
     assert env.action_space.shape == (30, 14)
-
-
-@pytest.mark.parametrize(
-    ("mode", "size"),
-    [("joint", 16), ("joint_relative", 16), ("cartesian", 16), ("cartesian_relative", 14)],
-)
-def test_action_modes(mode: str, size: int) -> None:
-    assert mode in ACTION_MODES
-    env = make_env(TASK, cameras=False, action_mode=mode)
-    assert env.action_space.shape == (size,)
-    assert np.isfinite(env.action_space.low).all()  # type: ignore[attr-defined]
-    env.reset(seed=0)
-    env.step(env.action_space.sample())
 
 
 @pytest.mark.parametrize(
@@ -150,6 +136,7 @@ def test_attributes_are_found_on_the_outermost_environment() -> None:
         "task": TASK,
         "task_description": task.instruction,
         "_max_episode_steps": task.horizon,
+        "definition": task,
     }.items():
         assert getattr(env, name) == env.get_wrapper_attr(name) == value
         assert getattr(env.unwrapped, name) == value
@@ -207,13 +194,6 @@ def test_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
     for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
         with pytest.raises(OptionError, match="A seed is a whole number from 0 on, got"):
             env.reset(seed=seed)
-
-
-@pytest.mark.parametrize("seed", ["a", 1.5, True, -1])
-def test_layout_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
-    env = sim_of(make_env(TASK, cameras=False))
-    with pytest.raises(OptionError, match="A seed is a whole number from 0 on, got"):
-        env.reset(options={"layout_seed": seed})
 
 
 @pytest.mark.parametrize("layout", ["x", 5, [], {"poses": 5}])

@@ -6,7 +6,6 @@ import pytest
 
 from duobench.errors import UnknownNameError
 from duobench.objects.maze_board import (
-    BALL_RADIUS,
     BAR,
     BASE,
     EDGE,
@@ -96,16 +95,6 @@ def test_the_shown_images_are_the_board_without_two_faces_in_one_place(maze: Maz
     for one, other in itertools.combinations(rest, 2):
         assert (one ^ other).volume() == pytest.approx(0.0, abs=1e-12)
     assert walls.bounding_box()[5] == pytest.approx(WALL_HEIGHT)
-
-
-def test_the_ball_weighs_its_volume() -> None:
-    exact = 4 / 3 * np.pi * BALL_RADIUS**3 * PLA_DENSITY
-    assert mass_properties(ball()).mass == pytest.approx(exact, rel=0.01)
-
-
-def test_the_ball_fits_through_the_corridors_and_meets_walls_below_their_top() -> None:
-    assert 2 * BALL_RADIUS < PITCH - WALL
-    assert BALL_RADIUS < WALL_HEIGHT
 
 
 def test_a_wall_stands_between_the_cells_of_its_edge() -> None:

@@ -1,12 +1,7 @@
 """What the cameras see, by geometry and by pixels."""
 
-import hashlib
-import json
 import math
-from collections import defaultdict
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,7 +11,7 @@ from numpy.typing import NDArray
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import sphere
 from duobench.objects.solid import Solid
-from duobench.robot.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y
+from duobench.robot.workcell import ROOM_X, ROOM_Y
 from duobench.scene import cameras
 from duobench.scene.naming import flange_name, pad_names, tcp_name
 from duobench.sim.rendering import Renderer
@@ -31,9 +26,6 @@ BALL_RADIUS = 0.02
 # The published intrinsics, written out again so that the cameras are held to them.
 FOCAL = {"head": 740.0, "left_wrist": 650.0, "right_wrist": 650.0}
 NATIVE = np.array([1280.0, 720.0])
-
-GOLDEN = Path(__file__).with_name("image_inputs.json")
-"""What an image of the bare workcell at home is drawn from; other with every change of look."""
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +214,6 @@ def test_no_camera_looks_into_a_void(simulation: Simulation, square: Renderer) -
     finally:
         model.cam_pos[:], model.cam_quat[:] = eyes
         mujoco.mj_camlight(model, data)
-    assert ROOM_HEIGHT > 2.0
 
 
 def test_the_overview_shows_the_whole_robot_and_the_whole_table(simulation: Simulation) -> None:
@@ -235,56 +226,3 @@ def test_the_overview_shows_the_whole_robot_and_the_whole_table(simulation: Simu
     assert not border.any()
     table = ids == simulation.model.geom("table").id
     assert table[-1].mean() < 0.1, "at most the corner nearest to the camera is cut"
-
-
-def image_inputs(simulation: Simulation) -> dict[str, str]:
-    """A digest of each part of what the images of a state are drawn from, without OpenGL."""
-    model, data = simulation.model, simulation.data
-    sums: defaultdict[str, Any] = defaultdict(hashlib.sha256)
-
-    def add(part: str, values: object, digits: int = 5) -> None:
-        # Adding zero turns -0.0 into 0.0.
-        rounded = np.round(np.asarray(values, dtype=np.float64), digits) + 0.0
-        sums[part].update(rounded.astype("<f8").tobytes())
-
-    scene = mujoco.MjvScene(model, maxgeom=model.ngeom)
-    view = mujoco.MjvCamera()
-    view.type = mujoco.mjtCamera.mjCAMERA_FIXED
-    option = mujoco.MjvOption()
-    option.sitegroup[:] = 0
-    for camera in (*POLICY_CAMERAS, cameras.OVERVIEW):
-        view.fixedcamid = model.camera(camera).id
-        mujoco.mjv_updateScene(model, data, option, None, view, mujoco.mjtCatBit.mjCAT_ALL, scene)
-        lens = scene.camera[0]
-        add(f"camera {camera}", [*lens.pos, *lens.forward, *lens.up])
-        frustum = [lens.frustum_bottom, lens.frustum_top, lens.frustum_width]
-        add(f"camera {camera}", frustum, 6)
-    for geom in scene.geoms[: scene.ngeom]:
-        body = model.body(model.geom_bodyid[geom.objid]).name
-        add(f"colours of {body}", [*geom.rgba, geom.emission, geom.specular, geom.shininess])
-        if geom.type != mujoco.mjtGeom.mjGEOM_MESH:
-            add(f"shapes of {body}", [geom.type, *geom.size, *geom.pos, *geom.mat.ravel()], 4)
-            continue
-        # In the table frame: the engine turns a mesh to its principal axes, which are not unique.
-        mesh = model.geom_dataid[geom.objid]
-        start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        pose = SE3(data.geom_xmat[geom.objid].reshape(3, 3), data.geom_xpos[geom.objid])
-        points = pose.apply(model.mesh_vert[start : start + count].astype(np.float64))
-        add(f"meshes of {body}", [count, model.mesh_facenum[mesh]])
-        add(f"meshes of {body}", [points.mean(axis=0), *(points.T @ points / count)], 4)
-    for number, light in enumerate(scene.lights[: scene.nlight]):
-        colours = [*light.ambient, *light.diffuse, *light.specular]
-        add(f"light {number}", [*light.pos, *light.dir, *colours, light.castshadow])
-    add("textures", model.tex_data)
-    quality = model.vis.quality
-    add("quality", [quality.shadowsize, quality.offsamples, quality.numslices, quality.numquads])
-    add("extent", [model.vis.map.shadowclip, model.stat.extent, *model.stat.center])
-    return {part: digest.hexdigest()[:12] for part, digest in sums.items()}
-
-
-def test_the_image_is_the_same_on_every_machine() -> None:
-    golden, found = json.loads(GOLDEN.read_text(encoding="utf-8")), image_inputs(Simulation())
-    differ = {part for part in golden | found if golden.get(part) != found.get(part)}
-    assert not differ, (
-        f"If the images look right, {GOLDEN.name} is to hold {json.dumps(found, indent=2)}"
-    )

@@ -34,14 +34,6 @@ def test_pads_are_rubber_and_all_else_of_the_robot_is_metal(sim: Simulation) -> 
             assert values == {expected}, body
 
 
-def test_the_robots_surface_decides_about_friction(sim: Simulation) -> None:
-    """MuJoCo takes the rougher of two surfaces unless one has priority."""
-    for geom in np.flatnonzero(sim.model.geom_contype):
-        body = sim.model.body(sim.model.geom_bodyid[geom]).name
-        if body.startswith(("left/", "right/")):
-            assert sim.model.geom_priority[geom] == 1, body
-
-
 @pytest.mark.parametrize("name", ["mount/block", "mount/post", "mount/holder", "head/housing"])
 def test_mount_and_head_camera_are_in_the_arms_way(sim: Simulation, name: str) -> None:
     """Some of many random positions of an arm touch each of them."""

@@ -1,10 +1,7 @@
 """Images of real scenes, drawn for real."""
 
 import gc
-import hashlib
 import os
-import subprocess
-import sys
 import threading
 import warnings
 from collections.abc import Iterator
@@ -45,12 +42,6 @@ def renderer(simulation: Simulation) -> Iterator[Renderer]:
 
 def opengl_threads() -> list[threading.Thread]:
     return [thread for thread in threading.enumerate() if thread.name == "duobench-opengl"]
-
-
-def run_python(code: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
-    )
 
 
 def test_an_image_is_an_upright_colour_image(simulation: Simulation, renderer: Renderer) -> None:
@@ -253,41 +244,6 @@ def test_nothing_is_rendered_in_a_process_that_was_forked_from_one_that_did(
         finally:
             os._exit(1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-
-
-def test_another_process_draws_the_same_image(simulation: Simulation, renderer: Renderer) -> None:
-    code = f"""
-import hashlib
-from duobench.sim.rendering import Renderer
-from duobench.sim.simulation import Simulation
-from duobench.objects.blocks import RED, cube
-from duobench.objects.prop import Prop
-from duobench.spatial import SE3
-simulation = Simulation([Prop(name="cube", solid=cube(RED), fixed=True)])
-simulation.place("cube", SE3.at(0.6, 0.0, 0.016))
-simulation.forward()
-renderer = Renderer(simulation.model, height={SIZE}, width={SIZE})
-print(hashlib.sha256(renderer.render(simulation.data, "head").tobytes()).hexdigest())
-"""
-    here = hashlib.sha256(renderer.render(simulation.data, HEAD).tobytes()).hexdigest()
-    assert run_python(code).stdout.split() == [here]
-
-
-def test_nothing_of_opengl_is_loaded_before_the_first_image() -> None:
-    code = """
-import os, sys
-os.environ.pop("MUJOCO_GL", None)
-from duobench.sim.rendering import Renderer
-from duobench.sim.simulation import Simulation
-simulation = Simulation()
-renderer = Renderer(simulation.model, height=8, width=8)
-def loaded():
-    return any(name == "OpenGL" or name.startswith("mujoco.egl") for name in sys.modules)
-assert not loaded()
-renderer.render(simulation.data, "head")
-assert loaded()
-"""
-    run_python(code)
 
 
 def test_what_draws_is_described(renderer: Renderer) -> None:
