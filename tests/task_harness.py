@@ -82,9 +82,16 @@ class TaskHarness:
         return self.progress.stage
 
     def act(self, script: Callable[[Arms], Script], max_steps: int = 2000) -> int:
-        """Run a script through the action space, judging every control step."""
-        for _ in self.steps(script, max_steps=max_steps):
-            pass
+        """Run a script through the action space, judging every control step.
+
+        What a script of a module has done from the start of an episode is taken up again.
+        """
+
+        def run() -> None:
+            for _ in self.steps(script, max_steps=max_steps):
+                pass
+
+        self._once(script, None, run)
         return self.progress.stage
 
     def steps(
@@ -105,10 +112,15 @@ class TaskHarness:
 
         What a script of a module has reached from the start of an episode is taken up again.
         """
+        self._once(script, stage, lambda: self.run_until(script, lambda: self.stage >= stage))
+
+    def _once(
+        self, script: Callable[[Arms], Script], stage: int | None, run: Callable[[], None]
+    ) -> None:
         key = (repr(self._layout.to_json()), script, stage)
-        named = not self.history and "<" not in script.__qualname__
+        named = not self.history and "<" not in getattr(script, "__qualname__", "<")
         if not named or key not in self._reached:
-            self.run_until(script, lambda: self.stage >= stage)
+            run()
             if named:
                 self._reached[key] = Reached(
                     physics=self.sim.get_state(),

@@ -1,5 +1,7 @@
 """Handovers as sequences of moments, each of which two arms really brought about."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -50,7 +52,7 @@ def moments(bench: TaskHarness) -> Moments:
         keep("t")
         yield from pick_bar(arms, BAR)
         keep("r")
-        yield from meet_again(arms)
+        yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP, slant=SLANT)
         keep("b")
         yield from let_go(arms, RIGHT)
         keep("l")
@@ -62,21 +64,27 @@ def moments(bench: TaskHarness) -> Moments:
         bench.sim.forward()
         keep("n")
 
-    def meet_again(arms: Arms) -> Script:
-        yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP, slant=SLANT)
-
     bench.start(layout=LAYOUT)
     bench.act(whole_way)
     return saved
 
 
-def answer(bench: TaskHarness, moments: Moments, letters: str, question: Predicate) -> bool:
-    """Whether a predicate holds at the end of a sequence of moments."""
+def answer(
+    bench: TaskHarness,
+    moments: Moments,
+    letters: str,
+    question: Predicate,
+    move: Callable[[int], object] = int,
+) -> bool:
+    """Whether a predicate holds at the end of a sequence of moments, before each of which something
+    may move.
+    """
     bench.start(layout=LAYOUT)
     lowest = {"cube": bench.sim.min_height("cube")}
     probe = PredicateProbe(question)
     yes = False
-    for letter in letters:
+    for number, letter in enumerate(letters):
+        move(number)
         bench.sim.set_state(moments[letter])
         yes = probe.ask(bench.sim, lowest)
     return yes
@@ -178,29 +186,13 @@ def test_who_received_on_the_way(
 ) -> None:
     where = {"place": ""}
     received = handover("cube", "bowl", way=ring(where)).received
-    assert [
-        s for s, p in received.items() if on_way(bench, moments, letters, places, where, p)
-    ] == ([receiver] if receiver else [])
 
+    def go(step: int) -> None:
+        where["place"] = places[step]
 
-def on_way(
-    bench: TaskHarness,
-    moments: Moments,
-    letters: str,
-    places: str,
-    where: dict[str, str],
-    question: Predicate,
-) -> bool:
-    """Whether a predicate holds at the end of a sequence of moments and places."""
-    bench.start(layout=LAYOUT)
-    lowest = {"cube": bench.sim.min_height("cube")}
-    probe = PredicateProbe(question)
-    yes = False
-    for letter, place in zip(letters, places, strict=True):
-        where["place"] = place
-        bench.sim.set_state(moments[letter])
-        yes = probe.ask(bench.sim, lowest)
-    return yes
+    assert [s for s, p in received.items() if answer(bench, moments, letters, p, go)] == (
+        [receiver] if receiver else []
+    )
 
 
 @pytest.mark.parametrize(

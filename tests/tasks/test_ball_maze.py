@@ -76,16 +76,24 @@ def ball(bench: TaskHarness) -> np.ndarray:
     return bench.sim.pose("board").inverse().apply(bench.sim.position("ball"))
 
 
+def grasp_by_both(arms: Arms) -> Script:
+    yield from grasp(arms, *SIDES)
+
+
+def lift_by_both(arms: Arms) -> Script:
+    yield from grasp(arms, *SIDES)
+    yield from lift(arms, *SIDES)
+
+
 def grasped(bench: TaskHarness) -> None:
     """Both arms grasp the board, which lies on the table."""
-    assert bench.act(lambda arms: grasp(arms, *SIDES)) == 2
+    assert bench.act(grasp_by_both) == 2
     assert bench.sim.contacts.between("board", "table")
 
 
 def lifted(bench: TaskHarness) -> None:
     """Both arms hold the board level in the air, with the ball at the start."""
-    grasped(bench)
-    assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
+    assert bench.act(lift_by_both) == 2
 
 
 def push_ball(bench: TaskHarness, speed: float, angle: float) -> None:

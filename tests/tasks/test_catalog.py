@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from duobench.envs.ids import NAMESPACE, env_id
-from duobench.errors import DuoBenchError, ImportPathError, LayoutError, UnknownNameError
+from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.tasks import catalog
 
 
@@ -48,15 +47,6 @@ def test_text_that_cannot_be_written_down_is_refused_as_given(field: str) -> Non
     stage = replace(task.stages[0], name="w\udcff")
     with pytest.raises(DuoBenchError, match=r"texts of task 'bin_sort' .*, got 'w\\udcff'"):
         replace(task, **{field: (stage,) if field == "stages" else "w\udcff"})
-
-
-def test_an_error_in_a_users_module_is_shown_with_its_traceback(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "broken_task.py").write_text("import no_such_thing\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    with pytest.raises(ImportPathError, match=r"(?s)broken_task.*no_such_thing"):
-        catalog.get("broken_task:TASK")
 
 
 def test_a_placement_of_no_prop_is_refused() -> None:

@@ -350,12 +350,6 @@ def test_the_layout_of_block_balance_keeps_things_apart() -> None:
             assert math.hypot(*gaps) >= 0.08 - 1e-9
 
 
-def test_how_many_there_are() -> None:
-    assert len(value("objects.cup.HEAP")) == 20
-    assert len(value("objects.mazes.MAZES")) == 10
-    assert len(value("objects.hexagon_peg.HOLES")) == 3
-
-
 def test_what_is_drawn_besides_poses() -> None:
     drawn = {name: dict(catalog.get(name).variants) for name in PAGES}
     assert {name for name, variants in drawn.items() if variants} == {"pour_marbles", "ball_maze"}

@@ -259,13 +259,12 @@ def test_a_cup_that_was_in_the_air_is_put_down_again(bench: TaskHarness, side: S
     assert _rest(bench, **_with_marbles(home, target)) == 5
 
 
-@pytest.mark.parametrize(("drop", "stage"), [(0.006, 6), (0.020, 5)])
-def test_cups_are_let_go_near_the_table(bench: TaskHarness, drop: float, stage: int) -> None:
+def test_cups_that_are_let_go_high_above_the_table_do_not_count(bench: TaskHarness) -> None:
     _, target = _sides(bench, 0)
-    bench.act(lambda arms: pour(arms, Pouring(drop=drop)))
+    bench.act(lambda arms: pour(arms, Pouring(drop=0.020)))
     bench.hold(REST_STEPS + 10)
     assert done(bench.sim, target)
-    assert bench.stage == stage
+    assert bench.stage == 5
 
 
 def test_full_marks_need_every_marble_to_stay_in_the_target(bench: TaskHarness) -> None:
@@ -298,27 +297,6 @@ def test_full_marks_need_both_cups_released(bench: TaskHarness, side: Side) -> N
 
 
 # --- physics -----------------------------------------------------------------------------------
-
-
-def test_marbles_stay_in_a_cup_that_is_carried_upright(bench: TaskHarness) -> None:
-    source, _ = _sides(bench, 1)
-    name = CUPS[source]
-    seen: list[tuple[float, float, int]] = []
-
-    def carry(arms: Arms) -> Script:
-        yield from take(arms, source)
-        for y in (0.12, -0.12):
-            yield from move(arms, {source: arms.targets[source].moved(y=y, z=0.02)}, speed=0.3)
-
-    def look() -> None:
-        upright = float(bench.sim.rotation(name)[2, 2])
-        seen.append((bench.sim.min_height(name), upright, _in_cup(bench, source)))
-
-    assert bench.act(_watched(carry, look)) == 1
-    lowest, upright, inside = zip(*seen, strict=True)
-    assert max(lowest) - lowest[0] > 0.04
-    assert min(upright) > math.cos(math.radians(20))
-    assert set(inside) == {len(MARBLES)}
 
 
 def test_every_marble_begins_in_the_full_cup(bench: TaskHarness) -> None:

@@ -3,15 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from duobench.experts.handover import let_go
 from duobench.experts.motion import Arms, Script, move, wait
-from duobench.experts.scripts.transfer_cube import (
-    BAR,
-    MEETING_POINT,
-    RECEIVER_GRIP,
-    RISE,
-    SLANT,
-)
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT
 from duobench.sim.layout import Layout
@@ -20,7 +12,8 @@ from duobench.stages.placing import PUT_HEIGHT
 from duobench.stages.predicates import STILL_SPEED
 from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
-from tests.handovers import bring, drop, meet
+from tests.adversaries.transfer_cube import both_hold, hand_over
+from tests.handovers import bring, drop
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -31,13 +24,10 @@ BOTH_REACH = Layout(
     poses={"cube": SE3.at(0.45, -0.18, CUBE_EDGE / 2, yaw=0.3), "bowl": SE3.at(*BOWL)}
 )
 LYING = SE3.at(z=FLOOR + CUBE_EDGE / 2)
-STANDING = SE3.at(z=FLOOR + LONG_BLOCK / 2) @ SE3.about((0, 1, 0), math.pi / 2)
 BESIDE = SE3.at(x=-RADIUS - 0.0155, z=LONG_BLOCK / 2) @ SE3.about((0, 1, 0), math.pi / 2)
 """Standing on the table, against the rim."""
 ON_RIM = SE3.at(x=RADIUS - 0.001, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0005)
 TOO_HIGH = SE3.at(z=RIM_HEIGHT + PUT_HEIGHT + CUBE_EDGE / 2 + 0.001)
-ACROSS_RIM = SE3.at(x=0.073, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0002, yaw=math.pi / 2)
-"""Lying on top of the rim by both ends."""
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +39,6 @@ def bench() -> TaskHarness:
 def table(bench: TaskHarness) -> TaskHarness:
     bench.start(layout=BOTH_REACH)
     return bench
-
-
-def both_hold(arms: Arms) -> Script:
-    yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP, slant=SLANT)
-
-
-def hand_over(arms: Arms) -> Script:
-    yield from both_hold(arms)
-    yield from let_go(arms, RIGHT)
 
 
 def hand_over_and_bring(arms: Arms) -> Script:
@@ -98,19 +79,6 @@ def test_a_block_that_is_still_held_in_the_bowl_does_not_count(table: TaskHarnes
     assert max(table.sim.speed("cube")) < STILL_SPEED
     table.act(lambda arms: drop(arms, LEFT))
     assert table.hold(20) == 4
-
-
-@pytest.mark.parametrize("pose", [LYING, STANDING], ids=["lying", "standing"])
-def test_a_block_that_was_handed_over_and_brought_counts_in_the_bowl(
-    table: TaskHarness, pose: SE3
-) -> None:
-    assert table.act(hand_over_and_bring) == 3
-    table.put(cube=table.sim.pose("bowl") @ ACROSS_RIM)
-    assert table.sim.contacts.partners("cube") == {"bowl"}
-    assert table.act(withdraw) == 3
-    table.put(cube=table.sim.pose("bowl") @ pose.moved(z=0.002))
-    assert table.hold(10) == 3, "it has not rested for half a second"
-    assert table.hold(10) == 4
 
 
 @pytest.mark.parametrize(

@@ -25,8 +25,8 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.tasks.transfer_gate import CROSSING_RADIUS, TASK
 from duobench.types import Side
-from tests.adversaries.transfer_gate import hand_over, let_fall, onto_mat
-from tests.handovers import drop, pick_lying
+from tests.adversaries.transfer_gate import hand_over
+from tests.handovers import drop
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -109,17 +109,6 @@ def test_a_block_that_is_still_held_on_the_mat_does_not_count(table: TaskHarness
     assert table.act(hold_on) == 3
     assert on_mat_in_hand(table)
     table.act(lambda arms: drop(arms, LEFT))
-    assert table.hold(20) == 4
-
-
-def test_a_block_that_fell_onto_the_mat_may_be_picked_up_and_put_down(table: TaskHarness) -> None:
-    assert table.act(let_fall) == 3
-
-    def again(arms: Arms) -> Script:
-        yield from pick_lying(arms, LEFT, "block")
-        yield from onto_mat(arms, LEFT, height=-0.006)
-
-    table.act(again)
     assert table.hold(20) == 4
 
 
