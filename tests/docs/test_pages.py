@@ -130,21 +130,6 @@ def test_keys_come_from_the_wrapper_that_the_table_names() -> None:
     assert {key: name.replace("DuoEnv", "SimEnv") for key, name in named.items()} == added
 
 
-def test_clipping_is_what_the_page_says() -> None:
-    env = duobench.make(TASK, cameras=False)
-    _, info = env.reset(seed=0)
-    assert not info["clipped"].any()
-    assert info["sent"] == pytest.approx(HOME_JOINTS_OPEN)
-    action = HOME_JOINTS_OPEN.copy()
-    action[0] += 1.0
-    action[7] = 2.0
-    _, _, _, _, info = env.step(action)
-    env.close()
-    assert np.flatnonzero(info["clipped"]).tolist() == [0, 7]
-    change = VELOCITY_LIMITS[0] / CONTROL_HZ
-    assert info["sent"][[0, 7]] == pytest.approx([HOME_JOINTS_OPEN[0] + change, 1.0])
-
-
 # --- frames --------------------------------------------------------------------------------------
 
 

@@ -24,37 +24,16 @@ from duobench.envs import (
 )
 from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, ResetNeededError
-from duobench.envs.wrappers.task_stages import Judge
 from duobench.evaluation.rollout import Step, rollout
 from duobench.policy.baselines import HoldPolicy
 from duobench.robot.joints import HOME_JOINTS
-from duobench.stages.progress import ProgressState
 from duobench.tasks import catalog
 from duobench.types import DuoCommand
 from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, wave
+from tests.real_episode import Person
 
 TASK_DATA = catalog.get(TASK)
-
-
-class Person:
-    """A judge who raises the stage by one each time that somebody nods."""
-
-    def __init__(self) -> None:
-        self.stage, self.final_holds, self.nods = 0, False, 0
-
-    def begin(self) -> None:
-        self.stage = 0
-
-    def judge(self) -> None:
-        self.stage += self.nods
-        self.nods = 0
-
-    def get_state(self) -> ProgressState:
-        return ProgressState(stage=self.stage)
-
-    def set_state(self, state: ProgressState) -> None:
-        self.stage = state.stage
 
 
 @pytest.fixture
@@ -183,24 +162,6 @@ def test_cartesian_actions_move_the_tools(env: DuoEnv) -> None:
         observation, *_ = relative.step(shift)
     moved = observation["tcp_pose"].reshape(2, 7)[1, :3] - start[1, :3]
     assert moved == pytest.approx([0.0, 0.0, 0.05], abs=0.002)
-
-
-def test_a_person_can_judge(arms: NumberArms) -> None:
-    person: Judge = Person()
-    stages = TaskStages(DuoEnv(arms, TASK_DATA), person)
-    stages.explain_stages()
-    env = TimeLimit(stages, horizon=50)
-    _, info = env.reset()
-    assert (info["stage"], info["max_stage"]) == (0, TASK_DATA.max_stage)
-    rewards = []
-    for nods in (0, 1, 2, 0, 2):
-        person.nods = nods  # type: ignore[attr-defined]
-        _, reward, terminated, _, info = env.step(wave(0))
-        rewards.append(reward)
-        assert "unmet" not in info, "a person gives no reasons"
-    assert rewards == [0.0, 0.2, 0.6, 0.6, 1.0]
-    assert terminated
-    assert info["success"]
 
 
 def test_cameras_chunks_and_grippers(arms: NumberArms) -> None:

@@ -11,9 +11,8 @@ import pytest
 
 import duobench
 from duobench.envs.config import EnvConfig
-from duobench.errors import OptionError, UnknownNameError
 from duobench.looks.catalog import look
-from duobench.looks.look import Look, Material
+from duobench.looks.look import Look
 from tests.envs.tools import TASK, sim_of, wave
 
 SIZE = (24, 32)
@@ -88,24 +87,3 @@ def test_a_configuration_with_a_look_survives_json() -> None:
         config = EnvConfig(look=value)
         text = json.dumps(msgspec.to_builtins(config))
         assert msgspec.convert(json.loads(text), EnvConfig) == config
-
-
-@pytest.mark.parametrize(
-    ("value", "error"),
-    [
-        ("drak", UnknownNameError),
-        ("random:", OptionError),
-        (3, OptionError),
-        ({"nose": 1}, UnknownNameError),
-        (Look(objects={"nothing": Material()}), UnknownNameError),
-    ],
-)
-def test_what_is_no_look_is_rejected(value: Any, error: type[Exception]) -> None:
-    with pytest.raises(error):
-        make(look=value)
-    env = make()
-    image = seen(env)[0]
-    with pytest.raises(error):
-        env.reset(seed=0, options={"look": value})
-    assert np.array_equal(seen(env)[0], image)
-    env.close()

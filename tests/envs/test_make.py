@@ -136,7 +136,6 @@ def test_attributes_are_found_on_the_outermost_environment() -> None:
         "task": TASK,
         "task_description": task.instruction,
         "_max_episode_steps": task.horizon,
-        "definition": task,
     }.items():
         assert getattr(env, name) == env.get_wrapper_attr(name) == value
         assert getattr(env.unwrapped, name) == value
@@ -182,11 +181,6 @@ def test_a_configuration_holds_plain_values_only(fields: dict[str, Any]) -> None
         EnvConfig(**fields)
     config = EnvConfig.from_options(fields)
     assert msgspec.json.decode(msgspec.json.encode(config), type=EnvConfig) == config
-
-
-def test_configuration_is_found_through_foreign_wrappers() -> None:
-    env = gym.Wrapper(gym.Wrapper(make_env(TASK, cameras=False, chunk=2)))
-    assert env.get_wrapper_attr("config") == EnvConfig(cameras=(), chunk=2)
 
 
 @pytest.mark.parametrize("seed", [1.5, "5", "a", -1, True, [3]])

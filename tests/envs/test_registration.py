@@ -48,15 +48,6 @@ def test_a_task_is_named_by_each_spelling_of_its_id(mine: Task) -> None:
     assert {task.reference for task in find_tasks([env_id(TASK)])} == {TASK}
 
 
-def test_an_environment_knows_how_to_be_made_again() -> None:
-    env = duobench.make(TASK, cameras=False, chunk=3)
-    assert env.spec is not None
-    again = env.spec.make()
-    assert str(again) == str(env)
-    assert again.action_space == env.action_space
-    assert gym.spec(f"duobench/{TASK}-v1").kwargs == {"task": TASK}
-
-
 @pytest.mark.parametrize("name", catalog.names())
 def test_a_spec_has_the_horizon(name: str) -> None:
     env_spec = gym.spec(f"duobench/{name}-v1")

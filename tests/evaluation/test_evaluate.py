@@ -202,12 +202,6 @@ def test_policy_with_global_generators_is_repeatable(play: Play) -> None:
     assert compared(folders[0]) == compared(folders[1])
 
 
-def test_negative_number_of_workers_is_refused(play: Play, tmp_path: Path) -> None:
-    with pytest.raises(EvaluationError, match=r"workers is 1 or more.*got -3"):
-        play("random", workers=-3)
-    assert not (tmp_path / "run").exists()
-
-
 def test_policy_sees_what_it_asked_for(play: Play) -> None:
     _, results = play("Sees", episodes=1)
     assert results.overall.errors == 0

@@ -76,24 +76,10 @@ def test_what_its_maker_raises_is_told_with_the_traceback(
     assert "registry.py" not in str(told.value)
 
 
-def test_what_its_module_raises_is_told_with_the_traceback(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "own_broken_policies.py").write_text("1 / 0")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(PolicyError, match=r"(?s)cannot be imported.*\nZeroDivisionError: div"):
-        make("own_broken_policies:Mine")
-
-
 @pytest.mark.parametrize("name", [":", ":x", "module:", ".:x", "..module:x"])
 def test_half_a_name_is_refused(name: str) -> None:
     with pytest.raises(PolicyError, match="is no `module:attribute`, such as"):
         make(name)
-
-
-def test_missing_module_is_named() -> None:
-    with pytest.raises(PolicyError, match="no module named 'nowhere_at_all'"):
-        make("nowhere_at_all:make")
 
 
 def test_version_of_a_source_changes_with_it(

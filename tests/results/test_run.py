@@ -1,6 +1,5 @@
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,12 +8,10 @@ from duobench.errors import (
     DuoBenchError,
     EvaluationError,
     FileError,
-    ImportPathError,
     UnknownNameError,
 )
 from duobench.files import decode, encode
 from duobench.results.run import RUN_SCHEMA, Run
-from duobench.results.suite import find_tasks
 from tests.results.samples import LIFT, SORT, sample_run
 
 
@@ -100,12 +97,3 @@ def test_run_may_have_more_episodes_than_before_but_not_fewer() -> None:
 def test_task_whose_id_is_no_name_of_a_folder_is_refused(name: str) -> None:
     with pytest.raises(EvaluationError, match="An id names a folder"):
         replace(LIFT, id=name)
-
-
-def test_module_of_a_task_that_cannot_be_imported_is_told_with_the_traceback(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "broken_task.py").write_text("1 / 0")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(ImportPathError, match=r"(?s)'broken_task' cannot.*ZeroDivisionError"):
-        find_tasks(["broken_task:TASK"])

@@ -17,7 +17,6 @@ from duobench.policy.serving.vla_eval import VlaEvalPolicy
 from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
 from tests.policy.serving.model_server import Message, ModelServer, acting, frame
 from tests.policy.serving.serving import TIMEOUT_S, Serve
-from tests.policy.serving.test_client import free_port
 from tests.policy.serving.test_message_format import observation
 from tests.policy.test_batch import Network
 
@@ -262,13 +261,6 @@ def test_late_answer_is_never_taken_for_the_next_one(remote: Connect, *, lives: 
 def test_server_that_speaks_openpi_is_told_apart(remote: Connect, serve: Serve) -> None:
     with pytest.raises(MachineryError, match="no model server of vla-eval"):
         remote(serve(Network()))
-
-
-def test_nobody_is_told_without_the_address(remote: Connect) -> None:
-    port = free_port()
-    with pytest.raises(MachineryError, match="cannot be reached") as told:
-        remote(port)
-    assert str(port) not in str(told.value)
 
 
 def test_too_large_a_reply_is_refused_unread(
