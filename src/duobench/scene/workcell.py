@@ -21,7 +21,7 @@ from duobench.robot.workcell import (
 from duobench.scene.cameras import HEAD_POSITION
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP, Group, collide_as, visual_only
 from duobench.scene.mesh_normals import FLAT, add_visual_mesh
-from duobench.scene.naming import TABLE
+from duobench.scene.naming import FLOOR, TABLE
 from duobench.scene.surfaces import add_box, collide_as_metal
 from duobench.spatial import SE3
 
@@ -72,8 +72,9 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     floor_material = _add_matte(spec, "floor", 0.10, floor_light())
     wall_material = _add_matte(spec, "wall", 0.35, wall_light())
     ceiling_material = _add_matte(spec, "ceiling", 0.4)
-    floor = _add_plane(world, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR, floor_material)
-    floor.name = "floor"
+    ground = world.add_body(name=FLOOR)
+    floor = _add_plane(ground, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR, floor_material)
+    floor.name = FLOOR
     collide_as(floor, Group.FIXTURE)
     above = SE3.at(x, y, FLOOR_Z + ROOM_HEIGHT) @ SE3.about((1, 0, 0), np.pi)
     _add_plane(world, above, (half_x, half_y), _CEILING, ceiling_material)

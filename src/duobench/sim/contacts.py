@@ -92,6 +92,11 @@ class Contacts:
         for geom, row in enumerate(self._owners):
             if model.geom_contype[geom] or model.geom_conaffinity[geom]:
                 self._solids.setdefault(row, []).append(geom)
+        self._hands = {
+            side: [geom for limb in limbs[:-1] for geom in self._solids.get(limb, ())]
+            for side, limbs in self._limbs.items()
+        }
+        """Geoms of each gripper that collide."""
 
     @property
     def owners(self) -> tuple[str, ...]:
@@ -134,13 +139,12 @@ class Contacts:
         hand is far away.
         """
         model, data, nowhere = self._model, self._data, np.zeros(6)
-        hand = [geom for limb in self._limbs[side][:-1] for geom in self._solids.get(limb, ())]
         pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
         for other in self._solids.get(self._row(owner), ()):
             furthest = float(model.geom_rbound[other]) + HAND_SIZE + distance
             if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
                 continue
-            for one in hand:
+            for one in self._hands[side]:
                 if mujoco.mj_geomDistance(model, data, one, other, distance, nowhere) < distance:
                     return True
         return False

@@ -18,7 +18,7 @@ from duobench.looks.look import EVERY_OBJECT, Look, Material
 from duobench.looks.textures import texture
 from duobench.robot.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y, TABLE_X, TABLE_Y
 from duobench.scene.filters import COLLISION_GEOM_GROUP
-from duobench.scene.naming import TABLE
+from duobench.scene.naming import FLOOR, TABLE
 from duobench.scene.workcell import floor_light, wall_light
 from duobench.types import SIDES
 
@@ -92,7 +92,7 @@ def _body(model: mujoco.MjModel, geom: int) -> str:
 
 def _parts(model: mujoco.MjModel, colours: list[RGB]) -> Iterator[tuple[str, list[int]]]:
     """The parts of the workcell and their geoms."""
-    for part in (TABLE, "floor"):
+    for part in (TABLE, FLOOR):
         yield part, [model.geom(part).id]
     for part, material in (("walls", "wall"), ("ceiling", "ceiling")):
         yield part, np.flatnonzero(model.geom_matid == model.material(material).id).tolist()
@@ -105,7 +105,7 @@ def _objects(model: mujoco.MjModel) -> dict[str, list[int]]:
     objects: dict[str, list[int]] = {}
     for geom in np.flatnonzero(model.geom_group < COLLISION_GEOM_GROUP).tolist():
         name = _body(model, geom)
-        if name not in ("world", TABLE) and name.partition("/")[0] not in SIDES:
+        if name not in ("world", TABLE, FLOOR) and name.partition("/")[0] not in SIDES:
             objects.setdefault(name, []).append(geom)
     return objects
 

@@ -12,12 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Self
+from functools import cache
+from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar, cast
 
 from duobench.types import CONTROL_HZ
 
 if TYPE_CHECKING:
     from duobench.sim.simulation import Simulation
+
+P = ParamSpec("P")
+R = TypeVar("R", bound="Predicate")
 
 Words = tuple[str, ...]
 """Statements, one constraint each."""
@@ -95,8 +99,7 @@ class Predicate:
 
     def __invert__(self) -> Predicate:
         """It does not hold."""
-        one = self.ask
-        return _Not(f"not {self.name}", lambda state: not one(state), (self,))
+        return _not(self)
 
     def __repr__(self) -> str:
         """The predicate in words."""
@@ -141,6 +144,14 @@ class Predicate:
             for part in self.parts:
                 part._collect(inner)
             inner[self] = None
+
+
+def shared(word: Callable[P, R]) -> Callable[P, R]:
+    """Make a word give one and the same predicate for the same arguments.
+
+    Stages ask the same in many places; what is one predicate is tested once a control step.
+    """
+    return cast("Callable[P, R]", cache(word))
 
 
 class _Not(Predicate):
@@ -251,6 +262,7 @@ class Since(Predicate):
         return state.past.get(self.memory)
 
 
+@shared
 def since(predicate: Predicate, *, reset: Predicate | None = None) -> Since:
     """`predicate` held at some earlier step of this episode, and `reset` has not held since.
 
@@ -281,6 +293,7 @@ class HeldFor(Predicate):
         )
 
 
+@shared
 def held_for(predicate: Predicate, seconds: float) -> Predicate:
     """`predicate` holds, and has held at every control step of the last `seconds`.
 
@@ -297,6 +310,13 @@ def held_for(predicate: Predicate, seconds: float) -> Predicate:
     )
 
 
+@shared
+def _not(predicate: Predicate) -> Predicate:
+    ask = predicate.ask
+    return _Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
+
+
+@shared
 def all_of(*predicates: Predicate) -> Predicate:
     """All hold."""
     name = " and ".join(p.name for p in predicates)
@@ -311,6 +331,7 @@ def all_of(*predicates: Predicate) -> Predicate:
     return _AllOf(f"({name})", test, predicates)
 
 
+@shared
 def any_of(*predicates: Predicate) -> Predicate:
     """At least one holds."""
     name = " or ".join(p.name for p in predicates)

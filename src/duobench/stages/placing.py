@@ -7,7 +7,7 @@ of rest without a hand tells what stands from what topples, rolls off or drops t
 
 from __future__ import annotations
 
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, since
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, shared, since
 from duobench.stages.predicates import arm_touches, grasped, mm, released, still
 from duobench.types import SIDES, Side
 
@@ -20,6 +20,7 @@ REST_SECONDS = 0.5
 """How long an object rests where it was put before it counts, in seconds [task definitions]."""
 
 
+@shared
 def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Predicate:
     """Its lowest point is at most `height` metres above the top of a body.
 
@@ -46,6 +47,7 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
     )
 
 
+@shared
 def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
     """A gripper has let go of it at its place, or holds it there, and there it has been since.
 

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, shared
 from duobench.types import SIDES, Side
 
 Point = tuple[float, float, float]
@@ -25,6 +25,7 @@ graze: three control steps. Fingers that let go and close again take longer; whe
 contacts flicker for a step or two. It is too short to hold a lid up."""
 
 
+@shared
 def interrupted(predicate: Predicate) -> Predicate:
     """It has not held for longer than a contact flickers."""
     return held_for(~predicate, FLICKER_SECONDS).called(f"no longer: {predicate.name}")
@@ -35,6 +36,7 @@ def mm(metres: float) -> str:
     return f"{round(metres * 1000, 1) + 0.0:g} mm"
 
 
+@shared
 def touches(arm: Side, body: str) -> Predicate:
     """A finger or the palm of that gripper is in contact with the body."""
     return Predicate(
@@ -44,6 +46,7 @@ def touches(arm: Side, body: str) -> Predicate:
     )
 
 
+@shared
 def arm_touches(arm: Side, body: str) -> Predicate:
     """Any part of that arm is in contact with the body: links and wrist camera too."""
     return Predicate(
@@ -53,6 +56,7 @@ def arm_touches(arm: Side, body: str) -> Predicate:
     )
 
 
+@shared
 def near(arm: Side, body: str, distance: float) -> Predicate:
     """A finger or the palm of that gripper is at most `distance` metres from the body."""
     return Predicate(
@@ -61,6 +65,7 @@ def near(arm: Side, body: str, distance: float) -> Predicate:
     )
 
 
+@shared
 def grasped(arm: Side, body: str) -> Predicate:
     """Both fingers of that gripper press on the body, towards each other."""
     return Predicate(
@@ -70,12 +75,14 @@ def grasped(arm: Side, body: str) -> Predicate:
     )
 
 
+@shared
 def grasped_by_any(*bodies: str) -> Predicate:
     """A gripper grasps one of these bodies."""
     whole = any_of(*(grasped(side, body) for side in SIDES for body in bodies))
     return whole.called(f"a gripper grasps {' or '.join(bodies)}")
 
 
+@shared
 def grasped_apart(one: str, other: str) -> Predicate:
     """Each gripper grasps one of two bodies, either way round."""
     either_way = (
@@ -87,6 +94,7 @@ def grasped_apart(one: str, other: str) -> Predicate:
     return any_of(*either_way).called(f"each gripper grasps one of {one} and {other}")
 
 
+@shared
 def off_table(body: str, *supports: str) -> Predicate:
     """In contact with neither the table nor any of these supports."""
     names = (TABLE, *supports)
@@ -94,6 +102,7 @@ def off_table(body: str, *supports: str) -> Predicate:
     return whole.called(f"{body} is off {', '.join(names)}")
 
 
+@shared
 def raised(prop: str, height: float) -> Predicate:
     """Its lowest point is at least `height` metres above where it was at the episode's start."""
 
@@ -108,6 +117,7 @@ def raised(prop: str, height: float) -> Predicate:
     )
 
 
+@shared
 def lifted(arm: Side, prop: str, *supports: str) -> Predicate:
     """Grasped by that arm, off table and supports, and raised by at least 10 mm.
 
@@ -120,11 +130,13 @@ def lifted(arm: Side, prop: str, *supports: str) -> Predicate:
     return whole.called(f"{arm} lifts {prop}")
 
 
+@shared
 def lifted_by_any(prop: str, *supports: str) -> Predicate:
     """Lifted by at least one arm; see `lifted`."""
     return any_of(*(lifted(side, prop, *supports) for side in SIDES)).called(f"an arm lifts {prop}")
 
 
+@shared
 def released(body: str) -> Predicate:
     """Neither gripper is in contact with it."""
 
@@ -138,6 +150,7 @@ def released(body: str) -> Predicate:
     )
 
 
+@shared
 def still(prop: str) -> Predicate:
     """Slower than 0.05 m/s and 0.5 rad/s."""
 
@@ -152,6 +165,7 @@ def still(prop: str) -> Predicate:
     return Predicate(f"{prop} is still", test, otherwise=otherwise)
 
 
+@shared
 def upright(prop: str, angle: float) -> Predicate:
     """Its up axis (z) is within `angle` radians of the world's."""
     limit = math.cos(angle)
@@ -226,6 +240,7 @@ class CylinderRegion:
 Region = BoxRegion | CylinderRegion
 
 
+@shared
 def inside(prop: str, region: Region) -> Predicate:
     """Its centre (the origin of its frame) lies in a region that is fixed to another body."""
 
@@ -240,6 +255,7 @@ def inside(prop: str, region: Region) -> Predicate:
     )
 
 
+@shared
 def touching(body: str, other: str) -> Predicate:
     """Two bodies are in contact."""
     return Predicate(
@@ -249,12 +265,14 @@ def touching(body: str, other: str) -> Predicate:
     )
 
 
+@shared
 def rests_on(prop: str, support: str) -> Predicate:
     """In contact with the support, not with the table, and still (see `still`)."""
     whole = all_of(touching(prop, support), ~touching(prop, TABLE), still(prop))
     return whole.called(f"{prop} rests on {support}")
 
 
+@shared
 def hinge_open(hinge: str, angle: float) -> Predicate:
     """A hinge is open by at least `angle` radians; its name is `<prop>/<part>`."""
     return Predicate(
@@ -280,6 +298,7 @@ class VariantIs(Predicate):
         return self.ask(state)
 
 
+@shared
 def variant(name: str, value: str) -> Predicate:
     """The episode's layout chose this value, such as which cup is full."""
     return VariantIs(

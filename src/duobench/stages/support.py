@@ -98,14 +98,15 @@ def support(
         )
         for side in SIDES
     }
-    # With the object at its goal, the lid shows who holds it: not an arm that has been away.
-    stays = {
-        side: arm_touches(side.other, lid) | near(side.other, lid, backing)
-        if backing
-        else arm_touches(side.other, lid)
-        for side in SIDES
-    }
-    gone = {side: held_for(~stays[side], UNSUPPORTED_SECONDS) for side in SIDES}
+    # With the object at its goal, the lid shows who holds it: not an arm that has been away, which
+    # is measured only once it matters.
+    away = {side: ~arm_touches(side.other, lid) for side in SIDES}
+    if backing:
+        away = {
+            side: all_of(since(supported[side]), absent, ~near(side.other, lid, backing))
+            for side, absent in away.items()
+        }
+    gone = {side: held_for(absent, UNSUPPORTED_SECONDS) for side, absent in away.items()}
     shown = {
         side: all_of(
             touches(side.other, lid),
