@@ -18,7 +18,7 @@ from rich.console import Console
 
 from duobench import __version__
 from duobench.cli import main
-from duobench.cli.console import command_line, console
+from duobench.cli.display.console import command_line, console
 from duobench.cli.evaluate import evaluate as eval_verb
 from duobench.data import DataSet
 from duobench.files import locked

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from duobench.cli.advice import AdvisedError, advising, find_folder
-from duobench.cli.console import console, counted
+from duobench.cli.display.console import console, counted
 from duobench.cli.doctor import load_engine
 from duobench.errors import DataError, DuoBenchError, NamesTakenError, OutputError
 
@@ -72,7 +72,7 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
         workers: Processes that check side by side.
     """
     source = opened(data)
-    from duobench.cli.progress import display
+    from duobench.cli.display.progress import display
     from duobench.data import find_problems
 
     screen = console()

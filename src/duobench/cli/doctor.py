@@ -9,7 +9,7 @@ from importlib import import_module
 from statistics import median
 from timeit import repeat
 
-from duobench.cli.console import console
+from duobench.cli.display.console import console
 from duobench.errors import DuoBenchError, RenderingError
 
 FRAMES = 20

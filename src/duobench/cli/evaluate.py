@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from duobench.cli.console import command_line, console, counted
+from duobench.cli.display.console import command_line, console, counted
 from duobench.cli.doctor import load_engine
 from duobench.cli.interrupt import raising
 from duobench.errors import PolicyError
@@ -79,7 +79,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     command = command_line("eval", evaluate, locals())
     load_engine()
     from duobench.cli.advice import advising, for_evaluation
-    from duobench.cli.progress import EpisodesPlayed, display
+    from duobench.cli.display.progress import EpisodesPlayed, display
     from duobench.evaluation.evaluate import evaluate as play
     from duobench.evaluation.policies import PolicyChoice
     from duobench.results.folder import RunFolder
@@ -114,7 +114,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
 
 def _show(results: Results, suite: Suite, page: Path, screen: Console) -> None:
     """Print the results; the exit code is 1 if an episode failed with an error."""
-    from duobench.cli.table import results_table
+    from duobench.cli.display.table import results_table
 
     screen.print(results_table(results, suite.episodes))
     screen.print(f"Report: {page}")

@@ -7,8 +7,8 @@ from typing import Literal
 
 import tyro
 
-from duobench.cli.console import console, counted
 from duobench.cli.data import opened
+from duobench.cli.display.console import console, counted
 from duobench.cli.interrupt import raising
 
 
@@ -48,7 +48,7 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         workers: Processes that render and encode side by side.
     """
     source = opened(data)
-    from duobench.cli.progress import display
+    from duobench.cli.display.progress import display
     from duobench.data import ActionSource, ExportOptions, Pairing, export_lerobot
 
     screen = console()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from duobench.cli.console import command_line, console, counted
+from duobench.cli.display.console import command_line, console, counted
 from duobench.cli.doctor import load_engine
 from duobench.cli.interrupt import raising
 
@@ -48,7 +48,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     command = command_line("record", record, locals())
     load_engine()
     from duobench.cli.advice import advising, for_recording
-    from duobench.cli.progress import EpisodesKept, display
+    from duobench.cli.display.progress import EpisodesKept, display
     from duobench.data import DataSet
     from duobench.evaluation import demonstrations
     from duobench.results.limits import TimeLimits

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.console import console
+from duobench.cli.display.console import console
 from duobench.cli.doctor import load_engine
 
 SAMPLES = 16

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Literal
 import rich.table
 from tyro.conf import Positional
 
-from duobench.cli.console import console, counted
 from duobench.cli.data import opened
+from duobench.cli.display.console import console, counted
 from duobench.errors import DataError
 
 if TYPE_CHECKING:

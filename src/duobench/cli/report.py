@@ -7,7 +7,7 @@ from pathlib import Path
 import tyro
 
 from duobench.cli.advice import find_folder
-from duobench.cli.console import console
+from duobench.cli.display.console import console
 
 
 def report(folder: tyro.conf.Positional[Path]) -> None:
@@ -17,7 +17,7 @@ def report(folder: tyro.conf.Positional[Path]) -> None:
         folder: What was given to --out of duobench eval; the run need not be finished.
     """
     find_folder(folder, "run.json")
-    from duobench.cli.table import results_table
+    from duobench.cli.display.table import results_table
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results, write_report
 

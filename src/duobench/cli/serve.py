@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from duobench.cli.console import console
+from duobench.cli.display.console import console
 from duobench.cli.interrupt import stopping
 from duobench.errors import ServingError
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from duobench.cli.console import console
+from duobench.cli.display.console import console
 
 
 def train(

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import tyro
 
 from duobench.cli import data, export
-from duobench.cli.console import console
+from duobench.cli.display.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks

@@ -103,7 +103,9 @@ def support(
     away = {side: ~arm_touches(side.other, lid) for side in SIDES}
     if backing:
         away = {
-            side: all_of(since(supported[side]), absent, ~near(side.other, lid, backing))
+            side: all_of(since(supported[side]), absent, ~near(side.other, lid, backing)).called(
+                f"{side.other} is away from {lid}"
+            )
             for side, absent in away.items()
         }
     gone = {side: held_for(absent, UNSUPPORTED_SECONDS) for side, absent in away.items()}

@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from duobench.cli.console import counted
+from duobench.cli.display.console import counted
 from duobench.evaluation.demonstrations import Attempt
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run

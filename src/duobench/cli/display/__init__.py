@@ -1,0 +1,1 @@
+"""What the verbs show: messages, tables and the progress of long work."""
