@@ -33,6 +33,8 @@ class EnvConfig:
     """Cameras that the observation shows."""
     image_size: tuple[int, int] = IMAGE_SIZE
     """Height and width of their images in pixels; at most 720 x 1280."""
+    object_state: bool = False
+    """Whether the observation holds `environment_state`, the privileged numbers of the objects."""
     action_mode: str = action_modes.JOINT.name
     """One of `ACTION_MODES`."""
     binary_gripper: bool = False
@@ -58,8 +60,9 @@ class EnvConfig:
         check_known("split", self.split, SPLITS)
         if self.render_mode is not None:
             check_known("render mode", self.render_mode, RENDER_MODES)
-        if not isinstance(self.binary_gripper, bool):
-            raise OptionError(f"binary_gripper is True or False, got {self.binary_gripper!r}.")
+        for name in _FLAGS:
+            if not isinstance(value := getattr(self, name), bool):
+                raise OptionError(f"{name} is True or False, got {value!r}.")
         if self.control_rate_hz != CONTROL_HZ:
             raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")
         if not isinstance(self.cameras, tuple):
@@ -123,11 +126,12 @@ def _look(value: Any) -> Any:
     return as_look(value) if isinstance(value, Mapping) else value
 
 
+_FLAGS = ("object_state", "binary_gripper")
 _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "cameras": _cameras,
     "image_size": _size,
     "render_size": _size,
-    "binary_gripper": _flag,
+    **dict.fromkeys(_FLAGS, _flag),
     "chunk": _number,
     "horizon": _number,
     "look": _look,

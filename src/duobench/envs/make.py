@@ -1,7 +1,7 @@
 """The evaluation protocol: which wrappers an environment is made of.
 
 From the inside out: the base environment, random resets, stages, the horizon, the action mode,
-binary grippers, action chunks, cameras.
+binary grippers, action chunks, object states, cameras.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from duobench.envs.wrappers.action_chunks import ActionChunks
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.envs.wrappers.binary_gripper import BinaryGripper
 from duobench.envs.wrappers.cameras import Cameras
+from duobench.envs.wrappers.object_states import ObjectStates
 from duobench.envs.wrappers.randomized_reset import RandomizedReset
 from duobench.envs.wrappers.task_stages import TaskStages
 from duobench.envs.wrappers.time_limit import TimeLimit
@@ -93,6 +94,8 @@ def _stack(env: gym.Env, config: EnvConfig, horizon: int | None) -> DuoWrapper:
         stack = BinaryGripper(stack)
     if config.chunk is not None:
         stack = ActionChunks(stack, config.chunk)
+    if config.object_state:
+        stack = ObjectStates(stack)
     if config.cameras:
         stack = Cameras(stack, config.cameras, config.image_size)
     return stack

@@ -297,6 +297,10 @@ class Simulation:
         x, y, z, wx, wy, wz = self._velocity(prop)
         return math.hypot(x, y, z), math.hypot(wx, wy, wz)
 
+    def velocity(self, prop: str) -> list[float]:
+        """Velocity (3,) in m/s of a prop's origin in the table frame."""
+        return self._velocity(prop)[:3]
+
     def relative_speed(self, prop: str, frame: str) -> float:
         """Speed in m/s of a prop's origin, seen from the frame of another prop that may move."""
         px, py, pz = self.relative_position(prop, frame)

@@ -15,6 +15,7 @@ from duobench.robot.cameras import OVERVIEW_VIEW, View
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.progress import Stage
+from duobench.tasks.object_state import Numbers, ObjectState, usual_numbers
 
 MAX_REJECTED = 10_000
 """Samples in a row that a task may reject before they end in an error."""
@@ -41,6 +42,11 @@ class Placement:
     """Height of the prop's origin above the table top, in metres."""
     yaw: Uniform = Uniform(0.0, 0.0)
     """Radians about the vertical."""
+
+    @property
+    def is_always_the_same(self) -> bool:
+        """Whether every sample is the same."""
+        return all(span.low == span.high for span in (self.x, self.y, self.yaw))
 
     def sample(self, rng: np.random.Generator) -> SE3:
         """One pose in the table frame, upright."""
@@ -76,6 +82,8 @@ class Task:
     """Adds the poses that follow from the sampled ones, such as marbles in a cup."""
     overview: View = OVERVIEW_VIEW
     """What `render` and videos show; a task whose work faces the robot needs one of its own."""
+    object_numbers: tuple[Numbers, ...] | None = None
+    """What its object state is made of; None takes what `duobench.tasks.object_state` describes."""
     expert: str | None = None
     """Import path `module:attribute` of its expert's script, such as "my_task:script"."""
     printable: bool = False
@@ -99,6 +107,17 @@ class Task:
     def max_stage(self) -> int:
         """Number of the last stage."""
         return len(self.stages)
+
+    @property
+    def object_state(self) -> ObjectState:
+        """Where all objects are, as numbers; see `duobench.tasks.object_state`."""
+        numbers = self.object_numbers
+        if numbers is None:
+            placed = self.placements
+            still = {prop.name for prop in self.props if prop.fixed and prop.name in placed}
+            still = {name for name in still if placed[name].is_always_the_same}
+            numbers = usual_numbers((p for p in self.props if p.name not in still), self.variants)
+        return ObjectState(parts=numbers)
 
     def layouts(self, seed: int, split: str = EVAL) -> Iterator[Layout]:
         """Candidate layouts without end, a pure function of (task, suite version, split, seed).

@@ -1,0 +1,128 @@
+"""Where all objects of a task are, as numbers: what the observation `environment_state` holds.
+
+It is privileged: a camera does not see it, and a real table does not tell it. The numbers of a task
+are, in the order of its props: position and two axes of the rotation of every part that moves or is
+placed at random, in the table frame (of a part on a hinge the angle, in radians); then the layout's
+choices, one number 0 or 1 for each value. A task may have numbers of its own instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.objects.prop import Prop
+from duobench.randomness import Choice
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
+
+ENVIRONMENT_STATE = "environment_state"
+"""Key of the object state in an observation, as LeRobot names it."""
+AXES = (("x", 0), ("z", 2))
+"""The axes of a rotation that are given: names and columns of the rotation matrix. They say all of
+it, without the jumps of angles and without the two signs of a quaternion."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Numbers:
+    """Some numbers of an object state."""
+
+    names: tuple[str, ...]
+    """What each is: "cube_x", "cube_z_axis_x", "chest/lid_angle"."""
+    read: Callable[[Simulation], Sequence[float]]
+    """As many, in the order of the names, in metres, radians and seconds."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObjectState:
+    """The numbers of one task, in order."""
+
+    parts: tuple[Numbers, ...]
+    """Which numbers."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each number; unique."""
+        return tuple(name for part in self.parts for name in part.names)
+
+    def read(self, simulation: Simulation) -> NDArray[np.float32]:
+        """The numbers (n,) of the simulation's current state."""
+        values = [number for part in self.parts for number in part.read(simulation)]
+        return np.array(values, dtype=np.float32)
+
+
+def usual_numbers(props: Iterable[Prop], choices: Mapping[str, Choice]) -> tuple[Numbers, ...]:
+    """The numbers of a task that has none of its own.
+
+    Args:
+        props: Those that are not at the same place in every layout.
+        choices: What a layout chooses.
+    """
+    objects = [
+        numbers
+        for prop in props
+        for numbers in (
+            pose(prop.name),
+            *(hinge_angle(prop.part_name(part.name)) for part in prop.parts if part.hinge),
+        )
+    ]
+    return (*objects, *(chosen(name, choice.options) for name, choice in choices.items()))
+
+
+def position(body: str) -> Numbers:
+    """Origin of a body in the table frame, in metres: x, y, z."""
+    return Numbers(
+        names=tuple(f"{body}_{axis}" for axis in "xyz"),
+        read=lambda simulation: simulation.position(body).tolist(),
+    )
+
+
+def pose(body: str) -> Numbers:
+    """Origin of a body in the table frame, and the directions of its x and z axes there."""
+    axes = [f"{body}_{name}_axis_{along}" for name, _ in AXES for along in "xyz"]
+    columns = [column for _, column in AXES]
+
+    def read(simulation: Simulation) -> list[float]:
+        turned = simulation.rotation(body)[:, columns].T.ravel().tolist()
+        return [*simulation.position(body).tolist(), *turned]
+
+    return Numbers(names=(*position(body).names, *axes), read=read)
+
+
+def hinge_angle(hinge: str) -> Numbers:
+    """Angle of a hinge, in radians."""
+    return Numbers(names=(f"{hinge}_angle",), read=lambda simulation: [simulation.angle(hinge)])
+
+
+def velocity(prop: str) -> Numbers:
+    """Velocity of a free prop's origin in the table frame, in m/s: x, y, z."""
+    return Numbers(
+        names=tuple(f"{prop}_velocity_{axis}" for axis in "xyz"),
+        read=lambda simulation: simulation.velocity(prop),
+    )
+
+
+def chosen(choice: str, options: Collection[str]) -> Numbers:
+    """Which value the layout chose: 1 for that value, 0 for every other."""
+    values = tuple(options)
+    rows = {one: [float(one == other) for other in values] for one in values}
+    return Numbers(
+        names=tuple(f"{choice}_is_{value}" for value in values),
+        read=lambda simulation: rows[simulation.variants[choice]],
+    )
+
+
+def known_of(choice: str, names: Sequence[str], values: Mapping[str, Sequence[float]]) -> Numbers:
+    """Numbers that follow from what the layout chose.
+
+    Args:
+        choice: Name of the variant.
+        names: What each number is.
+        values: The numbers for each value of the variant.
+    """
+    return Numbers(names=tuple(names), read=lambda simulation: values[simulation.variants[choice]])
