@@ -42,4 +42,5 @@ def test_error_with_a_composed_message_can_be_pickled() -> None:
     error = UnknownNameError("task", "bin_srot", ["bin_sort"])
     again = pickle.loads(pickle.dumps(error))
     assert type(again) is UnknownNameError
+    assert str(UnknownNameError(str(error))) == str(error)  # as Gymnasium's processes make it again
     assert str(again) == str(error)

@@ -42,14 +42,18 @@ class AssetError(DuoBenchError):
 class UnknownNameError(DuoBenchError, LookupError):
     """A name (task, object, camera, option, policy) is not known; the message lists near misses."""
 
-    def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: object = None, known: Iterable[str] | None = None) -> None:
         """Compose the message.
 
         Args:
-            kind: What the name should have named, such as "task".
+            kind: What the name should have named, such as "task"; the whole message where nothing
+                else is given, as when an error comes from another process.
             name: The name that was given.
             known: Every name that would have worked.
         """
+        if known is None:
+            super().__init__(kind)
+            return
         names = sorted(known)
         near = difflib.get_close_matches(str(name), names, n=3)
         hint = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
