@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-from importlib.metadata import version
 
 __version__ = "1.0.0rc1"
 """Version of the software; a build reads it from this line."""
@@ -13,6 +12,8 @@ _PACKAGES = ("mujoco", "numpy", "mink")
 
 def package_versions() -> dict[str, str]:
     """Versions that must not change within a run: the benchmark's and those of its engine."""
+    from importlib.metadata import version  # half of the time of `import duobench`
+
     return {"duobench": __version__, **{name: version(name) for name in _PACKAGES}}
 
 
