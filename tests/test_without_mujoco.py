@@ -104,7 +104,9 @@ def test_an_episode_on_arms_without_a_simulation_is_played_recorded_and_reported
         "stage_changes": [[2, 1], [5, 3], [8, 5]],
         "layout": {},
         "successes": 1,
-        "object states": "Object states are read from a simulation, which a DuoEnv has not.",
+        "object states": (
+            "Object states are read from a simulation, and there is none in a DuoEnv."
+        ),
         "engines": [],
     }
     assert (tmp_path / "run" / "index.html").read_text().count("Bin-Sort")

@@ -34,8 +34,8 @@ class ObjectStates(DuoWrapper):
         super().__init__(env)
         if not hasattr(self.base, "simulation"):  # asked without loading one
             raise TypeError(
-                "Object states are read from a simulation, which a "
-                f"{type(self.base).__name__} has not."
+                "Object states are read from a simulation, and there is none in a "
+                f"{type(self.base).__name__}."
             )
         self._simulation = cast("SimEnv", self.base).simulation
         self._state = self.base.definition.object_state
