@@ -56,7 +56,7 @@ format: setup-test  ## Format the code and fix what the linter can fix.
 bench: setup-test  ## Measure speed, as ratios and against the bars.
 	$(BIN)/python -m benchmarks
 
-docs: setup-test  ## Draw the gallery and the looks, and write the table of tasks in README.md.
+docs: setup-test  ## Draw the gallery and the looks, and write the tables of tasks.
 	$(BIN)/python docs/gallery.py
 	$(BIN)/python docs/looks.py
 	$(BIN)/python docs/table.py

@@ -20,6 +20,7 @@ from duobench.envs import (
     Cameras,
     DuoEnv,
     EnvConfig,
+    ObjectStates,
     RelativeJointActions,
     TaskStages,
     TimeLimit,
@@ -130,3 +131,12 @@ def play(path: Path) -> tuple[Recording, Results]:
     assert info["executed"] == 3
     chunks.close()
     return Recording.read(recorded), write_report(folder)
+
+
+def refusal() -> str:
+    """What asking for object states says, which only a simulation has."""
+    try:
+        ObjectStates(DuoEnv(Clockwork(), catalog.get(TASK)))
+    except TypeError as error:
+        return str(error)
+    return ""

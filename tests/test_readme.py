@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from docs.table import with_table
+from docs.table import TABLES, with_table
 from duobench.envs.config import EnvConfig
 from duobench.tasks import catalog
 from tests.docs.markdown import ROOT, blocks, modules, table, tables, text_of
@@ -99,9 +99,10 @@ def test_verbs_of_make_exist() -> None:
         assert re.search(rf"^{verb}:", makefile, flags=re.MULTILINE), verb
 
 
-def test_table_of_tasks_is_that_of_the_catalog() -> None:
-    text = text_of(README)
-    assert with_table(text) == text, "run: make docs"
+@pytest.mark.parametrize("page", TABLES, ids=lambda page: page.name)
+def test_tables_of_tasks_are_those_of_the_catalog(page: Path) -> None:
+    text = text_of(page)
+    assert with_table(text, TABLES[page]()) == text, "run: make docs"
 
 
 def test_options_are_those_of_an_environment() -> None:

@@ -18,8 +18,9 @@ SURFACE = {
     """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper EnvConfig
-        EpisodeState RandomizedReset RelativeCartesianActions RelativeJointActions ResetNeededError
-        SimEnv StateError TaskStages TimeLimit base_of env_id make make_env register sim_of
+        EpisodeState ObjectStates RandomizedReset RelativeCartesianActions RelativeJointActions
+        ResetNeededError SimEnv StateError TaskStages TimeLimit base_of env_id make make_env
+        register sim_of
     """,
     "duobench.evaluation": """
         Attempt Episode EpisodeRecord Executor ExpertPolicy Job LocalExecutor Observer PolicyChoice

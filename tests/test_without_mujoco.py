@@ -38,7 +38,7 @@ print([type(one).__name__ for one in gc.get_objects() if isinstance(one, (Shape,
 PLAY = """
 import json
 from pathlib import Path
-from tests.real_episode import play
+from tests.real_episode import play, refusal
 recording, results = play(Path(sys.argv[1]))
 (record,) = results.tasks[0].records
 print(json.dumps({
@@ -50,6 +50,7 @@ print(json.dumps({
     "stage_changes": record.stage_changes,
     "layout": record.layout,
     "successes": results.overall.successes,
+    "object states": refusal(),
     "engines": [name for name in %r if sys.modules[name] is not None],
 }))
 """
@@ -103,6 +104,9 @@ def test_an_episode_on_arms_without_a_simulation_is_played_recorded_and_reported
         "stage_changes": [[2, 1], [5, 3], [8, 5]],
         "layout": {},
         "successes": 1,
+        "object states": (
+            "Object states are read from a simulation, and there is none in a DuoEnv."
+        ),
         "engines": [],
     }
     assert (tmp_path / "run" / "index.html").read_text().count("Bin-Sort")

@@ -91,6 +91,10 @@ def test_foreign_and_newer_files_are_refused(
     (good,) = DataSet.open(example[0]).episodes()
     table = pq.read_table(good)
     text = table.schema.metadata[INFO_KEY]
+    older = text.replace(b'"object_state": false, ', b"")
+    assert older != text
+    pq.write_table(table.replace_schema_metadata({INFO_KEY: older}), path)
+    assert Recording.read(path).info == example[1].info
     newer = text.replace(b'"schema": 2', b'"schema": 3')
     assert newer != text
     pq.write_table(table.replace_schema_metadata({INFO_KEY: newer}), path)

@@ -28,6 +28,7 @@ SMALL: Mapping[str, Any] = {"image_size": (24, 32), "render_size": (24, 32)}
         {"cameras": False, "chunk": 1},
         {"cameras": False, "horizon": 10},
         {"cameras": True},
+        {"cameras": False, "object_state": True},
         {"cameras": ("left_wrist",), "chunk": 4},
         {"cameras": ("head",), "action_mode": "cartesian", "render_mode": "rgb_array"},
     ],

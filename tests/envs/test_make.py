@@ -38,10 +38,16 @@ def test_the_evaluation_protocol() -> None:
 
 def test_everything_at_once_keeps_its_place() -> None:
     env = make_env(
-        TASK, cameras="head", action_mode="cartesian_relative", binary_gripper=True, chunk=30
+        TASK,
+        cameras="head",
+        object_state=True,
+        action_mode="cartesian_relative",
+        binary_gripper=True,
+        chunk=30,
     )
     assert stack(env) == [
         "Cameras",
+        "ObjectStates",
         "ActionChunks",
         "BinaryGripper",
         "RelativeCartesianActions",
@@ -94,6 +100,7 @@ def test_no_cameras_no_pixels(none: Any) -> None:
         ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),
         ({"cameras": 3}, OptionError, "cameras is True, False.*3"),
+        ({"object_state": "yes"}, OptionError, "object_state is True or False, got 'yes'"),
         ({"binary_gripper": 3}, OptionError, "binary_gripper is True or False, got 3"),
         ({"binary_gripper": np.array([1, 2])}, OptionError, "binary_gripper is True or False"),
         ({"cameras": (3,)}, UnknownNameError, "camera 3"),

@@ -21,7 +21,7 @@ from tests.envs.tools import TASK, equal, make_small, waves
 Make = Callable[[], gym.Env]
 
 COUNT, STEPS, SEED = 2, 5, 11
-SEEING = {"cameras": ("head", "left_wrist"), "image_size": (24, 32)}
+SEEING = {"cameras": ("head", "left_wrist"), "image_size": (24, 32), "object_state": True}
 
 
 def one_of(batch: Any, number: int) -> Any:

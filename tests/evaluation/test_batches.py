@@ -8,22 +8,26 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from duobench.errors import MachineryError, OtherRunError, PolicyError
+from duobench.errors import MachineryError, OtherRunError, PolicyError, ServingError
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.client import RemotePolicy
 from duobench.policy.serving.connection import is_healthy
+from duobench.policy.serving.message_format import MessageFormat
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import Play, compared, small_suite
 from tests.evaluation.processes import wait_until
+from tests.policy.serving.serving import Serve
 
 ROOT = Path(__file__).parents[2]
 FIXED = Batching(size=3)
@@ -125,6 +129,26 @@ def test_noise_that_nothing_controls_is_told(play: Play) -> None:
     folder, results = play(named(toy_batches.Unseeded, batching=None), episodes=1)
     assert results.tasks[0].records[0].versions["inference"] == "noise not controlled"
     assert "Noise not controlled" in folder.page.read_text()
+
+
+def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play: Play) -> None:
+    plain, results = play("Reads", "plain", workers=2, episodes=2)
+    batched, _ = play(named(toy_batches.Reads), "batched", workers=2, episodes=2)
+    with closing(Serve()) as serve:
+        server = RemoteServer(url=f"ws://127.0.0.1:{serve(toy_batches.Reads())}", execute=30)
+        served, _ = play(PolicyChoice.parse("openpi", server=server), "served", episodes=2)
+        with pytest.raises(ServingError, match="A server of DuoBench needs no format"):
+            RemotePolicy(replace(server, message_format=MessageFormat()))
+    assert results.overall.errors == 0
+    own = rb'\n  "versions": .*'
+    played = [
+        {name: re.sub(own, b"", content) for name, content in episodes(folder).items()}
+        for folder in (plain, batched, served)
+    ]
+    assert played == played[:1] * 3
+    for folder in (plain, batched, served):
+        run = folder.read_run()
+        assert (run.privileged, run.config.object_state) == (True, True)
 
 
 class Serving:

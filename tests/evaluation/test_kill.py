@@ -24,7 +24,7 @@ from tests.evaluation.conftest import small_suite
 
 folder, workers, policy = RunFolder(Path(sys.argv[1])), int(sys.argv[2]), sys.argv[3]
 results = evaluate(policy, small_suite(episodes=EPISODES), folder, videos=1, workers=workers)
-Console(width=130).print(results_table(results, EPISODES))
+Console(width=130).print(results_table(folder.read_run(), results))
 """
 EPISODES = 4
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from duobench.policy import HoldPolicy, PolicyMetadata, Session, noise
 from duobench.robot.joints import JOINT_RANGES
+from tests.evaluation import toy_tasks
 from tests.evaluation.toy_tasks import mark, seed_of
 
 WIDTH = 64
@@ -77,6 +78,19 @@ class Breaks(Wanders):
             if session.seed == seed_of("wave", 1):
                 chunks[row] = np.nan
         return chunks
+
+
+class Reads(Wanders):
+    """Does what the plain policy of this name does."""
+
+    metadata = toy_tasks.Reads.metadata
+
+    def act_batch(  # type: ignore[override] - a list
+        self,
+        sessions: Sequence[Session],  # noqa: ARG002 - it samples nothing
+        observations: Sequence[dict[str, Any]],
+    ) -> list[np.ndarray]:
+        return [toy_tasks.Reads().act(observation) for observation in observations]
 
 
 class Unseeded(HoldPolicy):

@@ -343,6 +343,15 @@ class Sees(HoldPolicy):
         return np.repeat(super().act(observation), 5, axis=0)
 
 
+class Reads(HoldPolicy):
+    """Asks for the state of the objects, no images, and moves by where the cube is."""
+
+    metadata = PolicyMetadata(name="reads", version="1", object_state=True, cameras=(), horizon=3)
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        return np.tile(observation["agent_pos"] + observation["environment_state"][0], (3, 1))
+
+
 class SeesNowhere(HoldPolicy):
     """Expects a camera that does not exist."""
 

@@ -291,8 +291,9 @@ def test_bridge_that_cannot_be_says_why_in_a_sentence(
     assert "Traceback" not in error
 
 
-def test_server_without_a_policy_ends(serve: Serve) -> None:
-    process, _ = serve(*ours("hodl"))
+@pytest.mark.parametrize("policy", ["hodl", "tests.evaluation.toy_tasks:Reads"])
+def test_server_without_a_policy_that_sees_enough_there_ends(serve: Serve, policy: str) -> None:
+    process, _ = serve(*ours(policy))
     process.wait(TIMEOUT_S)
 
 

@@ -41,25 +41,33 @@ def test_images_must_be_there_and_of_the_size() -> None:
 def test_every_problem_is_listed_with_an_environment_that_fits() -> None:
     env = duobench.make(TASK, cameras=False, chunk=4)
     wanted = metadata(
-        cameras=("head",), image_size=(48, 64), action_mode="cartesian", control_rate_hz=10.0
+        cameras=("head",),
+        image_size=(48, 64),
+        object_state=True,
+        action_mode="cartesian",
+        control_rate_hz=10.0,
     )
     with pytest.raises(PolicyError) as refused:
         check_fits(wanted, env)
     message = str(refused.value)
     for part in (
         "shows none",
+        "reads the state of the objects, which the environment does not show",
         "chunks of one length",
         "'cartesian'",
         "10 times a second, the environment 30",
-        "duobench.make(task, cameras=('head',), image_size=(48, 64), action_mode='cartesian')",
+        "duobench.make(task, cameras=('head',), image_size=(48, 64), object_state=True, "
+        "action_mode='cartesian')",
     ):
         assert part in message
 
 
 def test_environment_from_the_advice_fits() -> None:
-    wanted = metadata(cameras=("head",), image_size=(48, 64), action_mode="cartesian")
     options = {"cameras": ("head",), "image_size": (48, 64), "action_mode": "cartesian"}
-    check_fits(wanted, duobench.make(TASK, **options))
+    options["object_state"] = True
+    env = duobench.make(TASK, **options)
+    check_fits(metadata(**options), env)
+    check_fits(metadata(**options | {"object_state": False}), env)
 
 
 def test_foreign_wrappers_change_nothing() -> None:

@@ -101,6 +101,7 @@ def test_metadata_of_numpy_can_be_written_down() -> None:
         name="mine",
         control_rate_hz=np.float32(30),  # type: ignore[arg-type]
         horizon=np.int64(3),  # type: ignore[arg-type]
+        object_state=np.True_,  # type: ignore[arg-type]
         seeded=np.False_,  # type: ignore[arg-type]
     )
     assert msgspec.json.decode(msgspec.json.encode(given), type=PolicyMetadata) == given

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from duobench.policy import PolicyMetadata
 from duobench.results.report import write_report
 from tests.results.samples import (
     LIFT,
@@ -118,6 +119,30 @@ def test_page_tells_policy_stages_seeds_and_command(tmp_path: Path) -> None:
     assert {str(episode.seed) for episode in run.episodes()} <= set(words.split())
     assert "mujoco 4.0.0" in words
     assert "not finished" not in words
+
+
+@pytest.mark.parametrize(
+    ("policy", "object_state", "privileged"),
+    [
+        ("mine", False, False),
+        ("mine", True, True),
+        ("expert", False, True),
+        ("expert:human", False, True),
+        ("blind", False, True),
+        ("experts:Mine", False, False),
+    ],
+)
+def test_policy_that_knows_more_than_cameras_show_is_marked(
+    tmp_path: Path, policy: str, object_state: bool, privileged: bool
+) -> None:
+    metadata = PolicyMetadata(name="any", object_state=object_state)
+    run = sample_run(policy=policy, metadata=metadata)
+    folder = sample_folder(tmp_path / "run", run, [])
+    write_report(folder)
+    words = Page(folder.page).words
+    assert words.count(f"{policy} (privileged)") == 2 * privileged
+    assert ("Privileged: the policy knows" in words) == privileged
+    assert json.loads(folder.summary.read_text())["privileged"] is privileged
 
 
 def test_whatever_is_wider_than_a_phone_scrolls_and_says_so(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
     from duobench.results.metrics import Results
-    from duobench.results.suite import Suite
+    from duobench.results.run import Run
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -109,14 +109,14 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             retry_broken=retry_broken,
             command=command,
         )
-    _show(results, suite, out / folder.page.name, screen)
+    _show(folder.read_run(), results, out / folder.page.name, screen)
 
 
-def _show(results: Results, suite: Suite, page: Path, screen: Console) -> None:
+def _show(run: Run, results: Results, page: Path, screen: Console) -> None:
     """Print the results; the exit code is 1 if an episode failed with an error."""
     from duobench.cli.display.table import results_table
 
-    screen.print(results_table(results, suite.episodes))
+    screen.print(results_table(run, results))
     screen.print(f"Report: {page}")
     if results.overall.errors:
         screen.print(

@@ -25,6 +25,6 @@ def report(folder: tyro.conf.Positional[Path]) -> None:
     run, results = read_results(run_folder)
     screen = console()
     # First, so that the table of a folder can be had by who may only read it.
-    screen.print(results_table(results, run.suite.episodes))
+    screen.print(results_table(run, results))
     write_report(run_folder)
     screen.print(f"Report: {folder / run_folder.page.name}")

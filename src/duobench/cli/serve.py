@@ -9,9 +9,6 @@ from duobench.cli.display.console import console
 from duobench.cli.interrupt import stopping
 from duobench.errors import ServingError
 
-SCRIPTED = ("expert", "blind")
-"""Policies that need more than observations."""
-
 
 def serve(
     policy: str,
@@ -36,7 +33,9 @@ def serve(
             waiting; dynamic takes what waits, which is faster.
         key_file: File with the key that clients must have, in place of DUOBENCH_API_KEY.
     """
-    if policy.partition(":")[0] in SCRIPTED:
+    from duobench.policy.registry import reads_simulation
+
+    if reads_simulation(policy):
         raise ServingError(
             f"{policy} reads the state of the simulator, which no client sends, so it cannot be "
             "served. Serve hold, random, zero, lerobot:PATH_OR_ID or module:attribute."

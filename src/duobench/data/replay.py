@@ -199,6 +199,7 @@ _PLAIN = {
     "chunk": None,
     "horizon": sys.maxsize,
     "cameras": (),
+    "object_state": False,
     "render_mode": None,
 }
 """Commands are joint targets and openings, one a step, as many as were recorded."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from duobench.envs.wrappers.binary_gripper import BinaryGripper as BinaryGripper
     from duobench.envs.wrappers.cameras import Cameras as Cameras
     from duobench.envs.wrappers.cartesian import CartesianActions as CartesianActions
+    from duobench.envs.wrappers.object_states import ObjectStates as ObjectStates
     from duobench.envs.wrappers.randomized_reset import RandomizedReset as RandomizedReset
     from duobench.envs.wrappers.relative import RelativeCartesianActions as RelativeCartesianActions
     from duobench.envs.wrappers.relative import RelativeJointActions as RelativeJointActions

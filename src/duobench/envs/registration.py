@@ -50,6 +50,7 @@ def make(task: Task | str, **options: Any) -> gym.Env:
     Args:
         task: Id of a task or of its environment, import path "module:ATTRIBUTE", or a task.
         options: `cameras` (True, False or names), `image_size` (224, or height and width),
+            `object_state` (whether the observation has `environment_state`, privileged),
             `action_mode` ("joint", "joint_relative", "cartesian", "cartesian_relative"),
             `binary_gripper`, `chunk` (actions in one step), `horizon`, `split` ("eval", or "train"
             for demonstrations), `look` ("wood_table", "random:7", ...), `render_mode`

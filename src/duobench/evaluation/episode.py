@@ -173,6 +173,7 @@ class EpisodeRunner:
         metadata = source.metadata
         config = EnvConfig(
             cameras=metadata.cameras,
+            object_state=metadata.object_state,
             action_mode=metadata.action_mode,
             control_rate_hz=metadata.control_rate_hz,
             image_size=metadata.image_size or IMAGE_SIZE,

@@ -21,6 +21,7 @@ from duobench.experts.variety import NONE, VARIETIES, Variety
 from duobench.policy import Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.registry import (
     MADE_ALONE,
+    SCRIPTED,
     PolicyKind,
     PolicyName,
     make_any,
@@ -33,7 +34,7 @@ from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
 
 WORDS: Mapping[str, PolicyKind] = {
-    **{kind.value: kind for kind in (PolicyKind.EXPERT, PolicyKind.BLIND)},
+    **SCRIPTED,
     **MADE_ALONE,
     **dict.fromkeys(SERVED, PolicyKind.SERVED),
 }

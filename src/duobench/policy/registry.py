@@ -46,6 +46,10 @@ MADE_ALONE: Mapping[str, PolicyKind] = MappingProxyType(
     dict.fromkeys(BASELINES, PolicyKind.BASELINE)
 )
 """Words that name a policy which needs neither an environment nor a server."""
+SCRIPTED: Mapping[str, PolicyKind] = MappingProxyType(
+    {kind.value: kind for kind in (PolicyKind.EXPERT, PolicyKind.BLIND)}
+)
+"""Words that name a policy which reads the simulation."""
 _FORMS = ("lerobot:PATH_OR_ID", "module:attribute")
 
 
@@ -95,6 +99,11 @@ class PolicyName:
         if kind is None:
             raise UnknownNameError("policy", text, [*words, *_FORMS])
         return cls(text=text, kind=kind, reference=reference, variety=variety)
+
+
+def reads_simulation(name: str) -> bool:
+    """Whether a policy of this name reads the simulation, beside what it sees or instead of it."""
+    return name in SCRIPTED or name.startswith(f"{PolicyKind.EXPERT}:")
 
 
 def make(name: str) -> Policy:

@@ -20,7 +20,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.types import CONTROL_HZ
 
-SUMMARY_SCHEMA = 1
+SUMMARY_SCHEMA = 2
 """Version of the summary's fields."""
 
 
@@ -61,6 +61,7 @@ def summary_json(run: Run, results: Results) -> str:
         "schema": SUMMARY_SCHEMA,
         "policy": run.policy,
         "policy_version": run.metadata.version,
+        "privileged": run.privileged,
         "suite_version": run.suite.version,
         "versions": run.versions,
         "first_episode": run.suite.first_episode,

@@ -11,6 +11,7 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.files import differences
 from duobench.policy import Batching, PolicyMetadata
+from duobench.policy.registry import reads_simulation
 from duobench.randomness import SUITE_VERSION
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
@@ -49,6 +50,20 @@ class Run:
         """Reject an impossible number of videos."""
         if self.videos < 0:
             raise EvaluationError(f"A number of videos is not negative, got {self.videos}.")
+
+    @property
+    def privileged(self) -> bool:
+        """Whether the policy knows what a camera does not see and a real table does not tell.
+
+        It has the numbers of the objects in its observation, or is a script that reads the
+        simulation.
+        """
+        return self.metadata.object_state or reads_simulation(self.policy)
+
+    @property
+    def title(self) -> str:
+        """Name of the policy for people, with a word if it is privileged."""
+        return f"{self.policy} (privileged)" if self.privileged else self.policy
 
     def episodes(self) -> list[Episode]:
         """Every episode of every task, task by task."""

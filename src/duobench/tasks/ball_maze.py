@@ -28,7 +28,7 @@ from duobench.objects.maze_board import (
     cell_centre,
     wall_variants,
 )
-from duobench.objects.mazes import MAZES, SEGMENTS, Cell
+from duobench.objects.mazes import MAZES, Cell
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, Choice, around
 from duobench.scene.naming import TABLE
@@ -45,7 +45,8 @@ from duobench.stages.predicates import (
 )
 from duobench.stages.progress import Stage
 from duobench.stages.rolling import inside_chosen, rolling
-from duobench.tasks.object_state import known_of, pose, position, velocity
+from duobench.tasks.object_numbers import maze_of
+from duobench.tasks.object_state import pose, position, velocity
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES
 
@@ -69,19 +70,6 @@ def _start_ball(layout: Layout) -> Layout:
     return Layout(poses={**layout.poses, "ball": pose}, variants=layout.variants)
 
 
-_ENDS = tuple(f"{end}_{along}" for end in ("start", "goal") for along in ("column", "row"))
-_WALLS = tuple(
-    f"wall_{'north' if segment.along_x else 'east'}_of_{segment.cell[0]}_{segment.cell[1]}"
-    for segment in SEGMENTS
-)
-_MAZE = known_of(
-    "board",
-    (*_ENDS, *_WALLS),
-    {
-        str(number): [*maze.start, *maze.goal, *(segment in maze.walls for segment in SEGMENTS)]
-        for number, maze in enumerate(MAZES)
-    },
-)
 _HIGH = BoxRegion(body=TABLE, low=(-inf, -inf, BASE + RAISE), high=(inf, inf, inf))
 _GRASPED = all_of(*(grasped(side, "board") for side in SIDES))
 _ROLLING = rolling(
@@ -127,7 +115,7 @@ TASK = Task(
             holds=_ROLLING.arrived,
         ),
     ),
-    object_numbers=(pose("board"), position("ball"), velocity("ball"), _MAZE),
+    object_numbers=(pose("board"), position("ball"), velocity("ball"), maze_of("board")),
     expert="duobench.experts.scripts.ball_maze:script",
     printable=True,
     real=True,

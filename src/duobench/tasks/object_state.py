@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 ENVIRONMENT_STATE = "environment_state"
 """Key of the object state in an observation, as LeRobot names it."""
+LARGEST = 10.0
+"""What every number is cut to, so that spaces have limits: metres or m/s that only something has
+which was thrown off the table. No angle, cell or count comes near."""
 AXES = (("x", 0), ("z", 2))
 """The axes of a rotation that are given: names and columns of the rotation matrix. They say all of
 it, without the jumps of angles and without the two signs of a quaternion."""
@@ -51,9 +54,9 @@ class ObjectState:
         return tuple(name for part in self.parts for name in part.names)
 
     def read(self, simulation: Simulation) -> NDArray[np.float32]:
-        """The numbers (n,) of the simulation's current state."""
+        """The numbers (n,) of the simulation's current state, from -10 to 10 (`LARGEST`)."""
         values = [number for part in self.parts for number in part.read(simulation)]
-        return np.array(values, dtype=np.float32)
+        return np.array(values, dtype=np.float32).clip(-LARGEST, LARGEST)
 
 
 def usual_numbers(props: Iterable[Prop], choices: Mapping[str, Choice]) -> tuple[Numbers, ...]:

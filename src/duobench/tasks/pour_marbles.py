@@ -13,11 +13,7 @@ Success:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from duobench.objects import cup as cups
 from duobench.objects.prop import Prop
@@ -31,12 +27,10 @@ from duobench.stages.placing import low_over, placed, put
 from duobench.stages.pouring import Pouring, pouring
 from duobench.stages.progress import Stage
 from duobench.stages.vessels import stands_upright
-from duobench.tasks.object_state import Numbers, chosen, pose
+from duobench.tasks.object_numbers import heap
+from duobench.tasks.object_state import chosen, pose
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES, Side
-
-if TYPE_CHECKING:
-    from duobench.sim.simulation import Simulation
 
 MARBLES = tuple(f"marble{number}" for number in range(len(cups.HEAP)))
 CUPS = {side: f"{side}_cup" for side in SIDES}
@@ -74,36 +68,6 @@ _GRASPED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
 _HELD_UP = all_of(*_GRASPED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
 _POURING = {side: pouring(MARBLES, CUPS[side], cups.ROOM, held=_HELD_UP) for side in SIDES}
 
-FULL = Choice(tuple(side.value for side in SIDES))
-
-
-def _marbles() -> Numbers:
-    """Centre and spread of all marbles, and the share of them that is in each cup.
-
-    The centre (x, y, z) is in the table frame; the spread is the root of the mean square of their
-    distances from it, in metres.
-    """
-    radius, floor, rim = cups.ROOM
-    hollow = {
-        cup: is_.CylinderRegion(body=cup, radius=radius, low=floor, high=rim)
-        for cup in CUPS.values()
-    }
-
-    def read(simulation: Simulation) -> list[float]:
-        at = np.array([simulation.position(marble) for marble in MARBLES])
-        centre = at.mean(axis=0)
-        spread = math.sqrt(float(((at - centre) ** 2).sum(axis=1).mean()))
-        shares = [
-            sum(room.contains(simulation.relative_position(m, cup)) for m in MARBLES) / len(MARBLES)
-            for cup, room in hollow.items()
-        ]
-        return [*centre.tolist(), spread, *shares]
-
-    names = [f"marbles_{axis}" for axis in "xyz"]
-    inside = [f"marbles_in_{cup}" for cup in CUPS.values()]
-    return Numbers(names=(*names, "marbles_spread", *inside), read=read)
-
-
 TASK = Task(
     id="pour_marbles",
     title="Pour-Marbles",
@@ -124,7 +88,7 @@ TASK = Task(
         for names, spread in ((CUPS, 0.05), (SQUARES, 0.0))
         for name, (x, y) in zip(names.values(), SQUARE_CENTRES.values(), strict=True)
     },
-    variants={"full": FULL},
+    variants={"full": Choice(tuple(side.value for side in SIDES))},
     arrange=_fill,
     stages=(
         Stage(
@@ -154,6 +118,10 @@ TASK = Task(
             holds=placed(*_BACK, _into_target(lambda p: p.kept)) & _PUT_BACK,
         ),
     ),
-    object_numbers=(*map(pose, CUPS.values()), _marbles(), chosen("full", FULL.options)),
+    object_numbers=(
+        *map(pose, CUPS.values()),
+        heap("marbles", MARBLES, CUPS.values(), cups.ROOM),
+        chosen("full", CUPS),
+    ),
     expert="duobench.experts.scripts.pour_marbles:script",
 )

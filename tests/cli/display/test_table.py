@@ -8,9 +8,9 @@ from duobench.results.metrics import summarize
 from tests.results.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
 
 
-def printed(run_records: list, expected: int, width: int = 130) -> list[str]:
-    out = io.StringIO()
-    Console(file=out, width=width).print(results_table(summarize(TASKS, run_records), expected))
+def printed(run_records: list, expected: int, width: int = 130, policy: str = "mine") -> list[str]:
+    out, run = io.StringIO(), sample_run(episodes=expected, policy=policy)
+    Console(file=out, width=width).print(results_table(run, summarize(TASKS, run_records)))
     return [re.sub(r"\s{2,}", "|", line.strip()) for line in out.getvalue().splitlines()]
 
 
@@ -35,6 +35,11 @@ def test_broken_episodes_are_shown() -> None:
     lines = printed([sample_record(LIFT, 0, (), error="boom")], expected=1)
     assert any(line.startswith("Task|Episodes|Errors") for line in lines)
     assert any(line.startswith("lift|1|1|0.0|") for line in lines)
+
+
+def test_privileged_policy_is_marked_above_the_numbers() -> None:
+    assert printed([], expected=1)[0] == "mine"
+    assert printed([], expected=1, policy="expert:human")[0] == "expert:human (privileged)"
 
 
 def test_narrow_terminal_still_shows_every_number() -> None:

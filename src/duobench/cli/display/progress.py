@@ -112,7 +112,7 @@ class EpisodesPlayed:
         suite = run.suite
         going_on = f", {len(finished)} already finished" if finished else ""
         heading = (
-            f"Policy {run.policy}: {counted(len(suite.tasks), 'task')}, "
+            f"Policy {run.title}: {counted(len(suite.tasks), 'task')}, "
             f"{counted(suite.size, 'episode')}{going_on}"
         )
         self._shown.begin(heading, {task.id: suite.episodes for task in suite.tasks})

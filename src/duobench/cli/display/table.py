@@ -14,19 +14,21 @@ from duobench.results.metrics import (
     percent,
     progress_text,
 )
+from duobench.results.run import Run
 
 
-def results_table(results: Results, expected_episodes: int) -> Table:
+def results_table(run: Run, results: Results) -> Table:
     """One row a task, grouped by category, with a row a category and one for everything.
 
     Args:
+        run: What was played by which policy, which is named above the table.
         results: What the records add up to.
-        expected_episodes: How many episodes of each task the run asked for.
 
     Returns:
         A table that rich prints.
     """
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
+    expected_episodes = run.suite.episodes
+    table = Table(title=Text(run.title), box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
     table.add_column("Task", no_wrap=True)
     errors = ("Errors",) if results.overall.errors else ()
     for heading in ("Episodes", *errors, "Success\n%", "95 %\ninterval", "Final\nprogress"):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
 
 from duobench.envs.duo_env import Observation, ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.base import DuoWrapper
-from duobench.tasks.object_state import ENVIRONMENT_STATE
+from duobench.tasks.object_state import ENVIRONMENT_STATE, LARGEST
+
+if TYPE_CHECKING:
+    from duobench.envs.sim_env import SimEnv
 
 
 class ObjectStates(DuoWrapper):
@@ -30,12 +32,17 @@ class ObjectStates(DuoWrapper):
             TypeError: There is no simulation inside.
         """
         super().__init__(env)
-        self._simulation = sim_of(env).simulation
+        if not hasattr(self.base, "simulation"):  # asked without loading one
+            raise TypeError(
+                "Object states are read from a simulation, and there is none in a "
+                f"{type(self.base).__name__}."
+            )
+        self._simulation = cast("SimEnv", self.base).simulation
         self._state = self.base.definition.object_state
         inner = env.observation_space
         if not isinstance(inner, gym.spaces.Dict):
             raise TypeError(f"Object states are added to a Dict of observations, got {inner}.")
-        numbers = gym.spaces.Box(-np.inf, np.inf, (len(self._state.names),), dtype=np.float32)
+        numbers = gym.spaces.Box(-LARGEST, LARGEST, (len(self._state.names),), dtype=np.float32)
         self.observation_space = gym.spaces.Dict({**inner.spaces, ENVIRONMENT_STATE: numbers})
 
     @property

@@ -60,6 +60,11 @@ class PolicyAgent(Agent):
         """
         try:
             self._policy = make(self._name)
+            if self._policy.metadata.object_state:
+                raise PolicyError(
+                    f"The policy {self._name!r} reads the state of the objects, for which "
+                    "observations of VLAgents have no place. Evaluate it with duobench eval."
+                )
         except BaseException:
             interrupt_main()  # the server calls this in a thread beside the main one
             raise

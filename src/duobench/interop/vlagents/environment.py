@@ -50,6 +50,8 @@ class TaskEnv(EvalEnv):
         """
         if env_kwargs.get("chunk") is not None:
             raise OptionError("VLAgents executes the actions of a chunk one by one: no `chunk`.")
+        if env_kwargs.get("object_state"):
+            raise OptionError("Observations of VLAgents have no place for an `object_state`.")
         self._import_path = env_id.removeprefix(_PREFIX)
         self._task = catalog.get(self._import_path)
         self._policy_seed: int | None = None

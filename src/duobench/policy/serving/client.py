@@ -74,7 +74,13 @@ class RemotePolicy(ConnectedPolicy):
         server = self._server
         self._dialect = dialect = dialect_of(handshake, server.parts.path)
         if dialect is OURS:
-            return _described(handshake[OURS.name], server)
+            metadata, batching = _described(handshake[OURS.name], server)
+            if metadata.object_state and server.message_format is not None:
+                raise ServingError(
+                    "The policy reads the state of the objects, for which a message format has no "
+                    "place. A server of DuoBench needs no format."
+                )
+            return metadata, batching
         name, facts = dialect.name, server.message_format
         return self._metadata_from_format(name, name, facts, seeded=dialect.has_seed), None
 
