@@ -91,10 +91,10 @@ def test_foreign_and_newer_files_are_refused(
     (good,) = DataSet.open(example[0]).episodes()
     table = pq.read_table(good)
     text = table.schema.metadata[INFO_KEY]
-    newer = text.replace(b'"schema": 2', b'"schema": 3')
+    newer = text.replace(b'"schema": 3', b'"schema": 4')
     assert newer != text
     pq.write_table(table.replace_schema_metadata({INFO_KEY: newer}), path)
-    with pytest.raises(DataError, match="Schema 3; this version reads 1 and 2"):
+    with pytest.raises(DataError, match="Schema 4; this version reads 1 and 2 and 3"):
         Recording.read(path)
     pq.write_table(table.drop_columns(["sent"]), path)
     with pytest.raises(DataError, match="missing: sent"):
