@@ -10,8 +10,8 @@ from duobench.types import CONTROL_HZ
 AFTER_SUCCESS_S = 1.0
 """Seconds that a demonstration goes on by default.
 
-Success may come soon after the command that opens the hand. A data set that ends there has few labels
-for letting go and none for the retreat, and a loss that masks what lies beyond the end of an
+Success may come soon after the command that opens the hand. A data set that ends there has few
+labels for letting go and none for the retreat, and a loss that masks what lies beyond the end of an
 episode, as that of ACT, may never learn them.
 """
 
