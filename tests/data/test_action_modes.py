@@ -23,6 +23,7 @@ from duobench.envs import action_modes
 from duobench.errors import DataError, UnknownNameError
 from duobench.policy.serving.message_format import ActionFormat, MessageFormat
 from duobench.policy.serving.vla_eval_specs import action_spec
+from duobench.robot.cameras import describe_cameras
 from tests.data.degrees import DEGREES, FACTORS
 from tests.data.tools import HORIZON, TASK, recorded, recorder
 from tests.envs.tools import wave
@@ -80,21 +81,28 @@ def test_a_recording_of_a_mode_that_is_not_here_says_so(tmp_path: Path, degrees:
 
 
 @pytest.mark.parametrize("mode", [*action_modes.ACTION_MODES])
-def test_data_sets_of_schema_1_are_read_and_continued(tmp_path: Path, mode: str) -> None:
+@pytest.mark.parametrize("schema", [1, 2])
+def test_older_data_sets_are_read_and_continued(tmp_path: Path, mode: str, schema: int) -> None:
     now = recorded(tmp_path, steps=0, action_mode=mode)
     data = DataSet.open(tmp_path)
     (path,) = data.episodes()
     table = pq.read_table(path)
     said = json.loads(table.schema.metadata[INFO_KEY])
-    assert (said.pop("schema"), said.pop("action_mode")) == (2, mode)
-    described = json.loads(data.description.read_text()) | {"schema": 1}
+    assert (said.pop("schema"), said["action_mode"]) == (3, mode)
+    assert (said.pop("after_success"), said["outcome"].pop("success_step")) == (0.0, None)
+    assert said.pop("cameras") == describe_cameras()
+    if schema == 1:
+        del said["action_mode"]
+    described = json.loads(data.description.read_text()) | {"schema": schema}
     data.description.write_text(json.dumps(described))
-    older = table.replace_schema_metadata({INFO_KEY: json.dumps({"schema": 1, **said})})
+    older = table.replace_schema_metadata({INFO_KEY: json.dumps({"schema": schema, **said})})
     pq.write_table(older, path)
 
     recorder(tmp_path, action_mode=mode).close()
     read = Recording.read(path)
-    assert read.info.action_mode is None
+    assert read.info.action_mode == (None if schema == 1 else mode)
+    assert (read.info.cameras, read.info.after_success) == ({}, 0.0)
+    assert [problem.what for problem in find_problems(data)] == ["It has no actions."]
     assert action_mode(read.info).name == mode
     assert np.array_equal(read.state, now.state)
 

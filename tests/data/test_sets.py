@@ -102,6 +102,8 @@ def test_an_episode_without_a_time_limit_has_no_problems(tmp_path: Path) -> None
         (with_column("action", 3, np.nan), "not all numbers are finite: action"),
         (with_column("time", 5, -1.0), "clock goes back"),
         (with_column("stage", 5, 1), "stage falls"),
+        (with_column("success", 5, True), "goes on for 35 control steps after success"),
+        (with_outcome(success_step=3), "step of its success is not the one"),
     ],
 )
 def test_what_is_wrong_is_found(

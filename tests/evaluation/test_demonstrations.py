@@ -113,6 +113,21 @@ def test_another_recording_is_refused_with_the_difference(tmp_path: Path) -> Non
         played(data)
 
 
+def test_recordings_go_on_after_success_beyond_the_horizon(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path)
+    asked = {"tasks": [toy_tasks.NUDGE_NAME], "episodes": 2}
+    (first, second) = played(data, "random", **asked)
+    for attempt, rows in zip((first, second), data.recordings(), strict=True):
+        assert attempt.success
+        assert attempt.steps == rows.success_step == len(rows) - 30
+    assert len(rows) > toy_tasks.HORIZON
+    data.episodes()[1].unlink()
+    for after, said in ((0.0, "0 instead of 1"), (0.5, "0.5 instead of 1")):
+        with pytest.raises(OtherRunError, match=f"seconds after success {said}"):
+            played(data, "random", after_success=after, **asked)
+    assert played(data, "random", after_success=0.99, **asked) == [first, second]
+
+
 def test_episodes_of_another_origin_are_not_mixed_in(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path / "a")
     played(data, episodes=1)

@@ -76,7 +76,9 @@ STUCK = replace(
     id="stuck",
     stages=(Stage(name="came back", instruction="Wait.", holds=Predicate("stuck", sticks_once)),),
 )
+NUDGE = _task("nudge", (0.03,))  # solved by any motion, in half of the horizon
 WAVE_NAME, NOD_NAME = f"{__name__}:WAVE", f"{__name__}:NOD"
+NUDGE_NAME = f"{__name__}:NUDGE"
 
 
 def mark(text: str) -> bool:

@@ -1,5 +1,6 @@
 """What the cameras see, by geometry and by pixels."""
 
+import json
 import math
 from collections.abc import Iterator
 
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import sphere
 from duobench.objects.solid import Solid
+from duobench.robot.cameras import describe_cameras
 from duobench.robot.workcell import ROOM_X, ROOM_Y
 from duobench.scene import cameras
-from duobench.scene.naming import flange_name
+from duobench.scene.naming import flange_name, tcp_name
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
@@ -101,6 +103,25 @@ def test_a_wrist_camera_sits_where_the_mount_holds_it(simulation: Simulation, si
     assert axis == pytest.approx([-math.sin(math.radians(20)), 0.0, math.cos(math.radians(20))])
     # The fingers open along the flange's y, and so does the wide side of the image.
     assert abs(flange_from_camera.rotation[:, 0]) == pytest.approx([0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("camera", POLICY_CAMERAS)
+def test_described_cameras_show_points_where_the_simulation_does(
+    simulation: Simulation, camera: str
+) -> None:
+    said = describe_cameras()[camera]
+    assert json.loads(json.dumps(said)) == said
+    frame = SE3()
+    if camera != HEAD:
+        side = Side(said["frame"].removesuffix("_tool"))
+        assert camera == wrist_name(side)
+        frame = simulation.site_pose(tcp_name(side))
+    frame_from_camera = np.array(said["frame_from_camera"])
+    table_from_camera = frame @ SE3(frame_from_camera[:3, :3], frame_from_camera[:3, 3])
+    point = np.array([0.05, -0.03, 0.4])
+    x, y, depth = said["intrinsics"] @ point
+    shown = (np.array([x, y]) / depth + 0.5) / said["size"][::-1]
+    assert shown == pytest.approx(project(simulation, camera, table_from_camera.apply(point)))
 
 
 @pytest.mark.parametrize("side", SIDES)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from duobench.objects.pot import PLATE
-from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
-from duobench.scene.cameras import HEAD_FOCAL
+from duobench.robot.cameras import HEAD_FOCAL, NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.carry_pot import TASK

@@ -23,6 +23,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     workers: int = 1,
     split: Literal["train", "eval"] = "train",
     keep_failures: bool = False,
+    after_success: float = 1.0,
     act_timeout: float = 120.0,
     episode_timeout: float = 1800.0,
 ) -> None:
@@ -42,6 +43,8 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         split: Layouts to begin with. Those of eval are the ones that policies are evaluated on:
             whatever learns from them cannot be evaluated any more.
         keep_failures: Keep every episode, whether it succeeds or not.
+        after_success: Seconds that a recording goes on after success, while the hands open and
+            retreat; 0 ends it there.
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
         episode_timeout: Seconds that an episode may take.
     """
@@ -65,6 +68,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             episodes=episodes,
             split=split,
             keep_failures=keep_failures,
+            after_success=after_success,
             limits=TimeLimits(act_s=act_timeout, episode_s=episode_timeout),
             workers=workers,
             observers=[EpisodesKept(shown)],

@@ -11,6 +11,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 
+from duobench.data.after_success import steps_after_success
 from duobench.data.dataset import DataSet
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
@@ -106,6 +107,9 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
     info, outcome = recording.info, recording.info.outcome
     stage, length = recording.stage, len(recording)
     horizon = None if info.config is None else info.config.horizon
+    succeeded = recording.success_step
+    steps = length if succeeded is None else succeeded
+    most_after_success = steps_after_success(info.after_success)
     infinite = [
         column.name for column in COLUMNS if not np.isfinite(getattr(recording, column.name)).all()
     ]
@@ -116,7 +120,9 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
         "Its clock goes back.": bool((np.diff(recording.time) <= 0).any()),
         "Its stage falls.": bool((np.diff(stage) < 0).any()),
         "It has no actions.": not length,
-        f"It has {length} actions, more than its horizon.": bool(horizon and length > horizon),
+        f"It has {steps} actions, more than its horizon.": bool(horizon and steps > horizon),
+        f"It goes on for {length - steps} control steps after success, not for at most "
+        f"{most_after_success}.": length - steps > most_after_success,
         "It does not say how it ended.": outcome is None,
     }
     if outcome is not None:
@@ -124,6 +130,9 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
             "Its last stage is not the one it says.": int(stage[-1]) != outcome.stage,
             "It is no success as it says, or the reverse.": (
                 bool(recording.success[-1]) != outcome.success
+            ),
+            "The step of its success is not the one it says.": (
+                outcome.success_step not in (None, succeeded)
             ),
             "The hash of its last state is missing.": (
                 not (outcome.cut or info.is_real) and info.last_hash is None

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duobench.backend import DuoLimits
+from duobench.data.after_success import steps_after_success
 from duobench.data.dataset import DataSet
 from duobench.data.schema import Actor, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeRows, outcome_of
@@ -19,11 +20,13 @@ from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
 from duobench.envs.duo_env import TRUNCATION_REASON, Info, Observation, ResetOptions, Start
 from duobench.envs.episode_state import EpisodeState
+from duobench.envs.execution import optional_method
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import BackendError, DataError
 from duobench.looks.catalog import as_look
 from duobench.randomness import SUITE_VERSION
-from duobench.types import Array
+from duobench.robot.cameras import describe_cameras
+from duobench.types import CONTROL_HZ, Array
 from duobench.versions import package_versions
 
 if TYPE_CHECKING:
@@ -40,6 +43,10 @@ class Recorder(DuoWrapper):
     that is left earlier, by `reset` or `close`, is written as cut. A killed process loses at most
     0.3 seconds; `duobench data recover` turns what is left into an episode.
 
+    With `after_success`, an episode that succeeds goes on for that long before `step` says that it
+    is over, also beyond the horizon, while `info["success"]` stays true: so the recording shows how
+    the hands open and retreat. Arms that cannot go on end it at once.
+
     Put it outside the wrapper of the action mode, so that it sees what the policy says, and inside
     wrappers that change the observation's `agent_pos` and `tcp_pose` or scale or chunk actions;
     cameras may be on either side of it, since images are rendered from the recorded states.
@@ -54,6 +61,7 @@ class Recorder(DuoWrapper):
         data: DataSet | str | Path | None,
         actor: Actor | None = None,
         *,
+        after_success: float = 0.0,
         keep: Callable[[Outcome], bool] = lambda _outcome: True,
     ) -> None:
         """Wrap an environment.
@@ -63,11 +71,13 @@ class Recorder(DuoWrapper):
                 no states are recorded, since there are none.
             data: Data set that episodes are added to, or its folder; None leaves each in `content`.
             actor: Who or what acts.
+            after_success: Seconds that an episode goes on after success, rounded to control steps.
             keep: Whether a finished episode is written at all; by default every one is.
 
         Raises:
             DataError: The environment takes chunks of actions, or actions of no known mode, or its
                 observation lacks what is to be recorded.
+            OptionError: The seconds after success are negative or not finite.
         """
         super().__init__(env)
         # Asked without loading the simulation.
@@ -81,6 +91,8 @@ class Recorder(DuoWrapper):
         self.next_name: str | None = None
         """Name of the next episode's file; without one it is the next free number."""
         self._intended: Array | None = None
+        self._steps_after_success = steps_after_success(after_success)
+        self._steps_left: int | None = None  # None before success
         self._keep = keep
         self._stream: EpisodeRows | None = None
         observed = getattr(env.observation_space, "spaces", {})
@@ -118,13 +130,15 @@ class Recorder(DuoWrapper):
             first_hash=state and state.hash,
             action_names=self._mode.names,
             action_mode=self._mode.name,
+            after_success=self._steps_after_success / CONTROL_HZ,
+            cameras={} if self._sim is None else describe_cameras(),
         )
         sizes = {"action": len(self._mode.names), "state": len(self._physics())}
         if self.data is None:
             self.content, self._stream = None, EpisodeRows(described, sizes)
         else:
             self._stream = self.data.new_stream(described, sizes, self.next_name)
-        self.next_name = self._intended = None
+        self.next_name = self._intended = self._steps_left = None
         self._see(self._stream, observation, info)
         return observation, info
 
@@ -139,6 +153,8 @@ class Recorder(DuoWrapper):
         """
         given = np.asarray(action)
         wanted, self._intended = self._intended, None
+        if self._stream is not None and self._steps_left:
+            optional_method(self.env, "allow_step_after_end")()
         try:
             observation, reward, terminated, truncated, info = self.env.step(action)
         except BackendError as error:
@@ -153,8 +169,11 @@ class Recorder(DuoWrapper):
                 }
             )
             self._see(self._stream, observation, info)
+            reason = info.get(TRUNCATION_REASON)
+            if terminated and info["success"] and reason is None and self._steps_after_success:
+                terminated, truncated = self._is_enough_after_success(), False
             if terminated or truncated:
-                self._end(cut=False, reason=info.get(TRUNCATION_REASON))
+                self._end(cut=False, reason=reason)
         return observation, float(reward), terminated, truncated, info
 
     def intend(self, action: ArrayLike) -> None:
@@ -196,6 +215,12 @@ class Recorder(DuoWrapper):
         """End the running episode, marked as cut, and close the environment."""
         self.finish(reason="The environment was closed.")
         super().close()
+
+    def _is_enough_after_success(self) -> bool:
+        """Count a step that ended with success, and say whether it is the last one to record."""
+        left = self._steps_left
+        self._steps_left = self._steps_after_success if left is None else left - 1
+        return not self._steps_left
 
     def _see(self, stream: EpisodeRows, observation: Observation, info: Info) -> None:
         backend = self.base.backend

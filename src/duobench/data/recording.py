@@ -89,6 +89,11 @@ class Recording:
         """Number of actions."""
         return len(self.action)
 
+    @property
+    def success_step(self) -> int | None:
+        """Control steps until success, which is also the first row that has it; None without."""
+        return first_success(self.success)
+
     @staticmethod
     def read(path: Path) -> Recording:
         """Read a recording.
@@ -150,6 +155,11 @@ class Recording:
             write_page_checksum=True,
             store_schema=True,
         )
+
+
+def first_success(success: NDArray[np.bool_]) -> int | None:
+    """The first row (T + 1,) in which the last stage was reached; None if it never was."""
+    return int(success.argmax()) if success.any() else None
 
 
 def _to_table(recording: Recording) -> pa.Table:

@@ -14,6 +14,7 @@ import numpy as np
 from duobench.backend import Image
 from duobench.data.recording import Recording
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.execution import optional_method
 from duobench.envs.make import make_env
 from duobench.envs.reset_options import LAYOUT
 from duobench.envs.sim_env import sim_of
@@ -171,7 +172,9 @@ class Replayer:
         except DuoBenchError as error:
             raise DataError(f"The episode cannot be begun: {error}") from error
         yield simulation.get_state(), observation["agent_pos"], info["stage"]
+        allow = optional_method(env, "allow_step_after_end")
         for command in recording.sent:
+            allow()  # a recording may go on after success
             observation, *_, info = env.step(command)
             yield simulation.get_state(), observation["agent_pos"], info["stage"]
 

@@ -7,7 +7,7 @@ both pairings can be read: the causal one (o_t, a_t) and the delayed one (a_t, o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -21,10 +21,11 @@ from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError
 from duobench.types import CONTROL_HZ
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
 OLDEST_SCHEMA = 1
-"""First version that is read too: schema 1 did not say the action mode."""
+"""First version that is read too: schema 1 did not say the action mode, 1 and 2 neither the step of
+success nor the cameras, and ended with success."""
 INFO_KEY = b"duobench.episode"
 """Key of the file's metadata under which `EpisodeInfo` stands as JSON."""
 
@@ -100,6 +101,9 @@ class Outcome:
     """Why it is not, what made it crash, or why the arms ended it."""
     cut: bool = False
     """Whether it ended before the environment ended it."""
+    success_step: int | None = None
+    """Control steps until success, which is also the first row that has it; None without success,
+    and in schemas 1 and 2, where it is the last row."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -140,6 +144,11 @@ class EpisodeInfo:
     """What the numbers of `action` are."""
     action_mode: str | None = None
     """Name of what they mean; None in schema 1, where `action_names` say it."""
+    after_success: float = 0.0
+    """Seconds that it was to go on after success, a whole number of control steps."""
+    cameras: dict[str, Any] = field(default_factory=dict)
+    """Lenses and mounts of the cameras, as `robot.cameras.describe_cameras` gives them; empty on
+    real arms, and in schemas 1 and 2. A look that moves cameras is in `config`."""
 
     @property
     def is_real(self) -> bool:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.data.recording import Recording
+from duobench.data.recording import Recording, first_success
 from duobench.data.schema import COLUMNS, OLDEST_SCHEMA, SCHEMA, EpisodeInfo, Outcome
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
@@ -233,6 +233,7 @@ def outcome_of(
         kept=kept,
         reason=reason,
         cut=cut,
+        success_step=first_success(rows["success"]),
     )
 
 

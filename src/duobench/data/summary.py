@@ -46,7 +46,7 @@ class TaskSummary:
     frames: int
     """Actions of all episodes."""
     lengths: tuple[int, ...]
-    """Actions of each episode, ascending."""
+    """Control steps of each episode until it succeeded or ended, ascending."""
     stage_seconds: tuple[float, ...]
     """Mean seconds that an episode spends in stage 0, 1, ..., n."""
     actors: tuple[str, ...]
@@ -154,7 +154,7 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         discarded=sum(outcome is None or not outcome.kept for outcome in outcomes),
         cut=sum(outcome is None or outcome.cut for outcome in outcomes),
         frames=sum(map(len, recordings)),
-        lengths=tuple(sorted(map(len, recordings))),
+        lengths=tuple(sorted(map(_steps, recordings))),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
         actors=tuple(
             dict.fromkeys(f"{info.actor.kind} {info.actor.name}".strip() for info in infos)
@@ -162,6 +162,11 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         repeated_layouts=len(infos) - len({repr(info.layout) for info in infos}),
         eval_layouts=sum(info.split == "eval" for info in infos),
     )
+
+
+def _steps(recording: Recording) -> int:
+    """Control steps until success, or until the end; what was recorded after success is no part."""
+    return len(recording) if recording.success_step is None else recording.success_step
 
 
 def _summarize_joints(

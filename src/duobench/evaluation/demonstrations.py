@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from duobench.data import DataSet, Recording
+from duobench.data.after_success import AFTER_SUCCESS_S, steps_after_success
 from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.errors import OtherRunError, TooFewSuccessesError
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
@@ -23,6 +24,7 @@ from duobench.randomness import TRAIN
 from duobench.results.limits import TimeLimits
 from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
 from duobench.results.suite import Episode, Suite, TaskInfo
+from duobench.types import CONTROL_HZ
 
 RUN, ATTEMPTS = "record.json", "attempts.json"
 """What is recorded, and how the episodes went that were played for it."""
@@ -44,7 +46,7 @@ class Attempt:
     stage: int
     """The last stage that it reached."""
     steps: int
-    """Control steps that it took."""
+    """Control steps until it succeeded or ended."""
     kept: bool
     """Whether it is in the data set."""
     error: str | None
@@ -67,6 +69,7 @@ def record(  # noqa: PLR0913
     episodes: int = 50,
     split: str = TRAIN,
     keep_failures: bool = False,
+    after_success: float = AFTER_SUCCESS_S,
     limits: TimeLimits | None = None,
     workers: int = 1,
     observers: Sequence[Observer[Attempt]] = (),
@@ -82,6 +85,8 @@ def record(  # noqa: PLR0913
         split: Layouts that the episodes begin with. Those of "eval" are what policies are evaluated
             on: what learns from them cannot be evaluated any more.
         keep_failures: Keep every episode, and count it, whether it succeeds or not.
+        after_success: Seconds that a recording goes on after success, rounded to control steps; 0
+            ends it there.
         limits: How long the policy may take.
         workers: Processes that play side by side; with 0 this process plays.
         observers: Called about the progress, in this process.
@@ -95,8 +100,13 @@ def record(  # noqa: PLR0913
         OutputError: If it is in use or cannot be written.
         TooFewSuccessesError: If the policy hardly ever succeeds; what is finished is kept.
         PolicyError: If the policy cannot be made, or does not fit the environment.
+        OptionError: If the seconds after success are negative or not finite.
     """
-    plan = RecordingPlan(split=split, keep_failures=keep_failures)
+    plan = RecordingPlan(
+        split=split,
+        keep_failures=keep_failures,
+        after_success=steps_after_success(after_success) / CONTROL_HZ,
+    )
     job = Job(
         policy=PolicyChoice.parse(policy),
         suite=Suite(tasks=tuple(tasks), episodes=episodes),
@@ -126,6 +136,7 @@ def record(  # noqa: PLR0913
 
 
 Log = dict[tuple[str, int], Attempt]
+_ADVICE = "Record into a folder of its own; data sets can be merged afterwards."
 
 
 def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
@@ -140,7 +151,7 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
         oldest=OLDEST_RUN_SCHEMA,
         what="recording",
         foreign=f"{EPISODES}/*/*{SUFFIX}",
-        advice="Record into a folder of its own; data sets can be merged afterwards.",
+        advice=_ADVICE,
     )
     write(path, encode(run, RUN_SCHEMA))
     attempts = data.path / ATTEMPTS
@@ -160,12 +171,18 @@ def _kept(path: Path, plan: RecordingPlan) -> Attempt:
     """The attempt that an episode of the data set comes from.
 
     Raises:
-        OtherRunError: It comes from none: it was merged, renamed or recovered.
+        OtherRunError: It comes from none: it was merged, renamed or recovered, or it goes on for
+            another time after success.
         DataError: It cannot be read.
     """
     task, index = path.parent.name, int(path.stem) if path.stem.isdecimal() else 0
     info = Recording.read_info(path)
     outcome = info.outcome
+    if info.after_success != plan.after_success:
+        raise OtherRunError(
+            f"{path} belongs to another recording; this one has seconds after success "
+            f"{plan.after_success:g} instead of {info.after_success:g}. {_ADVICE}"
+        )
     if path.stem != f"{index:05d}" or outcome is None or not plan.is_of(info, task, index):
         raise OtherRunError(
             f"{path} was not recorded here under this name: it was renamed, merged, recovered, or "
@@ -174,9 +191,9 @@ def _kept(path: Path, plan: RecordingPlan) -> Attempt:
     return Attempt(
         task=task,
         episode=index,
-        success=outcome.success,
+        success=outcome.success and not outcome.cut,
         stage=outcome.stage,
-        steps=Recording.read_length(path),
+        steps=Recording.read_length(path) if outcome.success_step is None else outcome.success_step,
         kept=True,
         error=outcome.reason,
     )

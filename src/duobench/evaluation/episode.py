@@ -57,6 +57,8 @@ class RecordingPlan:
     """Layouts that the episodes begin with."""
     keep_failures: bool = False
     """Whether episodes are kept that did not succeed."""
+    after_success: float = 0.0
+    """Seconds that a recording goes on after success, a whole number of control steps."""
 
     def keeps(self, outcome: Outcome) -> bool:
         """Whether an episode that ended so is kept."""
@@ -70,6 +72,7 @@ class RecordingPlan:
             and info.outcome is not None
             and info.outcome.reason != INTERRUPTED
             and self.keeps(info.outcome)
+            and info.after_success == self.after_success
         )
 
 
@@ -270,7 +273,11 @@ class EpisodeRunner:
                 self._policy = self._source.bind(self._env)
                 if self._recording is not None:
                     self._env = self._recorder = Recorder(
-                        self._env, None, self._actor, keep=self._recording.keeps
+                        self._env,
+                        None,
+                        self._actor,
+                        after_success=self._recording.after_success,
+                        keep=self._recording.keeps,
                     )
             except (DuoBenchError, KeyboardInterrupt):
                 raise

@@ -62,7 +62,12 @@ class EpisodeRecorder:
         self._on_stage()
 
     def on_step(self, step: Step) -> None:
-        """Note what was sent, and a stage that was newly reached."""
+        """Note what was sent, and a stage that was newly reached.
+
+        Steps after success are no part of the episode: only a recording has them.
+        """
+        if self._last is not None and self._last.info["success"]:
+            return
         self._last = step
         self._sent.append(step.info["sent"])
         if (stage := step.info["stage"]) > self.stage:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from duobench.objects.shapes import Colour, hull
 from duobench.objects.solid import manifold_of, mesh_of
+from duobench.robot.cameras import HEAD_POSITION
 from duobench.robot.frames import BASE_POSES
 from duobench.robot.workcell import (
     FLOOR_Z,
@@ -18,7 +19,6 @@ from duobench.robot.workcell import (
     TABLE_X,
     TABLE_Y,
 )
-from duobench.scene.cameras import HEAD_POSITION
 from duobench.scene.filters import SHADOWLESS_GEOM_GROUP, Group, collide_as, visual_only
 from duobench.scene.mesh_normals import FLAT, add_visual_mesh
 from duobench.scene.naming import FLOOR, TABLE

@@ -46,6 +46,13 @@ class TimeLimit(DuoWrapper):
         self._steps, self._over = 0, False
         return result
 
+    def allow_step_after_end(self) -> None:
+        """Allow one more step after the end, which says again that the episode is over.
+
+        For a recording that goes on after success, and for the replay of one.
+        """
+        self._over = False
+
     def save_state(self) -> EpisodeState:
         """The state of the wrapped environment, with the steps so far."""
         return replace(super().save_state(), steps=self._steps, over=self._over)
