@@ -2,6 +2,8 @@
 
 STATE, ACTION = "observation.state", "action"
 """Proprioception, and the actions."""
+OBJECT_STATE = "observation.environment_state"
+"""Where the objects are, as numbers."""
 IMAGE_PREFIX = "observation.images."
 """What the name of a camera's images begins with."""
 DOMAIN = "domain"
