@@ -36,9 +36,10 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
         )
     if problems := list(differences(metadata, config)):
         size = "" if metadata.image_size is None else f", image_size={metadata.image_size}"
+        state = ", object_state=True" if metadata.object_state else ""
         raise PolicyError(
             f"Policy {metadata.name!r} does not fit the environment: {'; '.join(problems)}. One "
-            f"that fits: duobench.make(task, cameras={metadata.cameras}{size}, "
+            f"that fits: duobench.make(task, cameras={metadata.cameras}{size}{state}, "
             f"action_mode={metadata.action_mode!r})."
         )
 
@@ -52,6 +53,8 @@ def differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
     size = metadata.image_size
     if metadata.cameras and size is not None and size != config.image_size:
         yield f"it sees images of {size}, the environment's are {config.image_size}"
+    if metadata.object_state and not config.object_state:
+        yield "it reads the state of the objects, which the environment does not show"
     if metadata.action_mode != config.action_mode:
         yield f"its actions are {metadata.action_mode!r}, the environment's {config.action_mode!r}"
     if metadata.control_rate_hz != config.control_rate_hz:

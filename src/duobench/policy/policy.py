@@ -26,6 +26,9 @@ class PolicyMetadata:
     cameras: tuple[str, ...] = POLICY_CAMERAS
     """Cameras that must be in the observation; the others are not rendered. All of the
     environment's by default; `()` for a policy that needs no images, which is faster."""
+    object_state: bool = False
+    """Whether the observation must hold `environment_state`, the privileged numbers of the
+    objects."""
     image_size: tuple[int, int] | None = None
     """Height and width of every image in pixels, given as one number for a square; None takes the
     environment's default."""
@@ -88,6 +91,7 @@ _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     "image_size": _image_size,
     "control_rate_hz": float,
     "horizon": _horizon,
+    "object_state": bool,
     "seeded": bool,
     "batch_invariant": bool,
 }
@@ -121,8 +125,9 @@ class Policy(Protocol):
         """Decide on the next actions.
 
         Args:
-            observation: The environment's observation: `agent_pos` (16,), `tcp_pose` (14,) and
-                `pixels` with one HWC uint8 image per camera.
+            observation: The environment's observation: `agent_pos` (16,), `tcp_pose` (14,),
+                `pixels` with one HWC uint8 image per camera, and `environment_state` (n,) where
+                the metadata ask for it.
 
         Returns:
             Actions (H, n) with H at least 1, executed in order before the next call; n is 16 in
