@@ -93,7 +93,7 @@ def main() -> None:
     table = Table(title="Successes of replayed labels")
     table.add_column("task", no_wrap=True)
     for mode, source in KINDS:
-        table.add_column(f"{mode}, {source}", justify="right", no_wrap=True)
+        table.add_column(f"{mode}\n{source}", justify="right", no_wrap=True)
     for task in data.tasks:
         mine = [row for job, row in zip(jobs, done, strict=True) if job.task == task]
         counts = [f"{sum(column)}/{len(column)}" for column in zip(*mine, strict=True)]
