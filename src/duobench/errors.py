@@ -122,6 +122,10 @@ class NamesTakenError(DataError):
     """Different episodes have the same name."""
 
 
+class SeveralTasksError(DataError):
+    """What holds for one task is asked of several."""
+
+
 class EvaluationError(DuoBenchError):
     """A run cannot begin or go on, or a file of it cannot be read."""
 

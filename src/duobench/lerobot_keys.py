@@ -1,7 +1,14 @@
 """What LeRobot calls things: columns of a data set, and where a training puts its checkpoint."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
 STATE, ACTION = "observation.state", "action"
 """Proprioception, and the actions."""
+OBJECT_STATE = "observation.environment_state"
+"""Where the objects are, as numbers."""
 IMAGE_PREFIX = "observation.images."
 """What the name of a camera's images begins with."""
 DOMAIN = "domain"
@@ -10,5 +17,28 @@ DOMAINS = ("sim", "real")
 """What the numbers 0 and 1 of that column stand for, for mixed training."""
 LAST = "checkpoints/last/pretrained_model"
 """The last checkpoint, in the folder of a training."""
+FEATURE_NAMES = "duobench_names.json"
+"""File beside a checkpoint that says what the numbers of its features are: names by feature.
+LeRobot keeps only how many there are."""
 EXECUTED = 30
 """Actions that are executed of each chunk [paper]."""
+
+
+def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
+    """What the numbers of a feature are, as the `meta/info.json` of a data set says.
+
+    Args:
+        info: The content of the file.
+        feature: Name of the feature.
+
+    Returns:
+        The names, also where they stand under a heading of their own (`{"motors": [...]}`); None
+        where nothing is said.
+    """
+    try:
+        names = info["features"][feature]["names"]
+    except (KeyError, TypeError):
+        return None
+    if isinstance(names, Mapping) and len(names) == 1:
+        (names,) = names.values()
+    return names if isinstance(names, list) else None

@@ -59,7 +59,7 @@ def test_a_further_mode_is_an_entry_and_a_wrapper(tmp_path: Path, degrees: str) 
     (path,) = (tmp_path / "export" / "data").rglob("*.parquet")
     actions = np.array(pq.read_table(path)["action"].to_pylist(), dtype=np.float32)
     np.testing.assert_array_equal(actions, recording.sent.astype(np.float32))
-    given = ExportOptions(cameras=(), action=ActionSource.GIVEN)
+    given = ExportOptions(cameras=(), action_source=ActionSource.GIVEN)
     with pytest.raises(DataError, match=f"'{degrees}' name no targets"):
         export_lerobot(data, tmp_path / "given", given, workers=0)
 

@@ -14,7 +14,6 @@ import pytest
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.export import export_lerobot
-from duobench.data.lerobot.features import COLUMNS
 from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.errors import DataError, OtherRunError, OutputError, RenderingError, UnknownNameError
@@ -70,7 +69,7 @@ def frames(path: Path) -> list[np.ndarray]:
 
 def columns(folder: Path, index: int = 0) -> dict[str, np.ndarray]:
     table = pq.read_table(ExportFolder(folder).data(index))
-    return {name: np.array(table.column(name).to_pylist()) for name in COLUMNS}
+    return {name: np.array(table.column(name).to_pylist()) for name in table.column_names}
 
 
 def test_rows_pair_what_was_seen_with_the_action_after_it(data: DataSet, exported: Path) -> None:
@@ -103,7 +102,7 @@ def test_a_look_changes_the_images_alone(data: DataSet, exported: Path, tmp_path
     dark, usual = (ExportFolder(path).video("head", 0) for path in (tmp_path / "out", exported))
     assert np.mean(frames(dark)) < 0.8 * np.mean(frames(usual))
     one, two = columns(tmp_path / "out"), columns(exported)
-    assert all(np.array_equal(one[name], two[name]) for name in COLUMNS)
+    assert all(np.array_equal(one[name], two[name]) for name in two)
     with pytest.raises(UnknownNameError, match="wood_table"):
         replace(SMALL, look="wood_tabel")
 
@@ -332,7 +331,7 @@ def moving(folder: Path, mode: str) -> DataSet:
 
 def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path) -> None:
     data = moving(tmp_path / "data", "cartesian")
-    options = ExportOptions(cameras=(), action=ActionSource.GIVEN)
+    options = ExportOptions(cameras=(), action_source=ActionSource.GIVEN)
     done = export_lerobot(data, tmp_path / "given", options, workers=0)
     assert done.residual is not None
     assert done.residual.targets == 2 * HORIZON
@@ -350,7 +349,7 @@ def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path
 
 def test_relative_actions_name_no_targets(tmp_path: Path) -> None:
     data = moving(tmp_path / "data", "cartesian_relative")
-    options = ExportOptions(cameras=(), action=ActionSource.GIVEN)
+    options = ExportOptions(cameras=(), action_source=ActionSource.GIVEN)
     with pytest.raises(DataError, match="'cartesian_relative' name no targets"):
         export_lerobot(data, tmp_path / "out", options, workers=0)
 

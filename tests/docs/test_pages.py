@@ -19,7 +19,7 @@ from duobench.cli.record import record
 from duobench.cli.replay import replay
 from duobench.cli.train import train
 from duobench.data.schema import SCHEMA
-from duobench.envs import spaces
+from duobench.envs import action_labels, spaces
 from duobench.envs.action_modes import ACTION_MODES
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import base_of
@@ -133,13 +133,17 @@ def test_keys_come_from_the_wrapper_that_the_table_names() -> None:
 # --- frames --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["JOINT_NAMES", "POSE_NAMES", "SHIFT_NAMES"])
-def test_names_of_numbers_are_those_of_the_code(name: str) -> None:
-    found = re.search(
-        rf"<!-- {name}: [^\n]* -->\n```text\n(.*?)```", text_of(FRAMES), flags=re.DOTALL
-    )
+@pytest.mark.parametrize(
+    ("page", "names", "name"),
+    [
+        *((FRAMES, spaces, name) for name in ("JOINT_NAMES", "POSE_NAMES", "SHIFT_NAMES")),
+        *((DOCS / "lerobot.md", action_labels, name) for name in ("POSE_LABELS", "SHIFT_LABELS")),
+    ],
+)
+def test_names_of_numbers_are_those_of_the_code(page: Path, names: object, name: str) -> None:
+    found = re.search(rf"<!-- {name}[^\n]* -->\n```text\n(.*?)```", text_of(page), flags=re.DOTALL)
     assert found is not None
-    assert tuple(found[1].split()) == getattr(spaces, name)
+    assert tuple(found[1].split()) == getattr(names, name)
 
 
 def test_action_modes_have_their_size() -> None:

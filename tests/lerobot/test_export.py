@@ -20,6 +20,7 @@ from duobench.data.lerobot.options import ExportOptions
 from duobench.data.recorder import Recorder
 from duobench.data.recording import Recording
 from duobench.data.replay import ImageSource
+from duobench.envs.action_labels import POSE_LABELS
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
@@ -120,6 +121,19 @@ def test_frames_are_those_of_a_fresh_rendering(exported: Path, recordings: list[
         images.close()
         first += len(recording)
     assert worst > MIN_PSNR_DB
+
+
+def test_objects_and_tool_poses_are_columns_without_images(data: DataSet, tmp_path: Path) -> None:
+    task = TASKS[1]
+    options = ExportOptions(tasks=(task,), cameras=(), object_state=True, action="cartesian")
+    export_lerobot(data, tmp_path / "out", options, workers=0)
+    dataset, source = load(tmp_path / "out"), ImageSource(task, cameras=())
+    (recording,) = data.recordings(task)
+    for step in range(len(recording)):
+        objects = dataset[step]["observation.environment_state"]
+        np.testing.assert_array_equal(objects, source.objects(recording, step))
+    assert dataset.meta.features["action"]["names"] == [*POSE_LABELS]
+    assert dataset[0]["action"].shape == (len(POSE_LABELS),)
 
 
 def test_an_action_window_stops_at_the_end_of_its_episode(

@@ -3,6 +3,7 @@
 Runs in an environment with LeRobot, which `make test-lerobot` makes.
 """
 
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +20,9 @@ from lerobot.envs.utils import preprocess_observation
 from lerobot.policies import get_policy_class, make_pre_post_processors
 
 from duobench import policy
+from duobench.envs.action_labels import POSE_LABELS
 from duobench.errors import DuoBenchError
+from duobench.lerobot_keys import FEATURE_NAMES
 from duobench.policy.batch import Batching, SessionPolicy
 from duobench.policy.lerobot.noise import EpisodeNoise
 from duobench.policy.lerobot.policy import LeRobotPolicy
@@ -205,6 +208,29 @@ def test_cameras_that_were_renamed_for_training_are_shown_under_their_names(
     assert np.isfinite(chunk_of(made)).all()
 
 
+def test_objects_are_seen_as_numbers_and_names_say_what_actions_are(tmp_path: Path) -> None:
+    objects = np.zeros(5, np.float32)
+    features = checkpoints.features(cameras=())
+    feature = PolicyFeature(FeatureType.ENV, objects.shape)
+    features["input_features"]["observation.environment_state"] = feature
+    feature = PolicyFeature(FeatureType.ACTION, (len(POSE_LABELS),))
+    features["output_features"]["action"] = feature
+    folder = checkpoints.act(tmp_path / "act", **features)
+    (folder / FEATURE_NAMES).write_text(json.dumps({"action": POSE_LABELS}))
+    made = load(folder)
+    metadata = made.metadata
+    assert (metadata.cameras, metadata.object_state) == ((), True)
+    assert metadata.action_mode == "cartesian"
+    played = alone(made)
+    played.reset(INSTRUCTION, SEED)
+    chunk = np.asarray(played.act({**observation(0), "environment_state": objects}))
+    assert chunk.shape == (30, 16)
+    lengths = np.linalg.norm(chunk.reshape(-1, 8)[:, 3:7], axis=1)
+    np.testing.assert_allclose(lengths, 1.0, atol=1e-6)
+    with pytest.raises(DuoBenchError, match="learned another task"):
+        played.act({**observation(0), "environment_state": objects[1:]})
+
+
 def test_weights_can_run_in_other_numbers(folders: dict[str, Path]) -> None:
     made = load(folders["xvla"], "&dtype=bfloat16")
     assert "bfloat16" in (made.metadata.version or "")
@@ -235,8 +261,7 @@ def _other_sizes(folder: Path) -> Path:
 
 def _more_state(folder: Path) -> Path:
     features = checkpoints.features()
-    feature = PolicyFeature(FeatureType.ENV, (3,))
-    features["input_features"]["observation.environment_state"] = feature
+    features["input_features"]["observation.more"] = PolicyFeature(FeatureType.ENV, (3,))
     return checkpoints.act(folder, **features)
 
 
@@ -266,11 +291,12 @@ def _missing_weights(folder: Path) -> Path:
         (checkpoints.act, "&dtype=bfloat16", "runs in float32"),
         (checkpoints.diffusion, "&steps=1", "sees 2 observations at a time"),
         (lambda folder: folder, "", "There is no folder"),
-        (_wide, "", r"observation.state has shape \(14,\)"),
+        (_wide, "", "actions have 14 numbers"),
+        (_wide, "&action=cartesian", "14 numbers, those of mode 'cartesian' 20"),
         (_misspelt, "", "did you mean observation.images.left_wrist"),
         (_ensembling, "", "temporal_ensemble_coeff"),
         (_other_sizes, "", "left_wrist 64x64"),
-        (_more_state, "", "also sees observation.environment_state"),
+        (_more_state, "", "also sees observation.more"),
         (_training, "", "Did you mean .*checkpoints/last/pretrained_model"),
         (_old, "", "migrate_policy_normalization"),
         (_missing_weights, "", "Missing key"),

@@ -23,6 +23,7 @@ from duobench.data.dataset import DataSet
 from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.options import ExportOptions
 from duobench.data.recorder import Recorder
+from duobench.policy import make
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE
 
@@ -80,6 +81,20 @@ def test_a_small_act_trains_goes_on_and_plays(
     main([*play, "--episodes", "1", "--workers", "0", "--videos", "0", "--out", str(run)])
     (record,) = run.rglob("records/*/*.json")
     assert json.loads(record.read_text())["steps"] == LENGTH
+
+
+def test_an_act_that_sees_objects_and_moves_tools_trains_and_loads(
+    data: Path, tmp_path: Path
+) -> None:
+    demos, objects, out = data.with_name("demos"), tmp_path / "objects", tmp_path / "out"
+    options = ExportOptions(tasks=TASKS[:1], cameras=(), object_state=True, action="cartesian")
+    export_lerobot(DataSet.open(demos), objects, options, workers=0)
+    train("act", "--data", objects, "--out", out, "--small", "--steps", STEPS, "--", *TINY)
+    shutil.rmtree(objects)  # what the actions are stands beside the checkpoint
+    checkpoint = out / "checkpoints/last/pretrained_model"
+    metadata = make(f"lerobot:{checkpoint}?device=cpu").metadata
+    assert (metadata.cameras, metadata.object_state) == ((), True)
+    assert metadata.action_mode == "cartesian"
 
 
 def say_real(data: Path, copy: Path, episode: int) -> Path:

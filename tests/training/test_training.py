@@ -4,7 +4,9 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
+from duobench.envs.action_labels import POSE_LABELS
 from duobench.errors import DuoBenchError
+from duobench.policy.lerobot.labels import labels_of
 from duobench.training import training
 from duobench.training.recipes import RECIPES, SMALL
 
@@ -18,8 +20,10 @@ def write(path: Path, content: object) -> None:
 
 def export(folder: Path, tasks: tuple[str, ...] = TASKS, domains: tuple[int, int] = (0, 0)) -> Path:
     """The JSON files of an export, which are all that is read here."""
-    features = {"action": {"shape": [16]}, "domain": {"shape": [1]}}
-    write(folder / "meta/info.json", {"codebase_version": "v3.0", "features": features})
+    vectors = {key: {"shape": [16]} for key in ("observation.state", "action")}
+    features = {**vectors, "domain": {"shape": [1]}}
+    info = {"codebase_version": "v3.0", "fps": 30, "features": features}
+    write(folder / "meta/info.json", info)
     write(
         folder / "meta/duobench.json",
         {"episodes": [{"file": f"episodes/{task}/0.parquet"} for task in tasks]},
@@ -90,6 +94,18 @@ def test_a_training_goes_on_in_its_folder(tmp_path: Path) -> None:
         arguments("act", data, tasks=["ball_maze"])
 
 
+def test_names_of_numbers_are_written_beside_every_checkpoint(tmp_path: Path) -> None:
+    data = export(tmp_path / "data", TASKS[:1])
+    _with_features(action={"shape": [20], "names": list(POSE_LABELS)})(data)  # pyright: ignore
+    planned = training.plan("act", data, tmp_path / "out")
+    folders = [tmp_path / f"out/checkpoints/{name}/pretrained_model" for name in ("000001", "last")]
+    for folder in folders:
+        folder.mkdir(parents=True)
+    planned.name_features()
+    for folder in folders:
+        assert labels_of(folder, 20).mode.name == "cartesian"
+
+
 def test_recordings_are_to_be_exported_first(tmp_path: Path) -> None:
     data = tmp_path / "demos"
     write(data / "dataset.json", {})
@@ -112,6 +128,16 @@ def _with_info(**values: object) -> object:
     return change
 
 
+def _with_features(**features: object) -> object:
+    def change(data: Path) -> None:
+        path = data / "meta/info.json"
+        info = json.loads(path.read_text())
+        named = {name.replace("__", "."): feature for name, feature in features.items()}
+        write(path, info | {"features": info["features"] | named})
+
+    return change
+
+
 def _holding(name: str, content: object) -> object:
     return lambda data: write(data / name, content)
 
@@ -129,7 +155,21 @@ def _with_folder(data: Path) -> None:
         (_without("meta/info.json"), [], "no meta/info.json"),
         (_without("meta/duobench.json"), ["bin_sort"], "does not say which episodes"),
         (_with_info(codebase_version="v2.1"), [], "format v2.1; v3.0 is needed"),
-        (_with_info(features={"action": {"shape": [14]}}), [], r"shape \[14\]; \[16\] is needed"),
+        (_with_info(fps=15), [], "has 15 rows a second; 30 are needed"),
+        (_with_features(action={"shape": [14]}), [], r"action has shape \[14\]; \[16\] is needed"),
+        (
+            _with_features(action={"shape": [16], "names": list(POSE_LABELS)}),
+            [],
+            r"action has shape \[16\]; \[20\] is needed",
+        ),
+        (_with_features(action={"shape": [2], "names": ["x", "y"]}), [], "actions are x, y, which"),
+        (_with_features(observation__state={"shape": [7]}), [], r"state has shape \[7\]"),
+        (
+            _with_features(observation__state={"shape": [16], "names": {"motors": ["a", "b"]}}),
+            [],
+            "observation.state is a, b; left_joint_1",
+        ),
+        (_with_features(observation__images__top={}), [], "no observation.images.top here"),
         (_holding("meta/info.json", []), [], "it holds a list, no object"),
         (_with_info(features=None), [], "shape None"),
         (_with_info(features={"action": []}), [], "shape None"),

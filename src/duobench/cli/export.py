@@ -10,6 +10,7 @@ import tyro
 from duobench.cli.data import opened
 from duobench.cli.display.console import console, counted
 from duobench.cli.interrupt import raising
+from duobench.errors import DuoBenchError, SeveralTasksError
 
 
 def verbs() -> None:
@@ -24,7 +25,10 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     size: tuple[int, int] = (224, 224),
     look: str = "default",
     pairing: Literal["causal", "delayed"] = "causal",
-    action: Literal["intended", "sent", "given"] = "intended",
+    action: Literal["joint", "cartesian", "cartesian_relative"] = "joint",
+    action_source: Literal["intended", "sent", "given"] = "intended",
+    object_state: bool = False,
+    per_task: bool = False,
     only_successes: bool = False,
     workers: int = 1,
 ) -> None:
@@ -36,33 +40,43 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         data: Folder of the data set.
         out: Folder of the export.
         tasks: Ids of the tasks to export; all of the data set if none is named.
-        cameras: Cameras whose images are exported; --cameras alone exports none.
+        cameras: Cameras whose images are exported, or none.
         size: Height and width of the images in pixels, even numbers.
         look: How the images look, such as wood_table or random:7; see docs/looks.md.
         pairing: Which observation stands with an action: the one before it (causal) or the one
             after it (delayed).
-        action: Which numbers the actions are: joint targets as the actor wanted them (intended;
+        action: What the actions are meant for: joint targets, tool poses, or changes of tool poses,
+            with rotations as six numbers; see docs/lerobot.md.
+        action_source: Which recorded numbers they are made of: what the actor wanted (intended;
             what was sent, where it acted in something else), the commands as they were sent, or as
             they were given, tool poses solved by inverse kinematics.
+        object_state: Export where the objects are, as numbers that no camera sees.
+        per_task: Write one data set a task, each in a folder of its name; object states of several
+            tasks need it.
         only_successes: Leave out episodes that did not succeed.
         workers: Processes that render and encode side by side.
     """
     source = opened(data)
+    from duobench.cli.advice import advising
     from duobench.cli.display.progress import display
     from duobench.data import ActionSource, ExportOptions, Pairing, export_lerobot
 
     screen = console()
     options = ExportOptions(
         tasks=tasks,
-        cameras=cameras,
+        cameras=() if cameras == ("none",) else cameras,
         size=size,
         look=look,
         pairing=Pairing(pairing),
-        action=ActionSource(action),
+        action=action,
+        action_source=ActionSource(action_source),
+        object_state=object_state,
         only_successes=only_successes,
     )
-    with raising(screen), display(screen, "frame") as shown:
-        done = export_lerobot(source, out, options, workers=workers, progress=shown.tell)
+    with raising(screen), advising(_advice), display(screen, "frame") as shown:
+        done = export_lerobot(
+            source, out, options, per_task=per_task, workers=workers, progress=shown.tell
+        )
     megabytes = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
     screen.print(
         f"{counted(done.episodes, 'episode')}, {counted(done.frames, 'frame')}, "
@@ -72,3 +86,9 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         screen.print(f"Left out: {counted(done.left_out, 'episode')}, discarded or not wanted.")
     if done.residual is not None:
         screen.print(f"Tool poses are missed by inverse kinematics: {done.residual}.")
+
+
+def _advice(error: DuoBenchError) -> str | None:
+    return (
+        "With --per-task one command does that." if isinstance(error, SeveralTasksError) else None
+    )

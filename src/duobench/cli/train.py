@@ -31,7 +31,8 @@ def train(
     Args:
         policy: Kind of policy: act learns one task; pi05 and xvla learn all of them.
         more: More options of lerobot-train, after --, such as -- --batch_size=8.
-        data: Folder that duobench export lerobot made.
+        data: Folder of a data set of LeRobot with this benchmark's names and sizes, such as
+            duobench export lerobot makes.
         out: Folder of the training.
         tasks: Ids of the tasks to learn; all of the data set if none is named.
         steps: Steps of the optimizer.
@@ -60,6 +61,7 @@ def train(
     if only_print:
         return
     code = subprocess.run([training.program(), *command[1:]], check=False).returncode
+    planned.name_features()
     if code:
         sys.exit(code)
     names = "".join(f" {task}" for task in planned.tasks)

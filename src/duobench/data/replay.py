@@ -10,6 +10,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.recording import Recording
@@ -26,12 +27,13 @@ from duobench.sim.backend import SimBackend
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
+from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task
 from duobench.types import POLICY_CAMERAS
 
 
 class ImageSource:
-    """Renders recorded states of one task."""
+    """Shows recorded states of one task: as images, and as the numbers of its objects."""
 
     def __init__(
         self,
@@ -53,6 +55,8 @@ class ImageSource:
             UnknownNameError: There is no such task or look.
         """
         definition = catalog.get(task)
+        self.object_state: ObjectState = definition.object_state
+        """Which numbers of the objects there are."""
         self.simulation = Simulation(definition.props, definition.overview)
         """The physics, in the state that was rendered last."""
         self._backend = SimBackend(self.simulation)
@@ -70,6 +74,27 @@ class ImageSource:
             DataError: The state does not fit the task.
             RenderingError: Nothing can be rendered.
         """
+        self._show(recording, row)
+        return self._backend.images(self._cameras, self._size)
+
+    def objects(self, recording: Recording, row: int) -> NDArray[np.float32]:
+        """Where the objects were at a row of a recording.
+
+        Returns:
+            The numbers (n,) of `object_state`, as the environment gave them on request.
+
+        Raises:
+            DataError: The state does not fit the task.
+        """
+        self._show(recording, row)
+        return self.object_state.read(self.simulation)
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._backend.close()
+
+    def _show(self, recording: Recording, row: int) -> None:
+        """Bring the simulation into the state of a row."""
         try:
             if recording.info.layout != self._layout:
                 self._layout = None
@@ -80,11 +105,6 @@ class ImageSource:
             raise DataError(
                 f"Row {row} of an episode of {recording.info.task} cannot be shown: {error}"
             ) from error
-        return self._backend.images(self._cameras, self._size)
-
-    def close(self) -> None:
-        """Free the renderer."""
-        self._backend.close()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

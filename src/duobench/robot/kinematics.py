@@ -6,6 +6,8 @@ tools those of `robot.frames`: the numbers that the simulated robot is built fro
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -40,3 +42,43 @@ def tcp_poses(joints: ArrayLike) -> Array:
     poses = np.array([tool_pose(side, row).tquat for side, row in zip(SIDES, rows, strict=True)])
     poses[poses[:, 3] < 0.0, 3:] *= -1.0
     return poses
+
+
+def tool_frames(side: Side, joints: Array) -> tuple[Array, Array]:
+    """Tool poses of one arm in the table frame at many joint positions at a time.
+
+    Args:
+        side: Which arm.
+        joints: Joint positions (n, 7) in radians.
+
+    Returns:
+        Positions (n, 3) in metres and rotation matrices (n, 3, 3).
+    """
+    base = BASE_POSES[side]
+    rotation = np.broadcast_to(base.rotation, (len(joints), 3, 3))
+    position = np.broadcast_to(base.translation, (len(joints), 3))
+    for frame, angles in zip(_FRAMES, joints.T, strict=True):
+        position = position + _product(rotation, frame.translation[:, None])[..., 0]
+        rotation = _product(_product(rotation, frame.rotation), _turns(angles))
+    offset = LINK7_FROM_TCP.translation[:, None]
+    return position + _product(rotation, offset)[..., 0], _product(
+        rotation, LINK7_FROM_TCP.rotation
+    )
+
+
+def _turns(angles: Array) -> Array:
+    """Rotation matrices (n, 3, 3) about z by angles (n,) in radians."""
+    # Of the standard library: NumPy's differ between processors in the last bit.
+    cosine = np.array([math.cos(angle) for angle in angles.tolist()])
+    sine = np.array([math.sin(angle) for angle in angles.tolist()])
+    turns = np.zeros((len(angles), 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = cosine
+    turns[:, 1, 0], turns[:, 0, 1] = sine, -sine
+    turns[:, 2, 2] = 1.0
+    return turns
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Matrix products of a (..., 3, 3) with b (..., 3, m), added up in a fixed order."""
+    first, second, third = (a[..., :, k, None] * b[..., None, k, :] for k in range(3))
+    return first + second + third

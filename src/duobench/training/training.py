@@ -6,18 +6,18 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import Any
 
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
+from duobench.files import write
 from duobench.installing import install_extra
-from duobench.lerobot_keys import ACTION, DOMAIN, LAST
+from duobench.lerobot_keys import DOMAIN, FEATURE_NAMES, LAST
 from duobench.tasks import catalog
+from duobench.training.dataset import LearningData
 from duobench.training.recipes import RECIPES, SMALL, Recipe, Setting
-from duobench.types import FLAT_SIZE
 
 PROGRAM = "lerobot-train"
 PLUGIN = "lerobot_env_duobench"
@@ -34,6 +34,8 @@ class Training:
     """Where the policy will be."""
     tasks: tuple[str, ...]
     """Ids of the tasks that it learns, as far as the data set says."""
+    names: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """What the numbers of its features are, as far as the data set says."""
 
     def command(self, more: Sequence[str] = ()) -> list[str]:
         """The command.
@@ -44,6 +46,16 @@ class Training:
         replaced = {word.partition("=")[0] for word in more}
         kept = [one.argument for one in self.settings if f"--{one.option}" not in replaced]
         return [PROGRAM, *kept, *more]
+
+    def name_features(self) -> None:
+        """Write beside every checkpoint what its numbers are, which LeRobot does not keep.
+
+        Raises:
+            OutputError: A file cannot be written.
+        """
+        text = json.dumps(self.names, indent=2) + "\n"
+        for folder in self.checkpoint.parent.parent.glob(f"*/{self.checkpoint.name}"):
+            write(folder / FEATURE_NAMES, text)
 
 
 def plan(
@@ -72,7 +84,7 @@ def plan(
     """
     recipes = SMALL if small else RECIPES
     check_known("small recipe" if small else "recipe", kind, recipes)
-    recipe, source = recipes[kind], _Source(data.absolute())
+    recipe, source = recipes[kind], LearningData(data.absolute())
     learned = _tasks(recipe, kind, source, tasks)
     rows = None
     if tasks:
@@ -95,7 +107,7 @@ def plan(
             Setting("output_dir", str(out), "given"),
         ]
     settings.append(recipe.steps if steps is None else Setting("steps", str(steps), "given"))
-    return Training(settings=tuple(settings), checkpoint=last, tasks=learned)
+    return Training(settings=tuple(settings), checkpoint=last, tasks=learned, names=source.names)
 
 
 def program() -> Path:
@@ -111,66 +123,9 @@ def program() -> Path:
     return Path(command)
 
 
-class _Source:
-    """A data set in LeRobot's format, as far as its JSON files tell."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        info = self._read("meta/info.json")
-        if info is None:
-            raise DataError(
-                f"{path} holds no data set of LeRobot: there is no meta/info.json. Recordings must "
-                "be exported first."
-            )
-        if info.get("codebase_version") != "v3.0":
-            raise DataError(
-                f"{path} has LeRobot's format {info.get('codebase_version')}; v3.0 is needed."
-            )
-        features = info.get("features") or {}
-        try:
-            shape = features[ACTION]["shape"]
-        except (KeyError, TypeError):
-            shape = None
-        if shape != [FLAT_SIZE]:
-            raise DataError(f"Actions of {path} have shape {shape}; [{FLAT_SIZE}] is needed.")
-        self.has_domains = DOMAIN in features
-
-    def _read(self, name: str) -> dict[str, Any] | None:
-        path = self.path / name
-        try:
-            content = json.loads(path.read_bytes())
-        except FileNotFoundError:
-            return None
-        except (OSError, ValueError) as error:
-            raise DataError(f"Cannot read {path}: {error}") from error
-        if not isinstance(content, dict):
-            raise DataError(f"Cannot read {path}: it holds a {type(content).__name__}, no object.")
-        return content
-
-    def episodes(self) -> list[str] | None:
-        """The task of each episode; None if nothing says so, as in a merged data set."""
-        about = self._read("meta/duobench.json")
-        if about is None:
-            return None
-        try:
-            return [Path(episode["file"]).parent.name for episode in about["episodes"]]
-        except (KeyError, TypeError) as error:
-            raise DataError(
-                f"meta/duobench.json of {self.path} does not list episodes with their files, as an "
-                "export does; export again."
-            ) from error
-
-    def mixes_domains(self) -> bool:
-        """Whether there are simulated and real episodes."""
-        domains = (self._read("meta/stats.json") or {}).get(DOMAIN)
-        return (
-            self.has_domains
-            and isinstance(domains, dict)
-            and domains.get("min") != domains.get("max")
-        )
-
-
-def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) -> tuple[str, ...]:
+def _tasks(
+    recipe: Recipe, kind: str, source: LearningData, wanted: Sequence[str]
+) -> tuple[str, ...]:
     episodes = source.episodes()
     if episodes is None:
         if wanted:
@@ -191,7 +146,7 @@ def _tasks(recipe: Recipe, kind: str, source: _Source, wanted: Sequence[str]) ->
     return learned
 
 
-def _data_settings(recipe: Recipe, source: _Source, rows: list[int] | None) -> list[Setting]:
+def _data_settings(recipe: Recipe, source: LearningData, rows: list[int] | None) -> list[Setting]:
     settings = [
         Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
         Setting("dataset.root", str(source.path), "given"),
@@ -218,7 +173,7 @@ def _check_plugin() -> None:
         ) from error
 
 
-def _check_same(out: Path, kind: str, source: _Source, rows: list[int] | None) -> None:
+def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | None) -> None:
     """Reject a folder that holds something else than an earlier part of this training."""
     path = out / LAST / "train_config.json"
     try:

@@ -1,4 +1,4 @@
-"""Actions of a recording as joint targets."""
+"""Actions of a recording, in the mode that they are exported for."""
 
 from __future__ import annotations
 
@@ -10,10 +10,21 @@ import numpy as np
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
 from duobench.data.schema import action_mode
-from duobench.envs.action_modes import JOINT
+from duobench.envs.action_labels import tool_labels
+from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT
 from duobench.kinematics.inverse import Kinematics
-from duobench.spatial import SE3
-from duobench.types import ARM_JOINTS, FLAT_SIZE, SIDE_SIZE, SIDES, Array, DuoCommand
+from duobench.robot.joints import HOME_JOINTS
+from duobench.robot.kinematics import tool_frames
+from duobench.spatial import SE3, product, rotation_by
+from duobench.types import (
+    ARM_JOINTS,
+    FLAT_SIZE,
+    OPENING_SLOTS,
+    SIDE_SIZE,
+    SIDES,
+    Array,
+    DuoCommand,
+)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,19 +66,70 @@ _kinematics = cache(Kinematics)
 """The solver, made when it is first needed."""
 
 
-def joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Residual | None]:
-    """The actions of a recording as joint targets and openings.
+def labels_of(
+    recording: Recording, mode: str, source: ActionSource
+) -> tuple[Array, Residual | None]:
+    """The actions of a recording as labels to learn from.
+
+    Actions that were not given in the wanted mode are joint targets, whose tool poses follow by
+    forward kinematics. A relative one leads from the pose that was last sent, where the arms were
+    in that row whatever an actor added to its own actions, to the one that the label means.
 
     Args:
-        recording: The episode; given actions are joint targets or tool poses, not changes of them.
-        source: Which of its numbers to use.
+        recording: The episode.
+        mode: Name of the mode, one of `duobench.envs.action_labels.LABELS`.
+        source: Which of its numbers to use; given actions are joint targets, tool poses, or
+            actions of the mode.
 
     Returns:
-        Actions (T, 16), and the residual if inverse kinematics solved for them.
+        Rows (T, n) of the mode's labels, and the residual if inverse kinematics solved for them.
 
     Raises:
         DataError: The numbers of its actions are not known.
     """
+    is_own = mode == action_mode(recording.info).name and source is not ActionSource.SENT
+    if is_own and mode != JOINT.name:
+        return _as_given(recording, mode), None
+    targets, residual = _joint_targets(recording, source)
+    if mode == JOINT.name:
+        return targets, residual
+    positions, rotations = _tools(targets)
+    if mode == CARTESIAN_RELATIVE.name:
+        home = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES))).flat
+        before, turned = _tools(np.vstack([home, recording.sent[:-1]]))
+        positions = positions - before
+        rotations = _turns_between(turned, rotations)
+    return tool_labels(positions, rotations, targets[:, OPENING_SLOTS]), residual
+
+
+def _as_given(recording: Recording, mode: str) -> Array:
+    """Labels of actions that were given in their mode, in other numbers of the rotation alone."""
+    sides = recording.action.reshape(len(recording), len(SIDES), -1)
+    numbers = sides[..., 3:-1].reshape(2 * len(recording), -1)
+    if mode == CARTESIAN.name:
+        rotations = [SE3.from_wxyz(xyzw[[3, 0, 1, 2]]).rotation for xyzw in numbers]
+    else:
+        rotations = [rotation_by(vector) for vector in numbers]
+    shape = (len(recording), len(SIDES), 3, 3)
+    return tool_labels(sides[..., :3], np.reshape(rotations, shape), sides[..., -1])
+
+
+def _tools(commands: Array) -> tuple[Array, Array]:
+    """Positions (T, 2, 3) and rotations (T, 2, 3, 3) of the tools at flat commands (T, 16)."""
+    sides = commands.reshape(len(commands), len(SIDES), -1)
+    frames = [tool_frames(side, sides[:, side.index, :ARM_JOINTS]) for side in SIDES]
+    positions, rotations = zip(*frames, strict=True)
+    return np.stack(positions, axis=1), np.stack(rotations, axis=1)
+
+
+def _turns_between(before: Array, after: Array) -> Array:
+    """Rotations (T, 2, 3, 3) about the table's axes that lead from one to the other."""
+    pairs = zip(before.reshape(-1, 3, 3), after.reshape(-1, 3, 3), strict=True)
+    return np.reshape([product(two, one.T) for one, two in pairs], after.shape)
+
+
+def _joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Residual | None]:
+    """The actions as joint targets and openings (T, 16)."""
     mode = action_mode(recording.info)
     if source is ActionSource.SENT or (source is ActionSource.INTENDED and mode != JOINT):
         return recording.sent, None

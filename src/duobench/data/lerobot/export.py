@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
 from duobench.data.lerobot import statistics
-from duobench.data.lerobot.actions import Residual, joint_targets
-from duobench.data.lerobot.features import COLUMNS, FPS, schema
+from duobench.data.lerobot.actions import Residual, labels_of
+from duobench.data.lerobot.features import FPS, schema
 from duobench.data.lerobot.folder import SCHEMA, EpisodeFacts, Export, ExportFolder, SourceEpisode
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
@@ -27,11 +27,13 @@ from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.replay import ImageSource
 from duobench.data.schema import action_mode
 from duobench.envs.action_modes import CARTESIAN, JOINT
-from duobench.errors import DataError
+from duobench.errors import DataError, SeveralTasksError
 from duobench.files import encode, locked, replacing, write
-from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, STATE
+from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
 from duobench.randomness import SUITE_VERSION
+from duobench.robot.cameras import describe_cameras
 from duobench.sim import rendering
+from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, Array
 from duobench.versions import package_versions
 from duobench.video import AV1, VideoWriter
@@ -51,11 +53,24 @@ class Exported:
     """What inverse kinematics left, if it was used."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Plan:
+    """One data set of LeRobot that is written."""
+
+    folder: ExportFolder
+    """Where."""
+    export: Export
+    """What is in it."""
+    left_out: int
+    """Episodes that are not."""
+
+
 def export_lerobot(
     data: DataSet,
     out: Path,
     options: ExportOptions | None = None,
     *,
+    per_task: bool = False,
     workers: int = 1,
     progress: Progress = lambda _done, _total: None,
 ) -> Exported:
@@ -68,6 +83,7 @@ def export_lerobot(
         data: The data set.
         out: Folder of the export, new or holding the same export.
         options: What is exported.
+        per_task: Whether each task becomes a data set of its own, in a folder of its name in `out`.
         workers: Processes that render and encode side by side, which are started anew (`spawn`); 0
             does everything in this process.
         progress: Told about the progress in frames, at first and after every episode.
@@ -77,46 +93,43 @@ def export_lerobot(
 
     Raises:
         DataError: There is nothing to export, or a recording cannot be read or shown.
+        SeveralTasksError: Tasks whose object states differ are to be in one data set.
         OtherRunError: The folder holds something else.
         OutputError: Nothing can be written into the folder.
         UnknownNameError: A task has no episode in the data set.
     """
-    options = options or ExportOptions()
-    export, left_out = _plan(data, options)
-    folder = ExportFolder(out.absolute())
+    options, out = options or ExportOptions(), out.absolute()
     if out.resolve().is_relative_to(data.path.resolve()):
         raise DataError(f"{out} lies in the data set; export into a folder of its own.")
-    with locked(folder.path):
-        folder.begin(export)
-        missing = [
-            index
-            for index in range(len(export.episodes))
-            if not folder.is_finished(index, options.cameras)
-        ]
-        total = sum(episode.length for episode in export.episodes)
-        done = total - sum(export.episodes[index].length for index in missing)
-        progress(done, total)
-        if missing and options.cameras:
-            rendering.choose(processes=max(1, workers))
-        jobs = run_all(partial(_exporter, data.path, folder, export), missing, workers)
-        with closing(jobs) as finished:
-            for index in finished:
-                done += export.episodes[index].length
-                progress(done, total)
-        residual = finish(folder, export)
+    paths = data.episodes_of(options.tasks)
+    parts = {out: paths}
+    if per_task:
+        tasks = dict.fromkeys(path.parent.name for path in paths)
+        parts = {out / task: [p for p in paths if p.parent.name == task] for task in tasks}
+    plans = [_plan(data, part, folder, options) for folder, part in parts.items()]
+    with ExitStack() as locks:
+        for plan in plans:
+            locks.enter_context(locked(plan.folder.path))
+            plan.folder.begin(plan.export)
+        _export_all(data, plans, workers, progress)
+        residuals = [finish(plan.folder, plan.export) for plan in plans]
+    known = [residual for residual in residuals if residual is not None]
     return Exported(
-        episodes=len(export.episodes), frames=total, left_out=left_out, residual=residual
+        episodes=sum(len(plan.export.episodes) for plan in plans),
+        frames=sum(plan.export.frames for plan in plans),
+        left_out=sum(plan.left_out for plan in plans),
+        residual=sum(known, Residual()) if known else None,
     )
 
 
-def _plan(data: DataSet, options: ExportOptions) -> tuple[Export, int]:
-    """What to export, and how many episodes are left out; every recording is read to the end."""
-    paths = data.episodes_of(options.tasks)
-    episodes = []
+def _plan(data: DataSet, paths: Sequence[Path], out: Path, options: ExportOptions) -> _Plan:
+    """What to export; every recording is read to the end."""
+    episodes, tasks = [], set()
     for path in paths:
         recording = Recording.read(path)
         if _is_wanted(recording, options):
             _check(recording, options, path)
+            tasks.add(recording.info.task)
             episodes.append(
                 SourceEpisode(
                     file=path.relative_to(data.path).as_posix(),
@@ -126,14 +139,51 @@ def _plan(data: DataSet, options: ExportOptions) -> tuple[Export, int]:
                 )
             )
     if not episodes:
-        raise DataError(f"{data.path} holds no episode to export, of {len(paths)} that were read.")
+        where = ", ".join(dict.fromkeys(path.parent.name for path in paths))
+        raise DataError(
+            f"{data.path} holds no episode to export, of {len(paths)} that were read"
+            f"{f' ({where})' if where else ''}."
+        )
     export = Export(
         options=options,
         suite_version=SUITE_VERSION,
         versions=package_versions(),
         episodes=tuple(episodes),
+        object_state_names=_object_state_names(tasks) if options.object_state else (),
+        cameras=describe_cameras(),
     )
-    return export, len(paths) - len(episodes)
+    return _Plan(folder=ExportFolder(out), export=export, left_out=len(paths) - len(episodes))
+
+
+def _object_state_names(tasks: Collection[str]) -> tuple[str, ...]:
+    """What the numbers of the object state are in all of some tasks."""
+    names = {catalog.get(task).object_state.names for task in tasks}
+    if len(names) > 1:
+        raise SeveralTasksError(
+            f"The object states of {', '.join(sorted(tasks))} are other numbers each, which one "
+            "data set of LeRobot cannot hold; export each task into a folder of its own."
+        )
+    return names.pop()
+
+
+def _export_all(data: DataSet, plans: Sequence[_Plan], workers: int, progress: Progress) -> None:
+    """Export every episode that is missing in its folder."""
+    jobs = [
+        (number, index)
+        for number, plan in enumerate(plans)
+        for index in range(len(plan.export.episodes))
+        if not plan.folder.is_finished(index, plan.export.options.cameras)
+    ]
+    lengths = {job: plans[job[0]].export.episodes[job[1]].length for job in jobs}
+    total = sum(plan.export.frames for plan in plans)
+    done = total - sum(lengths.values())
+    progress(done, total)
+    if jobs and any(plan.export.options.cameras for plan in plans):
+        rendering.choose(processes=max(1, workers))
+    with closing(run_all(partial(_exporter, data.path, plans), jobs, workers)) as finished:
+        for job in finished:
+            done += lengths[job]
+            progress(done, total)
 
 
 def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
@@ -147,49 +197,61 @@ def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
     """Reject now what would stop the export later."""
     mode = action_mode(recording.info)
-    if options.action is ActionSource.GIVEN and mode not in (JOINT, CARTESIAN):
+    is_target = mode in (JOINT, CARTESIAN) or mode.name == options.action
+    if options.action_source is ActionSource.GIVEN and not is_target:
         raise DataError(
             f"{path}: actions of mode {mode.name!r} name no targets of joints or tools; export "
             f"{ActionSource.SENT.value!r} actions."
         )
+    if recording.info.is_real and options.object_state:
+        raise DataError(f"{path}: where the objects were on the real table is not known.")
 
 
-def _exporter(data: Path, folder: ExportFolder, export: Export) -> Callable[[int], int]:
-    """What exports one episode after the other, by index; it keeps the model of a task."""
-    options = export.options
+def _exporter(data: Path, plans: Sequence[_Plan]) -> Callable[[tuple[int, int]], tuple[int, int]]:
+    """What exports one episode after the other, by plan and index; it keeps the model of a task."""
+    options = plans[0].export.options
     source_of = lru_cache(maxsize=1)(
         partial(ImageSource, cameras=options.cameras, size=options.size, look=options.look)
     )
 
-    def export_one(index: int) -> int:
+    def export_one(job: tuple[int, int]) -> tuple[int, int]:
+        number, index = job
+        export, folder = plans[number].export, plans[number].folder
         episode = export.episodes[index]
         path = data / episode.file
         recording = Recording.read(path)
         if _hash_of(path) != episode.sha256:
             raise DataError(f"{path} has changed since the export began; begin it anew.")
-        actions, residual = joint_targets(recording, options.action)
+        actions, residual = labels_of(recording, options.action, options.action_source)
+        columns = _rows(recording, actions, export, index)
         counts = {camera: statistics.no_counts() for camera in options.cameras}
+        shown = range(_offset(options), _offset(options) + len(recording))
         if options.cameras:
             paths = {camera: folder.video(camera, index) for camera in options.cameras}
             source = source_of(recording.info.task)
-            frames = _frames(source, recording, _offset(options), counts)
-            write_videos(frames, paths)
-        columns = _rows(recording, actions, export, index)
-        arrays = [to_arrow(columns[name]) for name in COLUMNS]
-        write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=schema())))
+            write_videos(_frames(source, recording, shown, counts), paths)
+        if OBJECT_STATE in export.vectors:
+            source = source_of(recording.info.task)
+            columns[OBJECT_STATE] = np.array([source.objects(recording, row) for row in shown])
+        described = schema(export.vectors)
+        arrays = [to_arrow(columns[name]) for name in described.names]
+        write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=described)))
         noted = {camera: values.tolist() for camera, values in counts.items()}
         facts = EpisodeFacts(counts=noted, residual=residual)
         write(folder.facts(index), encode(facts, SCHEMA))
-        return index
+        return job
 
     return export_one
 
 
 def _frames(
-    source: ImageSource, recording: Recording, offset: int, counts: dict[str, statistics.Counts]
+    source: ImageSource,
+    recording: Recording,
+    rows: Iterable[int],
+    counts: dict[str, statistics.Counts],
 ) -> Iterator[dict[str, Image]]:
-    """Render the images of every row, and count their values."""
-    for row in range(offset, offset + len(recording)):
+    """Render the images of rows, and count their values."""
+    for row in rows:
         images = source.images(recording, row)
         for camera, image in images.items():
             statistics.count_values(counts[camera], image)

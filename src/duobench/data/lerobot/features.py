@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
 
-from duobench.envs.spaces import JOINT_NAMES
-from duobench.lerobot_keys import ACTION, DOMAIN, IMAGE_PREFIX, STATE
+from duobench.lerobot_keys import DOMAIN, IMAGE_PREFIX
 from duobench.types import CONTROL_HZ
 from duobench.video import AV1
 
 FPS = int(CONTROL_HZ)
-_VECTORS = (STATE, ACTION)
+Vectors = Mapping[str, Sequence[str]]
+"""Names of the numbers of each column that holds several in a row, by the name of the column."""
 _SCALARS = {
     "next.reward": "float32",
     "next.done": "bool",
@@ -30,8 +30,11 @@ _SCALARS = {
 }
 """Columns of one number a row. Only names that begin with `observation` or `action` reach a
 policy, so that the others are free to add."""
-COLUMNS = (*_VECTORS, *_SCALARS)
-"""Names of all columns of the Parquet files."""
+
+
+def columns(vectors: Vectors) -> tuple[str, ...]:
+    """Names of all columns of the Parquet files, in order."""
+    return *vectors, *_SCALARS
 
 
 def image_key(camera: str) -> str:
@@ -39,16 +42,19 @@ def image_key(camera: str) -> str:
     return f"{IMAGE_PREFIX}{camera}"
 
 
-def describe(cameras: Sequence[str], size: tuple[int, int]) -> dict[str, dict[str, Any]]:
+def describe(
+    vectors: Vectors, cameras: Sequence[str], size: tuple[int, int]
+) -> dict[str, dict[str, Any]]:
     """All features, as `meta/info.json` lists them.
 
     Args:
+        vectors: Columns of several numbers a row.
         cameras: Cameras whose images are in the data set.
         size: Height and width of their images in pixels.
     """
-    vectors = {
-        name: {"dtype": "float32", "shape": [len(JOINT_NAMES)], "names": list(JOINT_NAMES)}
-        for name in _VECTORS
+    numbers = {
+        column: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
+        for column, names in vectors.items()
     }
     images = {
         image_key(camera): {
@@ -62,7 +68,7 @@ def describe(cameras: Sequence[str], size: tuple[int, int]) -> dict[str, dict[st
     scalars = {
         name: {"dtype": dtype, "shape": [1], "names": None} for name, dtype in _SCALARS.items()
     }
-    return vectors | images | scalars
+    return numbers | images | scalars
 
 
 def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
@@ -89,17 +95,17 @@ def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
     }
 
 
-def schema() -> pa.Schema:
+def schema(vectors: Vectors) -> pa.Schema:
     """The Arrow schema of the Parquet files, with the types that Hugging Face reads."""
-    fields = [pa.field(name, pa.list_(pa.float32(), len(JOINT_NAMES))) for name in _VECTORS]
+    fields = [pa.field(name, pa.list_(pa.float32(), len(n))) for name, n in vectors.items()]
     fields += [pa.field(name, pa.from_numpy_dtype(dtype)) for name, dtype in _SCALARS.items()]
     types: dict[str, Any] = {
         name: {
             "feature": {"dtype": "float32", "_type": "Value"},
-            "length": len(JOINT_NAMES),
+            "length": len(names),
             "_type": "List",
         }
-        for name in _VECTORS
+        for name, names in vectors.items()
     }
     types |= {name: {"dtype": dtype, "_type": "Value"} for name, dtype in _SCALARS.items()}
     return pa.schema(fields, metadata={"huggingface": json.dumps({"info": {"features": types}})})

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import image_key
 from duobench.data.lerobot.options import ExportOptions
+from duobench.envs.action_labels import LABELS
+from duobench.envs.spaces import JOINT_NAMES
 from duobench.files import begin_or_continue, differences, read, remove_temporary
-from duobench.lerobot_keys import DOMAINS
+from duobench.lerobot_keys import ACTION, DOMAINS, OBJECT_STATE, STATE
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of `Export` and `EpisodeFacts`."""
 CHUNK_SIZE = 1000
 """Files in one folder; fixed by the format's default."""
@@ -45,13 +47,29 @@ class Export:
     """Versions of the packages that the images depend on."""
     episodes: tuple[SourceEpisode, ...]
     """What is exported, in the order of the export."""
+    object_state_names: tuple[str, ...] = ()
+    """What the numbers of the object state are; none where it is not exported."""
+    cameras: dict[str, Any] = field(default_factory=dict)
+    """Intrinsics and mounts of the cameras, by name."""
     domains: tuple[str, ...] = DOMAINS
     """What the numbers 0, 1 of the column `domain` stand for."""
+
+    @property
+    def vectors(self) -> dict[str, tuple[str, ...]]:
+        """What the numbers are of each column that holds several in a row."""
+        vectors = {STATE: JOINT_NAMES, ACTION: LABELS[self.options.action].names}
+        objects = {OBJECT_STATE: self.object_state_names} if self.object_state_names else {}
+        return vectors | objects
 
     @property
     def tasks(self) -> list[str]:
         """Each instruction once, in order of appearance: what LeRobot calls a task."""
         return list(dict.fromkeys(episode.instruction for episode in self.episodes))
+
+    @property
+    def frames(self) -> int:
+        """Rows of all episodes together."""
+        return self.first_row(len(self.episodes))
 
     def first_row(self, index: int) -> int:
         """Rows of the export before those of an episode."""

@@ -6,7 +6,7 @@ All of it is computed from the files of the episodes and from what was noted bes
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual
-from duobench.data.lerobot.features import COLUMNS, FPS, describe, image_key
+from duobench.data.lerobot.features import FPS, columns, describe, image_key
 from duobench.data.lerobot.folder import CHUNK_SIZE, Export, ExportFolder, location
 from duobench.data.recording import to_bytes, to_numpy
 from duobench.errors import DataError
@@ -46,46 +46,48 @@ def finish(folder: ExportFolder, export: Export) -> Residual | None:
         OutputError: A file cannot be written.
     """
     cameras = export.options.cameras
-    columns: list[dict[str, NDArray[Any]]] = []
+    names = columns(export.vectors)
+    read: list[dict[str, NDArray[Any]]] = []
     counts = {camera: statistics.no_counts() for camera in cameras}
     residuals: list[Residual] = []
     episodes = []
     for index, source in enumerate(export.episodes):
         facts = folder.read_facts(index)
-        columns.append(_read(folder, index, source.length))
+        read.append(_read(folder, index, source.length, names))
         of_images = {camera: np.array(facts.counts[camera]) for camera in cameras}
         for camera, values in of_images.items():
             counts[camera] += values
         if facts.residual is not None:
             residuals.append(facts.residual)
-        episodes.append(_episode(export, index, _statistics(columns[-1], of_images)))
-    total = sum(source.length for source in export.episodes)
-    whole = {name: np.concatenate([each[name] for each in columns]) for name in COLUMNS}
+        episodes.append(_episode(export, index, _statistics(read[-1], of_images)))
+    whole = {name: np.concatenate([each[name] for each in read]) for name in names}
     write(folder.meta / "stats.json", _json(_statistics(whole, counts)))
     write(folder.meta / "tasks.parquet", to_bytes(_tasks(export.tasks)))
     table = pa.Table.from_pylist(episodes)
     write(folder.meta / "episodes/chunk-000/file-000.parquet", to_bytes(table))
-    write(folder.info, _json(_info(export, total)))
+    write(folder.info, _json(_info(export)))
     return sum(residuals, Residual()) if residuals else None
 
 
-def _read(folder: ExportFolder, index: int, length: int) -> dict[str, NDArray[Any]]:
+def _read(
+    folder: ExportFolder, index: int, length: int, names: Sequence[str]
+) -> dict[str, NDArray[Any]]:
     path = folder.data(index)
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
         raise DataError(f"Cannot read {path}: {error} Delete it and export again.") from error
-    if table.num_rows != length or table.column_names != list(COLUMNS):
+    if table.num_rows != length or table.column_names != list(names):
         raise DataError(f"{path} belongs to another export. Delete it and export again.")
-    return {name: to_numpy(table.column(name).combine_chunks()) for name in COLUMNS}
+    return {name: to_numpy(table.column(name).combine_chunks()) for name in names}
 
 
 def _statistics(
-    columns: Mapping[str, NDArray[Any]], counts: Mapping[str, statistics.Counts]
+    rows: Mapping[str, NDArray[Any]], counts: Mapping[str, statistics.Counts]
 ) -> _Statistics:
-    features = {name: statistics.of_rows(values) for name, values in columns.items()}
+    features = {name: statistics.of_rows(values) for name, values in rows.items()}
     for camera, values in counts.items():
-        features[image_key(camera)] = statistics.of_counts(values, len(columns["index"]))
+        features[image_key(camera)] = statistics.of_counts(values, len(rows["index"]))
     return {
         feature: {name: value.tolist() for name, value in numbers.items()}
         for feature, numbers in features.items()
@@ -140,15 +142,15 @@ def _tasks(instructions: list[str]) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {"pandas": json.dumps(pandas)}))
 
 
-def _info(export: Export, total: int) -> dict[str, Any]:
+def _info(export: Export) -> dict[str, Any]:
     episodes, options = len(export.episodes), export.options
     place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
     return {
         "codebase_version": FORMAT,
         "fps": FPS,
-        "features": describe(options.cameras, options.size),
+        "features": describe(export.vectors, options.cameras, options.size),
         "total_episodes": episodes,
-        "total_frames": total,
+        "total_frames": export.frames,
         "total_tasks": len(export.tasks),
         "chunks_size": CHUNK_SIZE,
         "data_files_size_in_mb": DATA_MB,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from duobench.envs.action_labels import LABELS
+from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import DataError, check_known
 from duobench.looks.catalog import DEFAULT, as_look
@@ -22,16 +24,17 @@ class Pairing(StrEnum):
 
 
 class ActionSource(StrEnum):
-    """Which of the recorded numbers become the 16 joint targets and openings of `action`."""
+    """Which of the recorded numbers become `action`."""
 
     INTENDED = "intended"
-    """What the actor wanted, where it acted in joint targets; else what was sent."""
+    """What the actor wanted, where it acted in joint targets or in the exported mode; else what was
+    sent."""
     SENT = "sent"
     """What the arms were really sent: clipped to limits, and with noise that an actor added to its
     own actions."""
     GIVEN = "given"
-    """What the actor wanted; tool poses are brought to joint targets by inverse kinematics that
-    starts at the observed joints of each row."""
+    """What the actor wanted; tool poses that are exported in another mode are brought to joint
+    targets by inverse kinematics that starts at the observed joints of each row."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,8 +51,14 @@ class ExportOptions:
     """How the images look: a name of `duobench.looks.catalog.look`."""
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action."""
-    action: ActionSource = ActionSource.INTENDED
-    """Which numbers the actions are."""
+    action: str = JOINT.name
+    """Name of the mode that the actions are meant for: "joint", "cartesian" or
+    "cartesian_relative"; `duobench.envs.action_labels` says which numbers they are."""
+    action_source: ActionSource = ActionSource.INTENDED
+    """Which of the recorded numbers they are made of."""
+    object_state: bool = False
+    """Whether the privileged numbers of the objects are exported too, read from the recorded
+    states."""
     only_successes: bool = False
     """Whether episodes that did not succeed are left out."""
 
@@ -57,6 +66,7 @@ class ExportOptions:
         """Reject invalid values."""
         for camera in self.cameras:
             check_known("camera", camera, POLICY_CAMERAS)
+        check_known("action mode of an export", self.action, LABELS)
         check_image_size(*self.size)
         as_look(self.look)
         if any(pixels % 2 for pixels in self.size):

@@ -23,6 +23,9 @@ class Address:
     """What the model runs on, as torch names it; None takes the best that is there."""
     dtype: str | None = None
     """Numbers of the weights, "float32" or "bfloat16"; None takes those of the checkpoint."""
+    action: str | None = None
+    """Mode that its actions are meant for, as an export names it; None takes what the names of its
+    data set say."""
 
 
 def parse(text: str) -> Address:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from duobench.errors import PolicyError
-from duobench.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
+from duobench.lerobot_keys import IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.types import FLAT_SIZE, POLICY_CAMERAS
 
 _EMPTY = f"{IMAGE_PREFIX}empty_camera_"
@@ -79,20 +79,24 @@ def horizon(config: Any) -> int:
 
 
 def _check_vectors(config: Any) -> None:
-    known = {STATE, *config.image_features}
+    known = {STATE, OBJECT_STATE, *config.image_features}
     if other := sorted(set(config.input_features or {}) - known):
         raise PolicyError(
-            f"The checkpoint also sees {', '.join(other)}; there are only {STATE} and images."
+            f"The checkpoint also sees {', '.join(other)}; there are only {STATE}, {OBJECT_STATE} "
+            "and images."
         )
-    for key, feature in ((STATE, config.robot_state_feature), (ACTION, config.action_feature)):
-        if feature is None and key == STATE:
-            continue
-        shape = None if feature is None else tuple(feature.shape)
-        if shape != (FLAT_SIZE,):
-            raise PolicyError(
-                f"The checkpoint's {key} has shape {shape}, this benchmark's ({FLAT_SIZE},): seven "
-                "joints and the gripper of the left arm, then of the right one."
-            )
+    state = config.robot_state_feature
+    if state is not None and tuple(state.shape) != (FLAT_SIZE,):
+        raise PolicyError(
+            f"The checkpoint's {STATE} has shape {tuple(state.shape)}, this benchmark's "
+            f"({FLAT_SIZE},): seven joints and the gripper of the left arm, then of the right one."
+        )
+
+
+def object_numbers(config: Any) -> int:
+    """How many numbers of objects a checkpoint sees; 0 where it sees none."""
+    feature = (config.input_features or {}).get(OBJECT_STATE)
+    return 0 if feature is None else int(feature.shape[0])
 
 
 def _camera_problem(key: str) -> str | None:

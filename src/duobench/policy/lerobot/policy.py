@@ -22,14 +22,16 @@ from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports
 )
 
 from duobench.errors import PolicyError
-from duobench.lerobot_keys import EXECUTED, IMAGE_PREFIX, STATE
+from duobench.lerobot_keys import EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.policy.batch import Chunk, Observation, Session
 from duobench.policy.lerobot import checkpoint
 from duobench.policy.lerobot.address import SCHEME, parse
-from duobench.policy.lerobot.features import DIFFUSION, horizon, inputs
+from duobench.policy.lerobot.features import DIFFUSION, horizon, inputs, object_numbers
+from duobench.policy.lerobot.labels import labels_of
 from duobench.policy.lerobot.noise import EpisodeNoise
 from duobench.policy.lerobot.weights import check_loaded
 from duobench.policy.policy import PolicyMetadata
+from duobench.tasks.object_state import ENVIRONMENT_STATE
 
 _RENAMING = "rename_observations_processor"
 _DTYPES = ("bfloat16", "float32")
@@ -69,6 +71,9 @@ class LeRobotPolicy:
         folder = checkpoint.find(address.checkpoint)
         device = _device(address.device)
         config = PreTrainedConfig.from_pretrained(folder)
+        action = config.action_feature
+        size = 0 if action is None else int(action.shape[0])
+        self._labels = labels_of(folder, size, address.action)
         longest = horizon(config)
         self._steps = _steps(address.steps, longest)
         self._past = config.n_obs_steps if config.type == DIFFUSION else None
@@ -95,11 +100,15 @@ class LeRobotPolicy:
             else nullcontext()
         )
         self._cameras, image_size = inputs(config, _rename_map(self._before))
+        self._object_numbers = object_numbers(config)
+        mode = self._labels.mode.name
         self.metadata = PolicyMetadata(
             name=f"{SCHEME} {config.type}",
             cameras=self._cameras,
+            object_state=self._object_numbers > 0,
             image_size=image_size,
-            version=_version(folder, self._steps, self._model, device, config.use_amp),
+            action_mode=mode,
+            version=_version(folder, self._steps, mode, self._model, device, config.use_amp),
             horizon=None if self._past is not None else self._steps,
             dtype=_dtype(self._model),
             device=torch.device(device).type,
@@ -120,7 +129,7 @@ class LeRobotPolicy:
             observations: As in `Policy.act`, one for each session.
 
         Returns:
-            One chunk (H, 16) for each.
+            One chunk (H, n) for each, in the action mode that the metadata name.
         """
         pairs = [
             (session, self._window(session, observation))
@@ -150,11 +159,13 @@ class LeRobotPolicy:
     def _predict(
         self, pending: Sequence[tuple[LeRobotSession, tuple[Observation, ...]]]
     ) -> list[Chunk]:
-        """One call of the model: the actions (steps, 16) that are executed of each chunk."""
+        """One call of the model: the actions (steps, n) that are executed of each chunk."""
         sessions, windows = zip(*pending, strict=True)
         batch: dict[str, Any] = {
             STATE: self._stacked(windows, lambda seen: np.asarray(seen["agent_pos"], np.float32))
         }
+        if self._object_numbers:
+            batch[OBJECT_STATE] = self._stacked(windows, self._objects)
         for camera in self._cameras:
             images = self._stacked(windows, lambda seen, name=camera: seen["pixels"][name])
             channels_first = images.movedim(-1, -3).contiguous().float()
@@ -164,7 +175,17 @@ class LeRobotPolicy:
         with torch.inference_mode(), self._precision, EpisodeNoise(keys):
             actions = self._model.predict_action_chunk(self._before(batch))
         actions = self._after(actions[:, : self._steps])
-        return list(actions.float().cpu().numpy())
+        return [self._labels.to_actions(rows) for rows in actions.float().cpu().numpy()]
+
+    def _objects(self, seen: Observation) -> Chunk:
+        """Where the objects are; tasks differ in how many numbers that is."""
+        numbers = np.asarray(seen[ENVIRONMENT_STATE], np.float32)
+        if len(numbers) != self._object_numbers:
+            raise PolicyError(
+                f"The checkpoint sees {self._object_numbers} numbers of objects, this task has "
+                f"{len(numbers)}: it learned another task."
+            )
+        return numbers
 
     def _stacked(self, windows: Sequence[tuple[Observation, ...]], value: Any) -> Any:
         """A tensor (B, ...), or (B, n, ...) for a model that sees n observations."""
@@ -226,12 +247,12 @@ def _dtype(model: Any) -> str:
     return "+".join(sorted({str(v.dtype).removeprefix("torch.") for v in model.parameters()}))
 
 
-def _version(folder: Path, steps: int, model: Any, device: str, amp: bool) -> str:
+def _version(folder: Path, steps: int, mode: str, model: Any, device: str, amp: bool) -> str:
     """What a run must not change: checkpoint, actions executed, numbers, device, libraries."""
     where = torch.device(device)
     card = f" ({torch.cuda.get_device_name(where)})" if where.type == "cuda" else ""
     return (
-        f"checkpoint {checkpoint.content_hash(folder)[:16]}, {steps} actions a chunk, "
+        f"checkpoint {checkpoint.content_hash(folder)[:16]}, {steps} {mode} actions a chunk, "
         f"{_dtype(model)}{' with autocast' if amp else ''} on {where.type}{card}, "
         f"lerobot {version('lerobot')}, torch {torch.__version__}"
     )
