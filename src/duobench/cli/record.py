@@ -22,6 +22,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     episodes: int = 50,
     workers: int = 1,
     split: Literal["train", "eval"] = "train",
+    instructions: Literal["fixed", "varied"] = "fixed",
     keep_failures: bool = False,
     act_timeout: float = 120.0,
     episode_timeout: float = 1800.0,
@@ -41,6 +42,8 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         workers: Processes that play side by side; the data set does not depend on it.
         split: Layouts to begin with. Those of eval are the ones that policies are evaluated on:
             whatever learns from them cannot be evaluated any more.
+        instructions: What the policy is told and the data set says: the task's own instruction, or
+            in each episode one that is sampled from it and ten paraphrases.
         keep_failures: Keep every episode, whether it succeeds or not.
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
         episode_timeout: Seconds that an episode may take.
@@ -64,6 +67,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             DataSet.open(out, how=f"duobench record --policy {name}"),
             episodes=episodes,
             split=split,
+            instructions=instructions,
             keep_failures=keep_failures,
             limits=TimeLimits(act_s=act_timeout, episode_s=episode_timeout),
             workers=workers,

@@ -13,7 +13,7 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.data.recording import Recording
-from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.config import FIXED, IMAGE_SIZE, EnvConfig
 from duobench.envs.make import make_env
 from duobench.envs.reset_options import LAYOUT
 from duobench.envs.sim_env import sim_of
@@ -198,6 +198,7 @@ _PLAIN = {
     "binary_gripper": False,
     "chunk": None,
     "horizon": sys.maxsize,
+    "instructions": FIXED,
     "cameras": (),
     "render_mode": None,
 }

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from duobench.data import DataSet, Recording
 from duobench.data.dataset import EPISODES, SUFFIX
+from duobench.envs.config import FIXED
 from duobench.errors import OtherRunError, TooFewSuccessesError
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.executor import executor_for
@@ -66,6 +67,7 @@ def record(  # noqa: PLR0913
     *,
     episodes: int = 50,
     split: str = TRAIN,
+    instructions: str = FIXED,
     keep_failures: bool = False,
     limits: TimeLimits | None = None,
     workers: int = 1,
@@ -81,6 +83,8 @@ def record(  # noqa: PLR0913
         episodes: How many successful episodes of each task.
         split: Layouts that the episodes begin with. Those of "eval" are what policies are evaluated
             on: what learns from them cannot be evaluated any more.
+        instructions: What the policy is told: the task's instruction ("fixed"), or in each episode
+            one that is sampled from it and the task's paraphrases ("varied").
         keep_failures: Keep every episode, and count it, whether it succeeds or not.
         limits: How long the policy may take.
         workers: Processes that play side by side; with 0 this process plays.
@@ -96,7 +100,7 @@ def record(  # noqa: PLR0913
         TooFewSuccessesError: If the policy hardly ever succeeds; what is finished is kept.
         PolicyError: If the policy cannot be made, or does not fit the environment.
     """
-    plan = RecordingPlan(split=split, keep_failures=keep_failures)
+    plan = RecordingPlan(split=split, keep_failures=keep_failures, instructions=instructions)
     job = Job(
         policy=PolicyChoice.parse(policy),
         suite=Suite(tasks=tuple(tasks), episodes=episodes),

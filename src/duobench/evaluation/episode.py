@@ -15,7 +15,7 @@ import numpy as np
 
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
-from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.config import FIXED, IMAGE_SIZE, EnvConfig
 from duobench.envs.registration import make
 from duobench.envs.sim_env import sim_of
 from duobench.errors import (
@@ -57,6 +57,8 @@ class RecordingPlan:
     """Layouts that the episodes begin with."""
     keep_failures: bool = False
     """Whether episodes are kept that did not succeed."""
+    instructions: str = FIXED
+    """What the policy is told; see `EnvConfig`."""
 
     def keeps(self, outcome: Outcome) -> bool:
         """Whether an episode that ended so is kept."""
@@ -176,6 +178,7 @@ class EpisodeRunner:
             action_mode=metadata.action_mode,
             control_rate_hz=metadata.control_rate_hz,
             image_size=metadata.image_size or IMAGE_SIZE,
+            instructions=job.recording.instructions if job.recording else FIXED,
             split=job.recording.split if job.recording else EVAL,
             look=job.suite.look,
         )
