@@ -10,5 +10,7 @@ DOMAINS = ("sim", "real")
 """What the numbers 0 and 1 of that column stand for, for mixed training."""
 LAST = "checkpoints/last/pretrained_model"
 """The last checkpoint, in the folder of a training."""
+STEP = "checkpoints/last/training_state/training_step.json"
+"""How many steps it was trained for."""
 EXECUTED = 30
 """Actions that are executed of each chunk [paper]."""
