@@ -17,6 +17,8 @@ DOMAINS = ("sim", "real")
 """What the numbers 0 and 1 of that column stand for, for mixed training."""
 LAST = "checkpoints/last/pretrained_model"
 """The last checkpoint, in the folder of a training."""
+STEP = "checkpoints/last/training_state/training_step.json"
+"""How many steps it was trained for."""
 FEATURE_NAMES = "duobench_names.json"
 """File beside a checkpoint that says what the numbers of its features are: names by feature.
 LeRobot keeps only how many there are."""

@@ -1,9 +1,9 @@
 """Everything that is sampled: named distributions, and generators that depend on nothing else.
 
 A layout's generator is a pure function of (task, suite version, split, seed); an episode's seed is
-a pure function of (task, suite version, split, episode index), and what a policy is seeded with in
-it of (task, suite version, split, seed). Hashing makes neighbouring numbers unrelated and keeps the
-result independent of the process, the platform and of what ran before.
+a pure function of (task, suite version, split, episode index), and what a policy is seeded with and
+told in it of (task, suite version, split, seed). Hashing makes neighbouring numbers unrelated and
+keeps the result independent of the process, the platform and of what ran before.
 """
 
 from __future__ import annotations
@@ -95,6 +95,21 @@ def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
         UnknownNameError: There is no such split.
     """
     return _digest(_word("policy", split), task_id, SUITE_VERSION, int(seed)) % 2**32
+
+
+def instruction_number(task_id: str, seed: int, count: int, split: str = EVAL) -> int:
+    """Which of several instructions the episode of a seed has, from 0 to `count` - 1.
+
+    Args:
+        task_id: Id of the task.
+        seed: Seed that sampled the layout.
+        count: How many instructions there are.
+        split: What the layout was sampled for.
+
+    Raises:
+        UnknownNameError: There is no such split.
+    """
+    return _digest(_word("instruction", split), task_id, SUITE_VERSION, int(seed)) % count
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from duobench.cli import main
-from duobench.data import DataSet, Recording
+from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.data.arrange import merge, split
+from duobench.data.chatter import Chatter
 from duobench.data.check import find_problems
 from duobench.data.page import write_page
 from duobench.data.summary import summarize
@@ -233,6 +234,7 @@ def test_summary_adds_up(original: DataSet) -> None:
     assert (task.horizon, task.frames) == (catalog.get(TASK).horizon, EPISODES * HORIZON)
     assert task.lengths == (HORIZON,) * EPISODES
     assert task.long_length == HORIZON
+    assert replace(task, lengths=(10, 20)).median_length == 15
     assert (task.repeated_layouts, task.eval_layouts) == (0, 0)
     assert len(task.stage_seconds) == catalog.get(TASK).max_stage + 1
     assert sum(task.stage_seconds) == pytest.approx(HORIZON / 30)
@@ -242,12 +244,47 @@ def test_summary_adds_up(original: DataSet) -> None:
     assert joint.low < joint.quantiles[0] <= joint.quantiles[-1] < joint.high
     assert joint.fastest == max(abs(each.joint_velocity[:, 10]).max() for each in recordings)
     assert joint.at_limit == 0.0
+    assert task.actors == ("program wave",)
+    assert task.chatter == Chatter(at_limit=0.0, reversals=0.0, jumps=0.0)
 
 
 def test_commands_at_a_limit_are_counted(data: DataSet) -> None:
     spoil(data, with_column("sent", 0, 1000.0))
     joints = summarize(data).joints
     assert {joint.at_limit for joint in joints} == {1 / (EPISODES * HORIZON)}
+
+
+@pytest.mark.parametrize(
+    ("steps", "reversals", "jumps"),
+    [
+        ([0.021, -0.021], 1, 0),  # their difference is no jump yet
+        ([0.021, -0.019], 0, 0),
+        ([0.03, -0.03, 0.03], 2, 2),
+        ([0.06, 0.06], 0, 2),  # where it starts and where it stops
+        ([0.049, 0.049], 0, 0),
+    ],
+)
+def test_chatter_of_labels_is_counted(
+    data: DataSet, steps: list[float], reversals: int, jumps: int
+) -> None:
+    def change(recording: Recording) -> Recording:
+        action = np.zeros_like(recording.action)
+        action[2 : 2 + len(steps), 3] = np.cumsum(steps)
+        action[2 + len(steps) :, 3] = sum(steps)
+        return replace(recording, action=action)
+
+    for path in data.episodes():
+        change(Recording.read(path)).write(path)
+    (task,) = summarize(data).tasks
+    assert task.chatter.reversals == reversals
+    assert task.chatter.jumps == pytest.approx(jumps / HORIZON)
+
+
+def test_experts_are_named_once(data: DataSet) -> None:
+    for path in data.episodes():
+        actor = Actor(kind=ActorKind.EXPERT, name="expert:human")
+        with_info(actor=actor)(Recording.read(path)).write(path)
+    assert summarize(data).tasks[0].actors == ("expert:human",)
 
 
 class Page(HTMLParser):

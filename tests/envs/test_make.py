@@ -118,6 +118,7 @@ def test_no_cameras_no_pixels(none: Any) -> None:
         ({"chunk": 2.5}, OptionError, "chunk"),
         ({"chunk": True}, OptionError, "chunk"),
         ({"horizon": -1}, OptionError, "horizon"),
+        ({"instructions": "varied."}, UnknownNameError, "kind of instructions.*'varied'"),
     ],
     ids=str,
 )

@@ -13,7 +13,9 @@ from duobench.data.stream import INTERRUPTED
 from duobench.errors import DataError, EvaluationError, OtherRunError, OutputError
 from duobench.evaluation.demonstrations import ATTEMPTS, record
 from duobench.files import locked
+from duobench.randomness import instruction_number
 from duobench.results.suite import find_tasks
+from duobench.tasks import catalog
 from tests.data.tools import room
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import children, is_running, wait_until
@@ -102,6 +104,18 @@ def test_failures_are_counted_and_left_out_unless_asked_for(tmp_path: Path) -> N
     assert not data.episodes()
 
 
+def test_instructions_vary_on_request(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path)
+    played(data, "hold", keep_failures=True, episodes=4, instructions="varied")
+    infos = [Recording.read_info(path) for path in data.episodes()]
+    words = catalog.get("bin_sort").instructions
+    numbers = [
+        instruction_number("bin_sort", info.seed or 0, len(words), "train") for info in infos
+    ]
+    assert len(set(numbers)) > 1
+    assert [info.instruction for info in infos] == [words[number] for number in numbers]
+
+
 def test_another_recording_is_refused_with_the_difference(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path)
     played(data, episodes=1)
@@ -109,6 +123,8 @@ def test_another_recording_is_refused_with_the_difference(tmp_path: Path) -> Non
         played(data, "hold")
     with pytest.raises(OtherRunError, match="split eval instead of train"):
         played(data, split="eval")
+    with pytest.raises(OtherRunError, match="instructions varied instead of fixed"):
+        played(data, instructions="varied")
     with locked(data.path), pytest.raises(OutputError, match="Another process is writing"):
         played(data)
 

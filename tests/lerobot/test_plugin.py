@@ -86,3 +86,8 @@ def test_lerobot_eval_finds_what_our_runner_finds(
     overall = found["overall"]
     assert overall["pc_success"] == pytest.approx(100 * summary["success_rate"])
     assert overall["avg_max_reward"] == pytest.approx(summary["mean_final_progress"])
+
+
+def test_actions_in_bfloat16_are_executed_too(checkpoint: Path, tmp_path: Path) -> None:
+    found = evaluate(checkpoint, tmp_path / "out", "--eval.batch_size=2", "--policy.use_amp=true")
+    assert len(found["per_task"][0]["metrics"]["successes"]) == EPISODES

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
+from itertools import product
 
 import gymnasium as gym
 import pytest
@@ -29,6 +31,10 @@ MAX_SETTLING, MAX_SETTLING_TURN = 0.001, 0.01
 """How far an object may move while it settles, in metres and radians."""
 MAX_DEPTH = 0.0005
 """Deepest contact after it, in metres."""
+PARAPHRASES, KEPT = 10, 3
+"""Paraphrases of a task's instruction, and those that are kept out of demonstrations."""
+MAX_COMMON = 0.4
+"""Share of words that one of these and one of those may have in common."""
 CONTAINERS = {"pour_marbles": {"left_cup", "right_cup"}, "ball_maze": {"board"}}
 """What an episode begins with something in; everything else stands on the table, by itself."""
 
@@ -72,13 +78,32 @@ def test_instructions_leave_no_variant_open(task: Task) -> None:
     for seed in range(60):
         layout = next(task.layouts(seed))
         assert layout.variants.keys() >= task.variants.keys()
-        texts = [task.instruct(layout), *task.subinstructions(layout).values()]
+        numbers = range(len(task.instructions))
+        texts = [task.instruct(layout, number) for number in numbers]
+        texts += task.subinstructions(layout).values()
         assert not any("{" in text or "}" in text for text in texts)
-        assert texts[0].endswith(".")
         for name, values in drawn.items():
             values.add(layout.variants[name])
     for name, choice in task.variants.items():
         assert drawn[name] == set(choice.options), f"60 seeds do not draw every {name}"
+
+
+def _words(text: str) -> set[str]:
+    return set(re.findall(r"\w+", text.lower()))
+
+
+def test_instructions_come_in_other_words_and_some_are_kept(task: Task) -> None:
+    varied, kept = task.instructions, task.kept_paraphrases
+    assert (len(varied), len(kept)) == (1 + PARAPHRASES, KEPT)
+    everything = [*varied, *kept]
+    assert len({tuple(re.findall(r"\w+", text.lower())) for text in everything}) == len(everything)
+    for text in everything:
+        assert set(re.findall("{.*?}", text)) == set(re.findall("{.*?}", task.instruction)), text
+        assert re.fullmatch(r"[A-Z][^.]*\.", text), "one sentence"
+        assert 5 <= len(text.split()) <= 40, text
+    for text, other in product(kept, varied):
+        common = len(_words(text) & _words(other)) / len(_words(text) | _words(other))
+        assert common < MAX_COMMON, f"{common:.2f}: {text} / {other}"
 
 
 def test_the_stages_name_every_object_and_a_misspelt_one_is_an_error(task: Task) -> None:

@@ -1,4 +1,5 @@
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -104,6 +105,86 @@ def test_names_of_numbers_are_written_beside_every_checkpoint(tmp_path: Path) ->
     planned.name_features()
     for folder in folders:
         assert labels_of(folder, 20).mode.name == "cartesian"
+
+
+LEROBOT_TRAIN = """#!{python}
+# Stands in for lerobot-train: notes its options, and leaves what it leaves, but for the weights.
+import json, sys
+from pathlib import Path
+options = dict(word[2:].split("=", 1) for word in sys.argv[1:])
+with Path(r"{log}").open("a") as log:
+    print(Path(options["output_dir"]).name, options["dataset.episodes"], file=log)
+if options["dataset.episodes"] == "{breaks}":
+    sys.exit(3)
+state = Path(options["output_dir"], "checkpoints/last/training_state/training_step.json")
+state.parent.mkdir(parents=True)
+state.write_text(json.dumps({{"step": int(options["steps"])}}))
+dataset = {{"root": options["dataset.root"], "episodes": json.loads(options["dataset.episodes"])}}
+config = state.parents[1] / "pretrained_model/train_config.json"
+config.parent.mkdir()
+config.write_text(json.dumps({{"policy": {{"type": "act"}}, "dataset": dataset}}))
+"""
+
+
+def test_each_task_has_a_training_of_its_own_and_what_is_finished_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, out, log = export(tmp_path / "data"), tmp_path / "out", tmp_path / "log"
+    program = tmp_path / "lerobot-train"
+    monkeypatch.setattr(training, "program", lambda: program)
+
+    def train(*more: str, breaks: str = "") -> list[str]:
+        program.write_text(LEROBOT_TRAIN.format(python=sys.executable, log=log, breaks=breaks))
+        program.chmod(0o755)
+        log.write_text("")
+        options = ["--data", str(data), "--out", str(out), "--tasks", "all", "--steps", "9"]
+        main(["train", "act", *options, *more])
+        return log.read_text().splitlines()
+
+    assert train("--print") == []
+    assert capsys.readouterr().out.count("lerobot-train ") == 2
+    with pytest.raises(SystemExit) as stopped:
+        train(breaks="[1]")
+    assert stopped.value.code == 3
+    assert log.read_text().splitlines() == ["bin_sort [0,2]", "ball_maze [1]"]
+    capsys.readouterr()
+    assert train() == ["ball_maze [1]"]
+    shown = capsys.readouterr().out
+    assert f"# Finished: {out}/bin_sort/checkpoints/last/pretrained_model" in shown
+    for task in ("bin_sort", "ball_maze"):
+        assert f"--tasks {task} --episodes 100 --out {out}/{task}/evaluation" in shown
+    assert train() == []
+    planned = training.plan_all("act", data, out, tasks=["ball_maze", "bin_sort"], steps=10)
+    assert [(each.folder.name, each.is_finished()) for each in planned] == [
+        ("ball_maze", False),
+        ("bin_sort", False),
+    ]
+    assert all(each.is_finished(["--steps=8"]) for each in planned)
+
+
+def test_an_export_of_a_data_set_for_each_task_is_trained_on_as_a_whole(tmp_path: Path) -> None:
+    data, out = tmp_path / "data", tmp_path / "out"
+    for task in ("bin_sort", "ball_maze"):
+        export(data / task, [task])
+    for wanted, folders in (
+        (["all"], ["ball_maze", "bin_sort"]),
+        ([], ["ball_maze", "bin_sort"]),
+        (["bin_sort"], ["bin_sort"]),
+    ):
+        planned = training.plan_all("act", data, out, tasks=wanted)
+        assert [each.folder for each in planned] == [out / folder for folder in folders]
+        assert [each.tasks for each in planned] == [(folder,) for folder in folders]
+    with pytest.raises(DataError, match="export without --per-task"):
+        training.plan_all("pi05", data, out)
+    with pytest.raises(UnknownNameError, match="Did you mean 'bin_sort'"):
+        training.plan_all("act", data, out, tasks=["bin_srot"])
+
+
+def test_all_tasks_are_one_training_for_a_policy_that_takes_an_instruction(tmp_path: Path) -> None:
+    (planned,) = training.plan_all(
+        "pi05", export(tmp_path / "data"), tmp_path / "out", tasks=["all"]
+    )
+    assert (planned.folder, planned.tasks) == (tmp_path / "out", ("bin_sort", "ball_maze"))
 
 
 def test_recordings_are_to_be_exported_first(tmp_path: Path) -> None:

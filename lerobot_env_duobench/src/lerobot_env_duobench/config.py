@@ -11,6 +11,7 @@ import gymnasium as gym
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
+from lerobot.processor import DeviceProcessorStep, PolicyProcessorPipeline
 
 from duobench.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
 from duobench.tasks import catalog
@@ -72,6 +73,15 @@ class DuoBenchEnv(EnvConfig):
             "render_size": tuple(self.render_size),
             "horizon": self.episode_length,
         }
+
+    def get_env_processors(self) -> tuple[PolicyProcessorPipeline, PolicyProcessorPipeline]:
+        """What happens to observations and actions between environment and policy.
+
+        Actions become float32. Those of a policy with `use_amp` are bfloat16, which NumPy, and with
+        it LeRobot's loop, does not know.
+        """
+        as_float32 = DeviceProcessorStep(device="cpu", float_dtype="float32")
+        return PolicyProcessorPipeline(steps=[]), PolicyProcessorPipeline(steps=[as_float32])
 
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False

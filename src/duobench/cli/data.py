@@ -14,7 +14,10 @@ from duobench.cli.doctor import load_engine
 from duobench.errors import DataError, DuoBenchError, NamesTakenError, OutputError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from duobench.data import DataSet
+    from duobench.data.summary import Summary
 
 
 def opened(folder: Path) -> DataSet:
@@ -61,7 +64,24 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
     table.add_row("All tasks", *map(str, whole), style="bold")
     screen = console()
     screen.print(table)
+    screen.print(_chatter(summary))
     screen.print(f"Page: {write_page(source, summary, images=images)}")
+
+
+def _chatter(summary: Summary) -> Table:
+    """What joint targets do that is hard to learn, task by task."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("Task", no_wrap=True)
+    for heading in ("Steps at a joint limit", "Reversals an episode", "Steps with a jump"):
+        table.add_column(heading, justify="right")
+    for task in summary.tasks:
+        found = task.chatter
+        shares = f"{found.at_limit:.1%}", f"{found.reversals:.1f}", f"{found.jumps:.1%}"
+        table.add_row(task.task, *shares)
+    return table
 
 
 def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:

@@ -22,6 +22,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     episodes: int = 50,
     workers: int = 1,
     split: Literal["train", "eval"] = "train",
+    instructions: Literal["fixed", "varied"] = "fixed",
     keep_failures: bool = False,
     after_success: float = 1.0,
     act_timeout: float = 120.0,
@@ -42,6 +43,8 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         workers: Processes that play side by side; the data set does not depend on it.
         split: Layouts to begin with. Those of eval are the ones that policies are evaluated on:
             whatever learns from them cannot be evaluated any more.
+        instructions: What the policy is told and the data set says: the task's own instruction, or
+            in each episode one that is sampled from it and ten paraphrases.
         keep_failures: Keep every episode, whether it succeeds or not.
         after_success: Seconds that a recording goes on after success, while the hands open and
             retreat; 0 ends it there.
@@ -67,6 +70,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             DataSet.open(out, how=f"duobench record --policy {name}"),
             episodes=episodes,
             split=split,
+            instructions=instructions,
             keep_failures=keep_failures,
             after_success=after_success,
             limits=TimeLimits(act_s=act_timeout, episode_s=episode_timeout),

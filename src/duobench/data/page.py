@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from duobench.data.chatter import JUMP, REVERSAL
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.replay import ImageSource
@@ -53,6 +54,8 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
         summary=summary,
         sheets=sheets,
         rate=CONTROL_HZ,
+        reversal=REVERSAL,
+        jump=JUMP,
     )
     write(page, text)
     return page

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.recording import Recording
-from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.config import FIXED, IMAGE_SIZE, EnvConfig
 from duobench.envs.execution import optional_method
 from duobench.envs.make import make_env
 from duobench.envs.reset_options import LAYOUT
@@ -221,6 +221,7 @@ _PLAIN = {
     "binary_gripper": False,
     "chunk": None,
     "horizon": sys.maxsize,
+    "instructions": FIXED,
     "cameras": (),
     "object_state": False,
     "render_mode": None,

@@ -8,19 +8,17 @@ from statistics import median
 
 import numpy as np
 
+from duobench.data.chatter import JOINTS, Chatter, at_limit, measure
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
+from duobench.data.schema import Actor
 from duobench.errors import DataError
 from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
-from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES
+from duobench.types import SIDES
 
 LONG = 0.99
 """Share of episodes that are at most as long as the length that is compared with the horizon."""
-AT_LIMIT = 1e-3
-"""A target this near to the end of its joint's range is at the limit, in radians."""
-_JOINTS = [place for place in range(FLAT_SIZE) if place not in OPENING_SLOTS]
-"""Places of the joints among the 16 numbers of a command."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,6 +53,8 @@ class TaskSummary:
     """Episodes whose layout an earlier one has too."""
     eval_layouts: int
     """Episodes with a layout of the evaluation's split."""
+    chatter: Chatter
+    """What their joint targets do that is hard to learn."""
 
     @property
     def median_length(self) -> float:
@@ -156,11 +156,10 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         frames=sum(map(len, recordings)),
         lengths=tuple(sorted(map(_steps, recordings))),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
-        actors=tuple(
-            dict.fromkeys(f"{info.actor.kind} {info.actor.name}".strip() for info in infos)
-        ),
+        actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
         repeated_layouts=len(infos) - len({repr(info.layout) for info in infos}),
         eval_layouts=sum(info.split == "eval" for info in infos),
+        chatter=measure(recordings),
     )
 
 
@@ -169,14 +168,20 @@ def _steps(recording: Recording) -> int:
     return len(recording) if recording.success_step is None else recording.success_step
 
 
+def _who(actor: Actor) -> str:
+    """An actor in words: its kind and name, where the name does not say its kind already."""
+    says_kind = actor.name.partition(":")[0] == actor.kind
+    return actor.name if says_kind else f"{actor.kind} {actor.name}".strip()
+
+
 def _summarize_joints(
     names: Sequence[str], commands: np.ndarray, fastest: np.ndarray
 ) -> Iterator[JointSummary]:
     ranges = np.tile(JOINT_RANGES, (len(SIDES), 1))
     limits = np.tile(VELOCITY_LIMITS, len(SIDES))
-    for joint, place in enumerate(_JOINTS):
+    shares = at_limit(commands[:, JOINTS]).mean(axis=0)
+    for joint, place in enumerate(JOINTS):
         (low, high), targets = ranges[joint], commands[:, place]
-        at_limit = (targets < low + AT_LIMIT) | (targets > high - AT_LIMIT)
         quantiles = np.quantile(targets, [0.0, 0.01, 0.5, 0.99, 1.0]).tolist()
         yield JointSummary(
             name=names[place],
@@ -185,5 +190,5 @@ def _summarize_joints(
             quantiles=tuple(quantiles),
             fastest=float(fastest[joint]),
             speed_limit=float(limits[joint]),
-            at_limit=float(at_limit.mean()),
+            at_limit=float(shares[joint]),
         )

@@ -16,6 +16,8 @@ from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 RENDER_MODES = ("rgb_array",)
+FIXED, VARIED = "fixed", "varied"
+INSTRUCTIONS = (FIXED, VARIED)
 IMAGE_SIZE = (224, 224)
 """Default height and width of an image in an observation, in pixels."""
 RENDER_SIZE = (480, 640)
@@ -43,6 +45,9 @@ class EnvConfig:
     """Actions in one step, as an array (chunk, n); None takes single actions (n,)."""
     horizon: int | None = None
     """Control steps after which an episode is truncated; None takes the task's."""
+    instructions: str = FIXED
+    """What policies are told: the task's instruction ("fixed"), or in each episode one that is
+    sampled from it and the task's paraphrases ("varied")."""
     split: str = EVAL
     """Layouts that resets sample from: "eval", or "train" for demonstrations."""
     control_rate_hz: float = CONTROL_HZ
@@ -58,6 +63,7 @@ class EnvConfig:
         """Reject invalid values."""
         action_modes.get(self.action_mode)
         check_known("split", self.split, SPLITS)
+        check_known("kind of instructions", self.instructions, INSTRUCTIONS)
         if self.render_mode is not None:
             check_known("render mode", self.render_mode, RENDER_MODES)
         for name in _FLAGS:

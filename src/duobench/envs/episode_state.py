@@ -46,6 +46,8 @@ class EpisodeState:
     """How the episode began; its variants decide what the model looks like."""
     physics: Array
     """Full state of the simulation (n,)."""
+    instruction: str | None = None
+    """What the policy is told; None is the task's own. No part of the hash: nothing moves by it."""
     progress: ProgressState | None = None
     """Stage, and what its constraints remember."""
     steps: int | None = None
@@ -70,7 +72,7 @@ class EpisodeState:
 
     @property
     def hash(self) -> str:
-        """SHA-256 over all of it; equal states, equal hashes."""
+        """SHA-256 over all of it but the instruction; equal states, equal hashes."""
         digest = hashlib.sha256(self.physics.tobytes())
         targets = [(side, pose.tquat.tolist()) for side, pose in self.tool_targets or ()]
         progress = None if self.progress is None else asdict(self.progress)

@@ -12,7 +12,7 @@ from typing import Any
 import gymnasium as gym
 
 from duobench.envs import action_modes
-from duobench.envs.config import EnvConfig
+from duobench.envs.config import VARIED, EnvConfig
 from duobench.envs.ids import WRAPPERS
 from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.envs.wrappers.action_chunks import ActionChunks
@@ -85,7 +85,10 @@ def with_wrappers(env: gym.Env) -> gym.Env:
 
 
 def _stack(env: gym.Env, config: EnvConfig, horizon: int | None) -> DuoWrapper:
-    stack: DuoWrapper = TaskStages(RandomizedReset(env, config.split))
+    is_varied = config.instructions == VARIED
+    stack: DuoWrapper = TaskStages(
+        RandomizedReset(env, config.split, varied_instructions=is_varied)
+    )
     if horizon is not None:
         stack = TimeLimit(stack, horizon)
     for path in action_modes.get(config.action_mode).wrappers:

@@ -7,10 +7,11 @@ from difflib import get_close_matches
 from typing import Any
 
 from duobench.checks import whole
-from duobench.errors import OptionError, check_known
+from duobench.errors import OptionError, check_known, escaped
 
 LAYOUT, LAYOUT_SEED, SPLIT, LOOK = "layout", "layout_seed", "split", "look"
-OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK)
+INSTRUCTION = "instruction"
+OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK, INSTRUCTION)
 """Options of a reset in simulation; see `SimEnv`."""
 
 
@@ -47,3 +48,26 @@ def checked_reset_options(options: Any, known: Collection[str] | None = None) ->
             if get_close_matches(name, known):
                 check_known("option of a reset", name, known)
     return dict(options or {})
+
+
+def checked_instruction(value: Any, count: int) -> int | str:
+    """The instruction of an episode: text as it is told, or the number of one of the task's.
+
+    Args:
+        value: What was given; None takes the task's own, number 0.
+        count: How many instructions the task has, paraphrases included.
+
+    Raises:
+        OptionError: It is neither text that can be printed nor one of the numbers.
+    """
+    if isinstance(value, str):
+        if value.strip() and value == escaped(value):
+            return value
+        raise OptionError(f"An instruction is text that can be printed, got {value!a}.")
+    number = 0 if value is None else whole(value)
+    if number is None or not 0 <= number < count:
+        raise OptionError(
+            f"An instruction is text, or a number from 0 to {count - 1}: the task's own and its "
+            f"paraphrases; got {value!r}."
+        )
+    return number

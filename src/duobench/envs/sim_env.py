@@ -13,11 +13,13 @@ from duobench.envs.config import RENDER_SIZE
 from duobench.envs.duo_env import DuoEnv, Info, ResetNeededError, Start, base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.reset_options import (
+    INSTRUCTION,
     LAYOUT,
     LAYOUT_SEED,
     LOOK,
     OF_SIMULATION,
     SPLIT,
+    checked_instruction,
     checked_reset_options,
     checked_seed,
 )
@@ -44,11 +46,12 @@ class SimEnv(DuoEnv):
 
     The options of a reset: `layout` is the layout, as a `Layout` or as its JSON form; without it,
     `layout_seed` samples one from the task's `split`, "eval" or "train". `look` is the look of this
-    episode, a name, a `Look` or its JSON form; without it, the environment's. Info also holds
-    `layout` (JSON form). A reset raises a LayoutError for a layout that is incomplete, overlapping
-    or out of reach, an UnknownNameError where there is no such option, split or look, and an
-    OptionError for a look or a seed that is none. Observation and info are taken after everything
-    has come to rest.
+    episode, a name, a `Look` or its JSON form; without it, the environment's. `instruction` is what
+    a policy is told, as text, or as the number of one of the task's `instructions`; without it, the
+    task's own. Info also holds `layout` (JSON form). A reset raises a LayoutError for a layout that
+    is incomplete, overlapping or out of reach, an UnknownNameError where there is no such option,
+    split or look, and an OptionError for a look, a seed or an instruction that is none. Observation
+    and info are taken after everything has come to rest.
     """
 
     def __init__(
@@ -112,13 +115,15 @@ class SimEnv(DuoEnv):
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
         options = checked_reset_options(options, OF_SIMULATION)
+        words = checked_instruction(options.get(INSTRUCTION), len(self.definition.instructions))
         self._arms.home()
         look = options.get(LOOK)
         self._arms.set_look(self._usual_look if look is None else as_look(look))
         tried: list[Mapping[str, Any]] = []
         candidates = self._candidates(options, tried)
         self._layout = placement.first_valid(self.simulation, candidates, self.task)
-        self._instruction = self._instruct(self._layout)
+        own = self._instruct(self._layout, words if isinstance(words, int) else 0)
+        self._instruction = words if isinstance(words, str) else own
         self.simulation.settle()
         return {LAYOUT: _as_floats(tried[-1])}
 
@@ -143,8 +148,8 @@ class SimEnv(DuoEnv):
             tried.append(sampled.to_json())
             yield Layout.from_json(tried[-1])
 
-    def _instruct(self, layout: Layout) -> str:
-        """The instruction for a layout, whose variants must be complete."""
+    def _instruct(self, layout: Layout, number: int = 0) -> str:
+        """One of the task's instructions for a layout, whose variants must be complete."""
         for name, choice in self.definition.variants.items():
             value = layout.variants.get(name)
             if value not in choice.options:
@@ -154,7 +159,7 @@ class SimEnv(DuoEnv):
                 )
         try:
             self.definition.subinstructions(layout)
-            return self.definition.instruct(layout)
+            return self.definition.instruct(layout, number)
         except UnknownNameError as error:
             raise LayoutError(f"The layout lacks a variant. {error}") from error
 
@@ -166,7 +171,11 @@ class SimEnv(DuoEnv):
         Raises:
             ResetNeededError: There was no reset yet.
         """
-        return EpisodeState(layout=self.layout, physics=self.simulation.get_state())
+        return EpisodeState(
+            layout=self.layout,
+            physics=self.simulation.get_state(),
+            instruction=self._instruction,
+        )
 
     def state_hash(self) -> str:
         """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
@@ -183,7 +192,8 @@ class SimEnv(DuoEnv):
             SimulationError: The state was saved by another task or version.
         """
         self._running = False
-        instruction = self._instruct(state.layout)
+        own = self._instruct(state.layout)
+        instruction = own if state.instruction is None else state.instruction
         self.simulation.apply(state.layout)
         self._arms.home()
         self.simulation.set_state(state.physics)
@@ -222,7 +232,8 @@ class SimJudge(Progress):
         """
         task = env.definition
         sampled = next(task.layouts(0))
-        task.instruct(sampled)
+        for number in range(len(task.instructions)):
+            task.instruct(sampled, number)
         task.subinstructions(sampled)
         options = {name: choice.options for name, choice in task.variants.items()}
         check_names(task.stages, env.simulation, sampled.variants, options)

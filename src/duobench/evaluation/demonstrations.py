@@ -14,6 +14,7 @@ from pathlib import Path
 from duobench.data import DataSet, Recording
 from duobench.data.after_success import AFTER_SUCCESS_S, steps_after_success
 from duobench.data.dataset import EPISODES, SUFFIX
+from duobench.envs.config import FIXED
 from duobench.errors import OtherRunError, TooFewSuccessesError
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.executor import executor_for
@@ -68,6 +69,7 @@ def record(  # noqa: PLR0913
     *,
     episodes: int = 50,
     split: str = TRAIN,
+    instructions: str = FIXED,
     keep_failures: bool = False,
     after_success: float = AFTER_SUCCESS_S,
     limits: TimeLimits | None = None,
@@ -84,6 +86,8 @@ def record(  # noqa: PLR0913
         episodes: How many successful episodes of each task.
         split: Layouts that the episodes begin with. Those of "eval" are what policies are evaluated
             on: what learns from them cannot be evaluated any more.
+        instructions: What the policy is told: the task's instruction ("fixed"), or in each episode
+            one that is sampled from it and the task's paraphrases ("varied").
         keep_failures: Keep every episode, and count it, whether it succeeds or not.
         after_success: Seconds that a recording goes on after success, rounded to control steps; 0
             ends it there.
@@ -106,6 +110,7 @@ def record(  # noqa: PLR0913
         split=split,
         keep_failures=keep_failures,
         after_success=steps_after_success(after_success) / CONTROL_HZ,
+        instructions=instructions,
     )
     job = Job(
         policy=PolicyChoice.parse(policy),

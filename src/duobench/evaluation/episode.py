@@ -15,7 +15,7 @@ import numpy as np
 
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
-from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.config import FIXED, IMAGE_SIZE, EnvConfig
 from duobench.envs.registration import make
 from duobench.envs.sim_env import sim_of
 from duobench.errors import (
@@ -59,6 +59,8 @@ class RecordingPlan:
     """Whether episodes are kept that did not succeed."""
     after_success: float = 0.0
     """Seconds that a recording goes on after success, a whole number of control steps."""
+    instructions: str = FIXED
+    """What the policy is told; see `EnvConfig`."""
 
     def keeps(self, outcome: Outcome) -> bool:
         """Whether an episode that ended so is kept."""
@@ -180,6 +182,7 @@ class EpisodeRunner:
             action_mode=metadata.action_mode,
             control_rate_hz=metadata.control_rate_hz,
             image_size=metadata.image_size or IMAGE_SIZE,
+            instructions=job.recording.instructions if job.recording else FIXED,
             split=job.recording.split if job.recording else EVAL,
             look=job.suite.look,
         )

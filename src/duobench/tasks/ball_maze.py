@@ -47,6 +47,7 @@ from duobench.stages.progress import Stage
 from duobench.stages.rolling import inside_chosen, rolling
 from duobench.tasks.object_numbers import maze_of
 from duobench.tasks.object_state import pose, position, velocity
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES
 
@@ -85,6 +86,8 @@ TASK = Task(
     title="Ball-Maze",
     category=Category.BIMANUAL_MANIPULATION,
     instruction="Lift the board with both arms and tilt it until the ball is in the red corner.",
+    paraphrases=paraphrases("ball_maze"),
+    kept_paraphrases=kept_paraphrases("ball_maze"),
     horizon=350,
     props=(
         Prop(name="board", solid=board, choice="board", variants=wall_variants),

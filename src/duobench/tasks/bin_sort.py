@@ -24,6 +24,7 @@ from duobench.stages.placing import placed
 from duobench.stages.predicates import lifted_by_any, released
 from duobench.stages.progress import Stage
 from duobench.stages.vessels import Vessel
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 
 COLOURS = ("white", "black")
@@ -61,6 +62,8 @@ TASK = Task(
     title="Bin-Sort",
     category=Category.PARALLEL_EXECUTION,
     instruction="Put the white cube into the white bowl and the black cube into the black bowl.",
+    paraphrases=paraphrases("bin_sort"),
+    kept_paraphrases=kept_paraphrases("bin_sort"),
     horizon=216,
     props=(
         Prop(name="white_cube", solid=lambda: cube(WHITE)),

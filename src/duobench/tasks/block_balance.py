@@ -25,6 +25,7 @@ from duobench.stages.coordination import brought
 from duobench.stages.logic import all_of, any_of, since
 from duobench.stages.placing import left_alone, low_over, placed, put
 from duobench.stages.progress import Stage
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 
 CUBE_EDGE = 0.040
@@ -80,6 +81,8 @@ TASK = Task(
     instruction="Put the beam across the red cube, grasp one block with each arm, stand both "
     "blocks on the ends of the beam at the same time, and let go, so that everything stays "
     "balanced.",
+    paraphrases=paraphrases("block_balance"),
+    kept_paraphrases=kept_paraphrases("block_balance"),
     horizon=766,
     props=(
         Prop(name="cube", solid=lambda: block(CUBE_EDGE, CUBE_EDGE, CUBE_EDGE, RED)),

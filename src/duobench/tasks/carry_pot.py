@@ -31,6 +31,7 @@ from duobench.stages.predicates import (
     upright,
 )
 from duobench.stages.progress import Stage
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES
 
@@ -69,6 +70,8 @@ TASK = Task(
         "Lift the pot by both handles, one with each arm, carry it to the stove, put it down near "
         "the middle of the stove, and let go of it."
     ),
+    paraphrases=paraphrases("carry_pot"),
+    kept_paraphrases=kept_paraphrases("carry_pot"),
     horizon=450,
     props=(pot("pot"), Prop(name="stove", solid=stove_plate, fixed=True)),
     placements={

@@ -35,6 +35,7 @@ from duobench.stages.predicates import (
 )
 from duobench.stages.progress import Stage
 from duobench.stages.support import support
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 
 OPEN_ANGLE = 0.8
@@ -70,6 +71,8 @@ TASK = Task(
     instruction=(
         "Hold the lid of the chest open with one arm and put the black cube inside with the other."
     ),
+    paraphrases=paraphrases("hinge_chest"),
+    kept_paraphrases=kept_paraphrases("hinge_chest"),
     horizon=441,
     props=(
         Prop(name="cube", solid=lambda: cube(BLACK)),

@@ -26,6 +26,7 @@ from duobench.stages.logic import all_of, any_of
 from duobench.stages.placing import placed, put
 from duobench.stages.predicates import grasped_apart, off_table, released, still
 from duobench.stages.progress import Stage
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 
 DEPTH = 0.010
@@ -66,6 +67,8 @@ TASK = Task(
         "Plug the light block into the dark block in the air while each arm holds one of them, "
         "then push both onto the peg on the wall and let go."
     ),
+    paraphrases=paraphrases("join_blocks"),
+    kept_paraphrases=kept_paraphrases("join_blocks"),
     horizon=829,
     props=(
         Prop(name="light_block", solid=lambda: bars.light_bar(LIGHT)),

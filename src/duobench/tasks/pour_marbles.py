@@ -29,6 +29,7 @@ from duobench.stages.progress import Stage
 from duobench.stages.vessels import stands_upright
 from duobench.tasks.object_numbers import heap
 from duobench.tasks.object_state import chosen, pose
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES, Side
 
@@ -74,6 +75,8 @@ TASK = Task(
     category=Category.ASYMMETRIC_SUPPORT,
     instruction="Lift each cup with the arm on its side, pour all marbles from the {full} cup into "
     "the {empty} cup while both are in the air, and put both cups upright on their green squares.",
+    paraphrases=paraphrases("pour_marbles"),
+    kept_paraphrases=kept_paraphrases("pour_marbles"),
     horizon=442,
     props=(
         *(Prop(name=name, solid=lambda: cups.cup(LIGHT)) for name in CUPS.values()),

@@ -38,6 +38,7 @@ from duobench.stages.predicates import (
 )
 from duobench.stages.progress import Stage
 from duobench.stages.support import support
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 
 OPEN_ANGLE = 0.8
@@ -73,6 +74,8 @@ TASK = Task(
         "Hold the door of the microwave open with one arm and put the white cube inside with the "
         "other."
     ),
+    paraphrases=paraphrases("spring_door"),
+    kept_paraphrases=kept_paraphrases("spring_door"),
     horizon=807,
     props=(
         Prop(name="cube", solid=lambda: cube(WHITE)),

@@ -66,6 +66,10 @@ class Task:
     """Kind of coordination."""
     instruction: str
     """What a policy is to do; `{name}` stands for a variant of the layout."""
+    paraphrases: tuple[str, ...] = ()
+    """The instruction in other words, for demonstrations whose instructions vary."""
+    kept_paraphrases: tuple[str, ...] = ()
+    """Words that no demonstration has, to ask whether a policy understands new ones."""
     horizon: int
     """Control steps after which an episode is cut off."""
     props: tuple[Prop, ...]
@@ -94,7 +98,8 @@ class Task:
     def __post_init__(self) -> None:
         """Reject texts that cannot be printed, unknown props, and a task without stages."""
         stages = [text for stage in self.stages for text in (stage.name, stage.instruction)]
-        for text in (self.id, self.title, self.instruction, *stages):
+        words = (*self.instructions, *self.kept_paraphrases)
+        for text in (self.id, self.title, *words, *stages):
             if text != escaped(text):
                 raise DuoBenchError(f"The texts of task {self.id!a} are printable, got {text!a}.")
         names = [prop.name for prop in self.props]
@@ -107,6 +112,11 @@ class Task:
     def max_stage(self) -> int:
         """Number of the last stage."""
         return len(self.stages)
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """The instruction, which is number 0, and its paraphrases."""
+        return (self.instruction, *self.paraphrases)
 
     @property
     def object_state(self) -> ObjectState:
@@ -159,13 +169,17 @@ class Task:
             "Give each prop one, or have `arrange` add its pose."
         )
 
-    def instruct(self, layout: Layout) -> str:
+    def instruct(self, layout: Layout, number: int = 0) -> str:
         """The instruction for a layout.
+
+        Args:
+            layout: How the episode begins.
+            number: Which of `instructions`.
 
         Raises:
             UnknownNameError: It names a variant that the layout lacks.
         """
-        return _filled(self.instruction, layout)
+        return _filled(self.instructions[number], layout)
 
     def subinstructions(self, layout: Layout) -> dict[int, str]:
         """What to do at each stage 0 to n-1 to reach the next one.

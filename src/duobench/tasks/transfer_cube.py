@@ -34,6 +34,7 @@ from duobench.stages.predicates import (
 )
 from duobench.stages.progress import Stage
 from duobench.stages.vessels import Vessel, stands_upright
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 
 CUBE, BOWL = "cube", "bowl"
@@ -50,6 +51,8 @@ TASK = Task(
     title="Transfer-Cube",
     category=Category.SEQUENTIAL_HANDOFF,
     instruction="Pick up the white block, hand it to the other arm and put it into the bowl.",
+    paraphrases=paraphrases("transfer_cube"),
+    kept_paraphrases=kept_paraphrases("transfer_cube"),
     horizon=441,
     props=(
         Prop(name=CUBE, solid=lambda: long_block(WHITE)),

@@ -33,6 +33,7 @@ from duobench.stages.passage import Hole, passage
 from duobench.stages.placing import low_over, placed
 from duobench.stages.predicates import BoxRegion, inside, lifted_by_any, released, rests_on
 from duobench.stages.progress import Stage
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 
 BLOCK, GATE, MAT = "block", "gate", "mat"
@@ -60,6 +61,8 @@ TASK = Task(
     category=Category.SEQUENTIAL_HANDOFF,
     instruction="Pick up the white block, hand it to the other arm through the ring and put it "
     "down on the green mat.",
+    paraphrases=paraphrases("transfer_gate"),
+    kept_paraphrases=kept_paraphrases("transfer_gate"),
     horizon=523,
     props=(
         Prop(name=BLOCK, solid=lambda: long_block(WHITE)),

@@ -39,6 +39,7 @@ from duobench.stages.joining import engaged
 from duobench.stages.placing import placed
 from duobench.stages.predicates import lifted_by_any, released, still
 from duobench.stages.progress import Stage
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 
 PEG, BOARD = "peg", "board"
@@ -67,6 +68,8 @@ TASK = Task(
     title="Transfer-Reorient",
     category=Category.SEQUENTIAL_HANDOFF,
     instruction="Pick up the peg, hand it to the other arm and insert it into the hexagonal hole.",
+    paraphrases=paraphrases("transfer_reorient"),
+    kept_paraphrases=kept_paraphrases("transfer_reorient"),
     horizon=505,
     props=(
         Prop(name=PEG, solid=lambda: peg(BLUE)),

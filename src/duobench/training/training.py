@@ -8,18 +8,21 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
 from duobench.files import write
 from duobench.installing import install_extra
-from duobench.lerobot_keys import DOMAIN, FEATURE_NAMES, LAST
+from duobench.lerobot_keys import DOMAIN, FEATURE_NAMES, LAST, STEP
 from duobench.tasks import catalog
 from duobench.training.dataset import LearningData
 from duobench.training.recipes import RECIPES, SMALL, Recipe, Setting
 
 PROGRAM = "lerobot-train"
+ALL = "all"
+"""Stands for every task of a data set."""
 PLUGIN = "lerobot_env_duobench"
 """Distribution that lets the column `domain` reach X-VLA."""
 
@@ -30,8 +33,8 @@ class Training:
 
     settings: tuple[Setting, ...]
     """Options of `lerobot-train`, each with where its value comes from."""
-    checkpoint: Path
-    """Where the policy will be."""
+    folder: Path
+    """Folder of the training."""
     tasks: tuple[str, ...]
     """Ids of the tasks that it learns, as far as the data set says."""
     names: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -47,6 +50,20 @@ class Training:
         kept = [one.argument for one in self.settings if f"--{one.option}" not in replaced]
         return [PROGRAM, *kept, *more]
 
+    @property
+    def checkpoint(self) -> Path:
+        """Where the policy will be."""
+        return self.folder / LAST
+
+    def is_finished(self, more: Sequence[str] = ()) -> bool:
+        """Whether the last checkpoint has all steps that the command asks for."""
+        try:
+            done = json.loads((self.folder / STEP).read_bytes())["step"]
+            wanted = dict(word.split("=", 1) for word in self.command(more)[1:] if "=" in word)
+            return done >= int(wanted["--steps"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return False
+
     def name_features(self) -> None:
         """Write beside every checkpoint what its numbers are, which LeRobot does not keep.
 
@@ -56,6 +73,53 @@ class Training:
         text = json.dumps(self.names, indent=2) + "\n"
         for folder in self.checkpoint.parent.parent.glob(f"*/{self.checkpoint.name}"):
             write(folder / FEATURE_NAMES, text)
+
+
+def plan_all(
+    kind: str,
+    data: Path,
+    out: Path,
+    *,
+    tasks: Sequence[str] = (),
+    steps: int | None = None,
+    small: bool = False,
+) -> tuple[Training, ...]:
+    """Prepare one training, or one for each task where a policy learns one task.
+
+    Args:
+        kind: Name of a recipe.
+        data: Folder of a data set in LeRobot's format v3.0, or of one for each task.
+        out: Folder of the training; with several, that of their folders, which are named as their
+            tasks.
+        tasks: Ids of the tasks to learn, or `ALL`. A policy that takes no instruction learns each
+            in a training of its own, unless only one is named.
+        steps: Steps of the optimizer; None takes the recipe's.
+        small: Whether to take the recipe for a processor.
+
+    Raises:
+        UnknownNameError: There is no such recipe, or no such task in the data set.
+        DataError: The data set cannot be used.
+        OtherRunError: The folder of a training holds something else.
+    """
+    wanted = () if ALL in tasks else tuple(tasks)
+    data = data.absolute()
+    one = partial(plan, kind, steps=steps, small=small)
+    folders = {
+        path.parents[1].name: path.parents[1] for path in sorted(data.glob("*/meta/info.json"))
+    }
+    if folders:  # of an export with a data set for each task
+        if not _recipe(kind, small).one_task:
+            raise DataError(
+                f"{kind} learns several tasks from one data set, and {data} holds one for each "
+                "task: export without --per-task."
+            )
+        for task in wanted:
+            check_known(f"task in {data}", task, folders)
+        return tuple(one(folders[task], out / task) for task in wanted or folders)
+    if not _recipe(kind, small).one_task or (ALL not in tasks and len(set(tasks)) <= 1):
+        return (one(data, out, tasks=wanted),)
+    learned = _tasks(LearningData(data), wanted, needed=True)
+    return tuple(one(data, out / task, tasks=[task]) for task in learned)
 
 
 def plan(
@@ -82,10 +146,13 @@ def plan(
         DataError: The data set cannot be used.
         OtherRunError: The folder of the training holds something else.
     """
-    recipes = SMALL if small else RECIPES
-    check_known("small recipe" if small else "recipe", kind, recipes)
-    recipe, source = recipes[kind], LearningData(data.absolute())
-    learned = _tasks(recipe, kind, source, tasks)
+    recipe, source = _recipe(kind, small), LearningData(data.absolute())
+    learned = _tasks(source, tasks)
+    if recipe.one_task and len(learned) > 1:
+        raise DataError(
+            f"{kind} takes no instruction and learns one task; name one of: {', '.join(learned)}; "
+            f"or several, or {ALL}, for a training each."
+        )
     rows = None
     if tasks:
         rows = [row for row, task in enumerate(source.episodes() or []) if task in learned]
@@ -107,7 +174,7 @@ def plan(
             Setting("output_dir", str(out), "given"),
         ]
     settings.append(recipe.steps if steps is None else Setting("steps", str(steps), "given"))
-    return Training(settings=tuple(settings), checkpoint=last, tasks=learned, names=source.names)
+    return Training(settings=tuple(settings), folder=out, tasks=learned, names=source.names)
 
 
 def program() -> Path:
@@ -123,12 +190,17 @@ def program() -> Path:
     return Path(command)
 
 
-def _tasks(
-    recipe: Recipe, kind: str, source: LearningData, wanted: Sequence[str]
-) -> tuple[str, ...]:
+def _recipe(kind: str, small: bool) -> Recipe:
+    recipes = SMALL if small else RECIPES
+    check_known("small recipe" if small else "recipe", kind, recipes)
+    return recipes[kind]
+
+
+def _tasks(source: LearningData, wanted: Sequence[str], *, needed: bool = False) -> tuple[str, ...]:
+    """Ids of the wanted tasks, or of all; none if that is not known, and not needed."""
     episodes = source.episodes()
     if episodes is None:
-        if wanted:
+        if wanted or needed:
             raise DataError(
                 f"{source.path} does not say which episodes are of which task: meta/duobench.json "
                 "is missing. Train on all of it, or on an export of these tasks."
@@ -138,12 +210,7 @@ def _tasks(
     wanted = [catalog.plain(task) for task in wanted]
     for task in wanted:
         check_known(f"task in {source.path}", task, there)
-    learned = tuple(wanted) or there
-    if recipe.one_task and len(learned) != 1:
-        raise DataError(
-            f"{kind} takes no instruction and learns one task; name one of: {', '.join(there)}."
-        )
-    return learned
+    return tuple(dict.fromkeys(wanted)) or there
 
 
 def _data_settings(recipe: Recipe, source: LearningData, rows: list[int] | None) -> list[Setting]:

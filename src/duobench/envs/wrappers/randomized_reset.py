@@ -6,15 +6,17 @@ import gymnasium as gym
 
 from duobench.envs.duo_env import ResetOptions, Start, base_of
 from duobench.envs.reset_options import (
+    INSTRUCTION,
     LAYOUT,
     LAYOUT_SEED,
     OF_SIMULATION,
     SPLIT,
     checked_reset_options,
+    checked_seed,
 )
 from duobench.envs.wrappers.base import DuoWrapper
-from duobench.errors import check_known
-from duobench.randomness import EVAL, SPLITS
+from duobench.errors import OptionError, check_known
+from duobench.randomness import EVAL, SPLITS, instruction_number
 
 SEEDS = 2**32
 """A reset without a seed samples one below this number."""
@@ -25,20 +27,25 @@ class RandomizedReset(DuoWrapper):
 
     Without a seed the next one comes from the environment's own generator, so that a seeded reset
     decides all episodes after it. The options of `SimEnv` may give the seed of the layout, or the
-    layout itself.
+    layout itself, and the instruction, which is sampled by the seed too where it varies.
     """
 
-    def __init__(self, env: gym.Env, split: str = EVAL) -> None:
+    def __init__(
+        self, env: gym.Env, split: str = EVAL, *, varied_instructions: bool = False
+    ) -> None:
         """Wrap an environment.
 
         Args:
             env: A `SimEnv`, wrapped or not.
             split: Which layouts a reset samples from unless its options name a `split`: "eval", or
                 "train" for demonstrations.
+            varied_instructions: Whether an episode's instruction is sampled from the task's own and
+                its paraphrases. An episode whose layout is given, not sampled, has the task's own.
 
         Raises:
             TypeError: There is no simulation inside.
             UnknownNameError: There is no such split.
+            OptionError: The task has no paraphrases to sample from.
         """
         super().__init__(env)
         if not hasattr(base := base_of(env), "simulation"):
@@ -48,6 +55,12 @@ class RandomizedReset(DuoWrapper):
             )
         check_known("split", split, SPLITS)
         self._split = split
+        self._is_varied = varied_instructions
+        if varied_instructions and not self.base.definition.paraphrases:
+            raise OptionError(
+                f"Task {self.task!r} has no paraphrases, so its instructions cannot vary; give "
+                "them as `paraphrases` of the task."
+            )
 
     def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode.
@@ -66,8 +79,12 @@ class RandomizedReset(DuoWrapper):
             used = options.get(LAYOUT_SEED)
             if used is None:
                 used = self.np_random.integers(SEEDS) if seed is None else seed
-            options[LAYOUT_SEED] = used
+            options[LAYOUT_SEED] = checked_seed(used)
             split = options.setdefault(SPLIT, self._split)
+            if self._is_varied and options.get(INSTRUCTION) is None:
+                count = len(self.base.definition.instructions)
+                number = instruction_number(self.task, options[LAYOUT_SEED], count, split)
+                options[INSTRUCTION] = number
         observation, info = self.env.reset(seed=seed, options=options)
         info["seed"], info[SPLIT] = None if used is None else int(used), split
         return observation, info

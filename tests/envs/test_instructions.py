@@ -1,0 +1,62 @@
+"""What an episode's policy is told: the task's instruction, another one, or a sampled one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import pytest
+
+import duobench
+from duobench.errors import OptionError
+from duobench.sim.layout import Layout
+from duobench.tasks import catalog
+from tests.envs.tools import sim_of, wave
+
+TASK = catalog.get("pour_marbles")  # its instructions name variants
+SEEDS = range(12)
+
+
+def told(env: gym.Env, seed: int, **options: Any) -> str:
+    _, info = env.reset(seed=seed, options=options)
+    assert info["instruction"] == env.get_wrapper_attr("task_description")
+    return info["instruction"]
+
+
+def test_a_reset_may_choose_what_its_episode_is_about_and_a_state_keeps_it() -> None:
+    env = duobench.make(TASK, cameras=False)
+    own = told(env, 0)
+    before = sim_of(env).state_hash()
+    third = TASK.instruct(sim_of(env).layout, 3)
+    assert told(env, 0, instruction=3) == third != own
+    assert told(env, 0, instruction="Pour, {please}!") == "Pour, {please}!", "text is literal"
+    assert sim_of(env).state_hash() == before, "words move nothing"
+    state = env.get_wrapper_attr("save_state")()
+    assert told(env, 0) == own
+    _, info = env.get_wrapper_attr("restore_state")(state)
+    assert info["instruction"] == env.step(wave(0))[-1]["instruction"] == "Pour, {please}!"
+    _, info = env.get_wrapper_attr("restore_state")(replace(state, instruction=None))
+    assert info["instruction"] == own
+    env.close()
+
+
+def test_instructions_that_vary_are_sampled_by_the_seed() -> None:
+    env, fixed = (duobench.make(TASK, cameras=False, instructions=x) for x in ("varied", "fixed"))
+    texts = [told(env, seed) for seed in SEEDS]
+    assert len(set(texts)) > len(SEEDS) / 3
+    assert [told(env, seed) for seed in reversed(SEEDS)] == texts[::-1]
+    assert [told(env, seed, split="train") for seed in SEEDS] != texts
+    for seed, text in zip(SEEDS, texts, strict=True):
+        layout = Layout.from_json(fixed.reset(seed=seed)[1]["layout"])
+        assert text in {TASK.instruct(layout, number) for number in range(11)}
+    assert told(env, 3, instruction=0) == told(fixed, 3)
+    assert told(env, 3, layout=sim_of(fixed).layout) == told(fixed, 3), "no seed, nothing sampled"
+    env.close()
+    fixed.close()
+
+
+def test_a_task_without_paraphrases_has_none_to_vary() -> None:
+    plain = replace(TASK, paraphrases=())
+    with pytest.raises(OptionError, match=r"'pour_marbles' has no paraphrases.*`paraphrases`"):
+        duobench.make(plain, cameras=False, instructions="varied")
