@@ -6,7 +6,7 @@ import pytest
 
 from duobench.cli import main
 from duobench.envs.action_labels import POSE_LABELS
-from duobench.errors import DuoBenchError
+from duobench.errors import DataError, DuoBenchError, UnknownNameError
 from duobench.policy.lerobot.labels import labels_of
 from duobench.training import training
 from duobench.training.recipes import RECIPES, SMALL
@@ -165,7 +165,7 @@ def test_each_task_has_a_training_of_its_own_and_what_is_finished_stays(
 def test_an_export_of_a_data_set_for_each_task_is_trained_on_as_a_whole(tmp_path: Path) -> None:
     data, out = tmp_path / "data", tmp_path / "out"
     for task in ("bin_sort", "ball_maze"):
-        export(data / task, [task])
+        export(data / task, (task,))
     for wanted, folders in (
         (["all"], ["ball_maze", "bin_sort"]),
         ([], ["ball_maze", "bin_sort"]),
@@ -174,7 +174,7 @@ def test_an_export_of_a_data_set_for_each_task_is_trained_on_as_a_whole(tmp_path
         planned = training.plan_all("act", data, out, tasks=wanted)
         assert [each.folder for each in planned] == [out / folder for folder in folders]
         assert [each.tasks for each in planned] == [(folder,) for folder in folders]
-    with pytest.raises(DataError, match="export without --per-task"):
+    with pytest.raises(DataError, match="export all tasks into one"):
         training.plan_all("pi05", data, out)
     with pytest.raises(UnknownNameError, match="Did you mean 'bin_sort'"):
         training.plan_all("act", data, out, tasks=["bin_srot"])

@@ -111,7 +111,7 @@ def plan_all(
         if not _recipe(kind, small).one_task:
             raise DataError(
                 f"{kind} learns several tasks from one data set, and {data} holds one for each "
-                "task: export without --per-task."
+                "task: export all tasks into one."
             )
         for task in wanted:
             check_known(f"task in {data}", task, folders)
