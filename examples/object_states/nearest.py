@@ -1,0 +1,58 @@
+"""The smallest baseline: play the chunk that followed the most similar demonstrated state.
+
+    CHECKPOINT=exports/bin_sort duobench eval --policy nearest:Nearest --tasks bin_sort --out runs/nn
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from demonstrations import Demonstrations, Grippers, Rows, features, openings
+
+from duobench.envs.action_labels import LABELS
+from duobench.policy import PolicyMetadata
+
+HORIZON = 30
+"""Actions that are played of each demonstration."""
+
+
+class Nearest:
+    """Looks a state up in an export; it needs NumPy alone."""
+
+    def __init__(self) -> None:
+        """Read the export in the folder that the variable CHECKPOINT names; EPISODES limits it."""
+        folder = Path(os.environ["CHECKPOINT"])
+        episodes = int(os.environ["EPISODES"]) if "EPISODES" in os.environ else None
+        self._data = Demonstrations.load(folder, episodes)
+        seen = features(self._data.state, self._data.objects, self._data.names)
+        self._mean, self._scale = seen.mean(axis=0), seen.std(axis=0) + 1e-3
+        self._seen = (seen - self._mean) / self._scale
+        self._chunks = self._data.chunks(HORIZON)
+        self._grippers = Grippers(openings(self._data.labels))
+        self.metadata = PolicyMetadata(
+            name="nearest state",
+            cameras=(),
+            object_state=True,
+            action_mode="cartesian",
+            horizon=HORIZON,
+            version=hashlib.sha256(self._seen.tobytes()).hexdigest()[:16],
+        )
+
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
+        """Begin an episode with open hands."""
+        self._grippers = Grippers(openings(self._data.labels))
+
+    def act(self, observation: Mapping[str, Any]) -> Rows:
+        """The demonstrated chunk (30, 16) that began in the nearest state."""
+        state, objects = observation["agent_pos"][None], observation["environment_state"][None]
+        now = (features(state, objects, self._data.names)[0] - self._mean) / self._scale
+        row = int(np.argmin(((self._seen - now) ** 2).sum(axis=1)))
+        chunk = self._data.labels[self._chunks[row]].copy()
+        for label in chunk:
+            self._grippers.switch(label)
+        return LABELS["cartesian"].to_actions(chunk)
