@@ -1,6 +1,6 @@
 """The smallest baseline: play the chunk that followed the most similar demonstrated state.
 
-    CHECKPOINT=exports/bin_sort duobench eval --policy nearest:Nearest --tasks bin_sort --out runs/nn
+CHECKPOINT=exports/bin_sort duobench eval --policy nearest:Nearest --tasks bin_sort --out runs/nn
 """
 
 from __future__ import annotations
