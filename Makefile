@@ -35,7 +35,7 @@ test: check  ## Check format, lint and types, then run the tests.
 
 # An environment of its own, of several gigabytes, with the versions that LeRobot asks for.
 test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policies, its programs.
-	HF_HUB_OFFLINE=1 OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m pytest -W default tests/lerobot
+	HF_HUB_OFFLINE=1 OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m pytest -W default tests/lerobot tests/examples
 
 # openpi-client asks for an older NumPy than DuoBench does.
 test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $(VLAGENTS_VENV)/.installed  ## Test with openpi, vla-eval and VLAgents.

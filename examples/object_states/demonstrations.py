@@ -118,7 +118,7 @@ class Grippers:
                 if value != now
                 and (told - now) / (value - now) >= (OPENS_FROM if value > now else CLOSES_FROM)
             ]
-            self._now[side] = max(meant, key=lambda value: abs(value - now), default=now)
+            self._now[side] = min(meant, key=lambda value: abs(value - told), default=now)
             label[column] = self._now[side]
 
 
