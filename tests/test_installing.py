@@ -24,6 +24,7 @@ OTHERS = (
     "pandas",
     "polars",
     "duckdb",
+    "torch",
     "pyarrow",
 )
 """Packages of others that pages and messages name."""
