@@ -13,10 +13,11 @@ from duobench.scene.naming import TABLE, tcp_name
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, at_least
+from duobench.stages.logic import Predicate, StateView, all_of, any_of
 from duobench.stages.predicates import (
     BoxRegion,
     CylinderRegion,
+    at_least,
     grasped,
     hinge_open,
     inside,

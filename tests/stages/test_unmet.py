@@ -6,8 +6,8 @@ import pytest
 
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.logic import Predicate, any_of, at_least, held_for, since
-from duobench.stages.predicates import raised, variant
+from duobench.stages.logic import Predicate, any_of, held_for, since
+from duobench.stages.predicates import at_least, raised, variant
 from duobench.stages.progress import Progress, Stage
 from duobench.types import CONTROL_HZ
 from tests.stages.bench import Bench

@@ -346,16 +346,5 @@ def any_of(*predicates: Predicate) -> Predicate:
     return _AnyOf(f"({name})", test, predicates)
 
 
-def at_least(count: int, *predicates: Predicate) -> Predicate:
-    """At least `count` of them hold."""
-    names = ", ".join(p.name for p in predicates)
-    asks = tuple(p.ask for p in predicates)
-    return Predicate(
-        f"at least {count} of ({names})",
-        lambda state: sum([ask(state) for ask in asks]) >= count,
-        predicates,
-    )
-
-
 def _each_once(words: Iterable[Words]) -> Words:
     return tuple(dict.fromkeys(text for some in words for text in some))

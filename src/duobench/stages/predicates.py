@@ -308,3 +308,15 @@ def variant(name: str, value: str) -> Predicate:
         choice=name,
         value=value,
     )
+
+
+@shared
+def at_least(count: int, *predicates: Predicate) -> Predicate:
+    """At least `count` of them hold."""
+    names = ", ".join(p.name for p in predicates)
+    asks = tuple(p.ask for p in predicates)
+    return Predicate(
+        f"at least {count} of ({names})",
+        lambda state: sum([ask(state) for ask in asks]) >= count,
+        predicates,
+    )

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from duobench.stages.logic import StateView as StateView
     from duobench.stages.logic import all_of as all_of
     from duobench.stages.logic import any_of as any_of
-    from duobench.stages.logic import at_least as at_least
     from duobench.stages.logic import held_for as held_for
     from duobench.stages.logic import since as since
     from duobench.stages.passage import Hole as Hole
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
     from duobench.stages.predicates import CylinderRegion as CylinderRegion
     from duobench.stages.predicates import Region as Region
     from duobench.stages.predicates import arm_touches as arm_touches
+    from duobench.stages.predicates import at_least as at_least
     from duobench.stages.predicates import grasped as grasped
     from duobench.stages.predicates import grasped_apart as grasped_apart
     from duobench.stages.predicates import hinge_open as hinge_open

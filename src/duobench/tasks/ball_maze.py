@@ -45,8 +45,7 @@ from duobench.stages.predicates import (
 )
 from duobench.stages.progress import Stage
 from duobench.stages.rolling import inside_chosen, rolling
-from duobench.tasks.object_numbers import maze_of
-from duobench.tasks.object_state import pose, position, velocity
+from duobench.tasks.object_state import maze_of, pose, position, velocity
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES

@@ -27,8 +27,7 @@ from duobench.stages.placing import low_over, placed, put
 from duobench.stages.pouring import Pouring, pouring
 from duobench.stages.progress import Stage
 from duobench.stages.vessels import stands_upright
-from duobench.tasks.object_numbers import heap
-from duobench.tasks.object_state import chosen, pose
+from duobench.tasks.object_state import chosen, heap, pose
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.task import Category, Placement, Task
 from duobench.types import SIDES, Side
