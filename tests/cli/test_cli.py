@@ -287,7 +287,10 @@ def test_broken_episodes_are_told_and_played_again(tmp_path: Path) -> None:
 def test_other_run_is_refused_with_its_command(tmp_path: Path) -> None:
     words = ("--episodes", "1", "--videos", "0")
     evaluate(tmp_path / "run", *words)
-    with pytest.raises(SystemExit, match=r"policy hold instead.*--out another.*--policy random"):
+    with pytest.raises(
+        SystemExit,
+        match=r"policy hold instead.*--out another folder, such as .*hold,.*--policy random",
+    ):
         evaluate(tmp_path / "run", *words, "--policy", "hold")
 
 

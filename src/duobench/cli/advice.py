@@ -57,6 +57,12 @@ def find_folder(folder: Path, sign: str) -> None:
             )
 
 
+def relative(path: Path) -> Path:
+    """A path as somebody would type it: from the working folder, where it is below that."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
+
+
 @contextmanager
 def advising(advice: Callable[[DuoBenchError], str | None]) -> Iterator[None]:
     """Add advice to what the library raises in a block.
@@ -87,13 +93,15 @@ def for_recording(error: DuoBenchError) -> str | None:
     return None
 
 
-def for_evaluation(folder: RunFolder, error: DuoBenchError) -> str | None:
-    """What would help after an error of an evaluation in a folder."""
+def for_evaluation(folder: RunFolder, policy: str, error: DuoBenchError) -> str | None:
+    """What would help after an error of an evaluation of a policy in a folder."""
+    other = folder.path.with_name(policy.partition(":")[0])
+    such = "" if other.exists() else f", such as {relative(other)}"
     match error:
         case OtherRunError() if folder.description.exists():
             command = folder.read_run().command
             known = f"; its own command is: {command}" if command else "."
-            return f"Give --out another folder, or delete this one{known}"
+            return f"Give --out another folder{such}, or delete this one{known}"
         case OtherRunError() | LockedError():
             return "Give --out another folder."
         case OutputError():

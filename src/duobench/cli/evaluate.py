@@ -96,7 +96,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
     folder = RunFolder(out)
     screen = console()
-    advised = advising(partial(for_evaluation, folder))
+    advised = advising(partial(for_evaluation, folder, policy))
     with advised, raising(screen), display(screen, "episode") as shown:
         results = play(
             choice,
