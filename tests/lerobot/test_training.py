@@ -83,13 +83,16 @@ def test_a_small_act_trains_goes_on_and_plays(
     assert json.loads(record.read_text())["steps"] == LENGTH
 
 
-def test_an_act_that_sees_objects_and_moves_tools_trains_and_loads(
-    data: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    ("kind", "tiny"), [("act", TINY), ("diffusion", [*QUICK, "--policy.down_dims=[32,64,128]"])]
+)
+def test_what_sees_objects_and_moves_tools_trains_and_loads(
+    kind: str, tiny: list[str], data: Path, tmp_path: Path
 ) -> None:
     demos, objects, out = data.with_name("demos"), tmp_path / "objects", tmp_path / "out"
     options = ExportOptions(tasks=TASKS[:1], cameras=(), object_state=True, action="cartesian")
     export_lerobot(DataSet.open(demos), objects, options, workers=0)
-    train("act", "--data", objects, "--out", out, "--small", "--steps", STEPS, "--", *TINY)
+    train(kind, "--data", objects, "--out", out, "--steps", STEPS, "--", *tiny)
     shutil.rmtree(objects)  # what the actions are stands beside the checkpoint
     checkpoint = out / "checkpoints/last/pretrained_model"
     metadata = make(f"lerobot:{checkpoint}?device=cpu").metadata

@@ -9,7 +9,7 @@ from duobench.envs.action_labels import POSE_LABELS
 from duobench.errors import DataError, DuoBenchError, UnknownNameError
 from duobench.policy.lerobot.labels import labels_of
 from duobench.training import training
-from duobench.training.recipes import RECIPES, SMALL
+from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL
 
 TASKS = ("bin_sort", "ball_maze", "bin_sort")
 
@@ -48,11 +48,27 @@ def test_thirty_actions_are_executed(kind: str, tmp_path: Path) -> None:
     assert "--policy.push_to_hub=false" in command
 
 
-@pytest.mark.parametrize("recipe", [*RECIPES.values(), *SMALL.values()])
+@pytest.mark.parametrize("recipe", [*RECIPES.values(), *SMALL.values(), *OBJECT_STATES.values()])
 def test_no_option_is_given_twice_and_each_says_whose_it_is(recipe: object) -> None:
     settings = recipe.settings  # pyright: ignore
     assert len({setting.option for setting in settings}) == len(settings)
     assert all(setting.why.startswith(("paper: ", "ours: ")) for setting in settings)
+
+
+@pytest.mark.parametrize("kind", OBJECT_STATES)
+def test_object_states_without_images_have_recipes_of_their_own(kind: str, tmp_path: Path) -> None:
+    data = export(tmp_path / "data", TASKS[:1])
+    _with_features(observation__environment_state={"shape": [36]})(data)  # pyright: ignore
+    command = arguments(kind, data)
+    assert {setting.argument for setting in OBJECT_STATES[kind].settings} <= set(command)
+    with pytest.raises(UnknownNameError, match="recipe for object states 'pi05'"):
+        arguments("pi05", data)
+    _with_features(observation__images__head={"shape": [96, 96, 3]})(data)  # pyright: ignore
+    if kind in RECIPES:
+        assert RECIPES[kind].steps.argument in arguments(kind, data)
+    else:
+        with pytest.raises(UnknownNameError, match="Unknown recipe"):
+            arguments(kind, data)
 
 
 def test_more_options_take_the_place_of_the_recipes(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def train(
-    policy: tyro.conf.Positional[Literal["act", "pi05", "xvla"]],
+    policy: tyro.conf.Positional[Literal["act", "diffusion", "pi05", "xvla"]],
     more: tyro.conf.Positional[tuple[str, ...]] = (),
     *,
     data: Path,
@@ -34,7 +34,8 @@ def train(
     that learns one are trained one after the other, each in a folder of its own.
 
     Args:
-        policy: Kind of policy: act learns one task; pi05 and xvla learn all of them.
+        policy: Kind of policy: act and diffusion learn one task, pi05 and xvla all of them;
+            diffusion learns from object states, and act from them or from images.
         more: More options of lerobot-train, after --, such as -- --batch_size=8.
         data: Folder of a data set of LeRobot with this benchmark's names and sizes, such as
             duobench export lerobot makes; or of several, as its --per-task makes them.

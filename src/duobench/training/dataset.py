@@ -77,6 +77,13 @@ class LearningData:
                 "export does; export again."
             ) from error
 
+    @property
+    def holds_objects_alone(self) -> bool:
+        """Whether there are object states, and no images."""
+        return OBJECT_STATE in self._features and not any(
+            key.startswith(IMAGE_PREFIX) for key in self._features
+        )
+
     def mixes_domains(self) -> bool:
         """Whether there are simulated and real episodes."""
         domains = (self._read("meta/stats.json") or {}).get(DOMAIN)

@@ -57,8 +57,7 @@ _ACT = (
     _EXECUTED,
 )
 
-_SMALL_ACT = (
-    Setting("policy.pretrained_backbone_weights", "null", "ours: nothing to download"),
+_SMALL_TRANSFORMER = (
     Setting("policy.dim_model", "128", "ours: a quarter of the default"),
     Setting("policy.n_heads", "4", "ours: 32 numbers a head"),
     Setting("policy.dim_feedforward", "512", "ours: four times dim_model"),
@@ -70,6 +69,10 @@ _SMALL_ACT = (
         "1e-4",
         "ours: ten times the default, because there are 25 times fewer steps",
     ),
+)
+_SMALL_ACT = (
+    Setting("policy.pretrained_backbone_weights", "null", "ours: nothing to download"),
+    *_SMALL_TRANSFORMER,
     Setting("policy.optimizer_lr_backbone", "1e-4", "ours: it learns from nothing"),
     Setting("batch_size", "16", "ours: half a second a step on two cores"),
     Setting("save_freq", "500", "ours: a checkpoint every few minutes"),
@@ -141,3 +144,29 @@ SMALL: Mapping[str, Recipe] = {
     )
 }
 """Recipes for a processor: not the paper's, to see that everything works together."""
+
+_OBJECTS = (
+    Setting("batch_size", "64", "ours: rows without images are small"),
+    Setting("policy.device", "cpu", "ours: as fast as a graphics card for networks of this size"),
+    Setting("save_freq", "2000", "ours: a checkpoint every few minutes"),
+)
+_DIFFUSION = (
+    Setting("policy.type", "diffusion", "ours: the paper has none"),
+    Setting("policy.horizon", "32", "ours: the chunk, and what its convolutions need beside it"),
+    Setting("policy.n_obs_steps", "2", "ours: LeRobot's default"),
+    _EXECUTED,
+    Setting("policy.drop_n_last_frames", "1", "ours: 32 actions less those that are executed"),
+    Setting("policy.down_dims", "[64,128,256]", "ours: an eighth of the default"),
+    Setting("policy.noise_scheduler_type", "DDIM", "ours: a tenth of the steps at play"),
+    Setting("policy.num_inference_steps", "10", "ours: see the scheduler"),
+)
+OBJECT_STATES: Mapping[str, Recipe] = {
+    kind: Recipe(
+        settings=(*settings, *_OBJECTS),
+        steps=Setting("steps", "6000", "ours: less than an hour on two cores"),
+        workers=0,
+        one_task=True,
+    )
+    for kind, settings in {"act": (*_ACT, *_SMALL_TRANSFORMER), "diffusion": _DIFFUSION}.items()
+}
+"""Recipes for data sets of object states without images, on a processor; not the paper's."""

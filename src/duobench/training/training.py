@@ -18,7 +18,7 @@ from duobench.installing import install_extra
 from duobench.lerobot_keys import DOMAIN, FEATURE_NAMES, LAST, STEP
 from duobench.tasks import catalog
 from duobench.training.dataset import LearningData
-from duobench.training.recipes import RECIPES, SMALL, Recipe, Setting
+from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL, Recipe, Setting
 
 PROGRAM = "lerobot-train"
 ALL = "all"
@@ -101,24 +101,25 @@ def plan_all(
         DataError: The data set cannot be used.
         OtherRunError: The folder of a training holds something else.
     """
-    wanted = () if ALL in tasks else tuple(tasks)
     data = data.absolute()
+    wanted = () if ALL in tasks else tuple(tasks)
     one = partial(plan, kind, steps=steps, small=small)
-    folders = {
-        path.parents[1].name: path.parents[1] for path in sorted(data.glob("*/meta/info.json"))
-    }
+    folders = {path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")}
     if folders:  # of an export with a data set for each task
-        if not _recipe(kind, small).one_task:
+        for task in wanted:
+            check_known(f"task in {data}", task, folders)
+        chosen = wanted or tuple(sorted(folders))
+        if not all(_recipe(kind, small, LearningData(folders[task])).one_task for task in chosen):
             raise DataError(
                 f"{kind} learns several tasks from one data set, and {data} holds one for each "
                 "task: export all tasks into one."
             )
-        for task in wanted:
-            check_known(f"task in {data}", task, folders)
-        return tuple(one(folders[task], out / task) for task in wanted or folders)
-    if not _recipe(kind, small).one_task or (ALL not in tasks and len(set(tasks)) <= 1):
+        return tuple(one(folders[task], out / task) for task in chosen)
+    source = LearningData(data)
+    is_alone = ALL not in tasks and len(set(tasks)) <= 1
+    if is_alone or not _recipe(kind, small, source).one_task:
         return (one(data, out, tasks=wanted),)
-    learned = _tasks(LearningData(data), wanted, needed=True)
+    learned = _tasks(source, wanted, needed=True)
     return tuple(one(data, out / task, tasks=[task]) for task in learned)
 
 
@@ -146,7 +147,8 @@ def plan(
         DataError: The data set cannot be used.
         OtherRunError: The folder of the training holds something else.
     """
-    recipe, source = _recipe(kind, small), LearningData(data.absolute())
+    source = LearningData(data.absolute())
+    recipe = _recipe(kind, small, source)
     learned = _tasks(source, tasks)
     if recipe.one_task and len(learned) > 1:
         raise DataError(
@@ -190,7 +192,10 @@ def program() -> Path:
     return Path(command)
 
 
-def _recipe(kind: str, small: bool) -> Recipe:
+def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
+    if source.holds_objects_alone:
+        check_known("recipe for object states", kind, OBJECT_STATES)
+        return OBJECT_STATES[kind]
     recipes = SMALL if small else RECIPES
     check_known("small recipe" if small else "recipe", kind, recipes)
     return recipes[kind]
