@@ -228,7 +228,7 @@ def test_doctor_without_graphics_says_so_and_fails() -> None:
         (["record", "--epsiodes=3"], "Did you mean --episodes?"),
         (["eval", "--episodes", "ten"], "--episodes takes a whole number, not 'ten'"),
         (["eval", "--act-timeout=long"], "--act-timeout takes a number, not 'long'"),
-        (["train", "diffusion"], "takes act, pi05 or xvla as policy, not 'diffusion'"),
+        (["train", "pi0"], "takes act, diffusion, pi05 or xvla as policy, not 'pi0'"),
     ],
 )
 def test_mistake_is_told_in_a_line_without_traceback(

@@ -95,11 +95,11 @@ def for_recording(error: DuoBenchError) -> str | None:
 
 def for_evaluation(folder: RunFolder, policy: str, error: DuoBenchError) -> str | None:
     """What would help after an error of an evaluation of a policy in a folder."""
-    other = folder.path.with_name(policy.partition(":")[0])
-    such = "" if other.exists() else f", such as {relative(other)}"
     match error:
         case OtherRunError() if folder.description.exists():
             command = folder.read_run().command
+            other = folder.path.with_name(policy.partition(":")[0])
+            such = "" if other.exists() else f", such as {relative(other)}"
             known = f"; its own command is: {command}" if command else "."
             return f"Give --out another folder{such}, or delete this one{known}"
         case OtherRunError() | LockedError():
