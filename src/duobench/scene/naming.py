@@ -8,7 +8,7 @@ TABLE = "table"
 """Body of the table top."""
 FLOOR = "floor"
 """Body of the floor, apart from the world's: beside an endless plane the engine would compare every
-body with all that stands still, which takes 4 to 5 % of a step (measured)."""
+body with all that stands still, which takes 3 to 5 % of a step (measured)."""
 
 
 def arm_joint_names(side: Side) -> tuple[str, ...]:
