@@ -9,7 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from duobench.envs import spaces
 from duobench.envs.action_modes import ActionMode
-from duobench.envs.duo_env import DuoEnv, Start, base_of
+from duobench.envs.duo_env import DuoEnv, Observation, ResetOptions, Start, Transition, base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.types import Array
 
@@ -75,6 +75,51 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def _max_episode_steps(self) -> int:
         """Control steps after which an episode is cut off."""
         return self.env.get_wrapper_attr("_max_episode_steps")
+
+
+class ObservingWrapper(DuoWrapper):
+    """A wrapper that adds one entry to the observation; a subclass says which, and what is there.
+
+    What it adds belongs to the state of the arms and objects alone, so it is the same after a step
+    and after the state was restored.
+    """
+
+    def __init__(self, env: gym.Env, key: str, space: gym.Space, **arguments: Any) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            key: Key of the entry.
+            space: Space of the entry.
+            arguments: What the wrapper was made with.
+
+        Raises:
+            TypeError: There is no `DuoEnv` inside, or its observations are no dictionaries.
+        """
+        super().__init__(env, **arguments)
+        inner = env.observation_space
+        if not isinstance(inner, gym.spaces.Dict):
+            raise TypeError(f"{key} is added to a Dict of observations, got {inner}.")
+        self.observation_space = gym.spaces.Dict({**inner.spaces, key: space})
+
+    def observe(self, observation: Observation) -> Observation:
+        """The observation with the entry."""
+        raise NotImplementedError
+
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
+        """Begin an episode."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        return self.observe(observation), info
+
+    def step(self, action: Any) -> Transition:
+        """Advance one step of the wrapped environment, then observe."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return self.observe(observation), float(reward), terminated, truncated, info
+
+    def restore_state(self, state: EpisodeState) -> Start:
+        """Continue from a saved state, and observe."""
+        observation, info = super().restore_state(state)
+        return self.observe(observation), info
 
 
 class ActionModeWrapper(DuoWrapper):

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from duobench.envs.config import IMAGE_SIZE
-from duobench.envs.duo_env import Observation, ResetOptions, Start, Transition
-from duobench.envs.episode_state import EpisodeState
-from duobench.envs.wrappers.base import DuoWrapper
+from duobench.envs.duo_env import Observation
+from duobench.envs.wrappers.base import ObservingWrapper
 from duobench.errors import check_known
 from duobench.robot.cameras import check_image_size
 from duobench.types import POLICY_CAMERAS
@@ -20,7 +18,7 @@ PIXELS = "pixels"
 """Key of the images in an observation."""
 
 
-class Cameras(DuoWrapper):
+class Cameras(ObservingWrapper):
     """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
 
     It belongs outside action chunks: one image of each camera is rendered for each step and each
@@ -46,44 +44,25 @@ class Cameras(DuoWrapper):
             UnknownNameError: There is no such camera.
             RenderingError: The size is larger than the native one, or not positive.
         """
-        super().__init__(env, cameras=tuple(cameras), image_size=image_size)
         for name in cameras:
             check_known("camera", name, POLICY_CAMERAS)
         self._cameras = tuple(cameras)
         self._is_rendering = True
         height, width = self._shape = image_size
         check_image_size(height, width)
-        inner = env.observation_space
-        if not isinstance(inner, gym.spaces.Dict):
-            raise TypeError(f"Images are added to a Dict of observations, got {inner}.")
 
         def image() -> gym.spaces.Box:
             return gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)
 
-        self.observation_space = gym.spaces.Dict(
-            {**inner.spaces, PIXELS: gym.spaces.Dict({name: image() for name in cameras})}
-        )
+        images = gym.spaces.Dict({name: image() for name in cameras})
+        super().__init__(env, PIXELS, images, cameras=self._cameras, image_size=image_size)
 
     def set_rendering(self, is_on: bool) -> None:
         """Switch images on or off; while they are off, an observation has no `pixels`."""
         self._is_rendering = is_on
 
-    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
-        """Begin an episode."""
-        observation, info = self.env.reset(seed=seed, options=options)
-        return self._seen(observation), info
-
-    def step(self, action: Any) -> Transition:
-        """Advance one step of the wrapped environment, then look."""
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        return self._seen(observation), float(reward), terminated, truncated, info
-
-    def restore_state(self, state: EpisodeState) -> Start:
-        """Continue from a saved state, and look."""
-        observation, info = super().restore_state(state)
-        return self._seen(observation), info
-
-    def _seen(self, observation: Observation) -> Observation:
+    def observe(self, observation: Observation) -> Observation:
+        """The observation with an image of each camera, unless nobody looks at them."""
         if not self._is_rendering:
             return observation
         return {**observation, PIXELS: self.base.backend.images(self._cameras, self._shape)}
