@@ -13,7 +13,7 @@ from duobench.scene.naming import TABLE, tcp_name
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.logic import Predicate, StateView, all_of, any_of
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for
 from duobench.stages.predicates import (
     BoxRegion,
     CylinderRegion,
@@ -308,3 +308,12 @@ def test_a_misspelt_name_is_an_error(sim: Simulation, predicate: Predicate) -> N
     put(sim, cube=SE3.at(0.5, 0.1, 0.3))
     with pytest.raises(UnknownNameError, match="'cbue'"):
         holds(predicate, sim)
+
+
+def test_equal_questions_are_one_predicate_that_a_step_asks_once() -> None:
+    left, cube = Side.LEFT, "cube"
+    one, other = (~grasped(left, cube) & lifted(left, cube, TABLE) for _ in range(2))
+    assert one is other
+    assert grasped(left, cube) is not grasped(left.other, cube)
+    asked = list((one | held_for(other, 0.5)).walk())
+    assert [part.name for part in asked].count("left grasps cube") == 1
