@@ -54,8 +54,8 @@ AV1 = Codec(
     container_options={"movflags": "faststart"},  # the index first: reading begins at once
 )
 """To learn from, with LeRobot's defaults but for the preset: with groups of two frames, a training
-reads frames in any order without decoding many others. With LeRobot's preset 12 every second frame
-is 6 dB worse than the one before it, and files are twice as large. One thread (lp): episodes are
+reads frames in any order without decoding many others. LeRobot's preset 12 is faster and keeps less
+of every second frame. One thread (lp): episodes are
 what runs in parallel."""
 
 
