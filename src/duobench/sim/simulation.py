@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import NoReturn
 
 import mujoco
@@ -18,6 +19,7 @@ from duobench.sim.contacts import Contacts
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.handles import resolve
 from duobench.sim.layout import Layout
+from duobench.sim.stepper import Stepper
 from duobench.spatial import SE3
 from duobench.types import Array, DuoCommand, DuoState
 
@@ -70,6 +72,7 @@ class Simulation:
         self._compiled = [array.copy() for array in self._switches]
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
+        self._stepper = Stepper(self.model, self.data)
         # Views of the engine's memory; they live as long as its data.
         self._xpos, self._xmat = self.data.xpos, self.data.xmat
         self._bodies = {self.model.body(number).name: number for number in range(self.model.nbody)}
@@ -153,17 +156,12 @@ class Simulation:
         """Advance one control step (1/30 s, 16 physics steps) towards a command.
 
         The targets move linearly over the step. Afterwards poses, velocities and contacts are those
-        of the new state: each physics step is run as its second half (forces, integration) and
-        the next one's first half (kinematics, collisions), at no extra cost.
+        of the new state.
 
         Raises:
             SimulationError: The physics diverged or a buffer overflowed.
         """
-        model, data = self.model, self.data
-        begin, finish = mujoco.mj_step1, mujoco.mj_step2
-        for _ in self.duo.interpolate(command):
-            finish(model, data)
-            begin(model, data)
+        self._stepper.run(partial(self.duo.interpolate, command), self.get_state, self.set_state)
         self._raise_on_warning()
         self.contacts.update()
 
