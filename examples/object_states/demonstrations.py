@@ -1,7 +1,7 @@
 """Demonstrations with object states: read from an export, and what a policy sees of them.
 
 An export is made by `duobench export lerobot DATA --out OUT --per-task --cameras none
---object-state --action cartesian`; it needs neither LeRobot nor PyTorch to be read.
+--object-state --action cartesian` (or `joint`); it needs neither LeRobot nor PyTorch to be read.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from duobench.envs.action_labels import LABELS
 from duobench.lerobot_keys import ACTION, OBJECT_STATE, STATE, feature_names
 from duobench.robot.kinematics import tool_frames
 from duobench.types import ARM_JOINTS, SIDES
 
 Rows = NDArray[np.float32]
-OPENINGS = (9, 19)
-"""Which of the 20 numbers of a label are the openings of the left and the right gripper."""
+UNTIL = ("end", "success", "release")
+"""Where demonstrations may be cut: nowhere, at the step that succeeds, at the last opening."""
 OPENS_FROM = 0.85
 """A gripper opens once it is told to go this part of the way, and closes from half of it: a network
 that is unsure when to let go says something between, and would do so while it still lowers."""
@@ -36,24 +37,29 @@ class Demonstrations:
     objects: Rows
     """Object states (T, n)."""
     labels: Rows
-    """Actions as labels (T, 20)."""
+    """Actions as labels (T, 20), or (T, 16) in joint mode."""
     lengths: NDArray[np.int64]
     """Rows of each episode."""
     names: tuple[str, ...]
     """What each number of an object state is."""
 
     @staticmethod
-    def load(folder: Path, episodes: int | None = None) -> Demonstrations:
-        """Read the first episodes of an export, or all of them."""
+    def load(folder: Path, episodes: int | None = None, until: str = "end") -> Demonstrations:
+        """Read the first episodes of an export, or all of them, up to one of `UNTIL`."""
         info = json.loads((folder / "meta/info.json").read_text())
         files = sorted((folder / "data").rglob("*.parquet"))
-        columns = [STATE, OBJECT_STATE, ACTION, "episode_index"]
+        columns = [STATE, OBJECT_STATE, ACTION, "episode_index", "next.success"]
         table = pq.ParquetDataset(files).read(columns=columns)
         number = table["episode_index"].to_numpy()
-        kept = number < (number.max() + 1 if episodes is None else episodes)
         state, objects, labels = (
-            np.array(table[name].to_pylist(), dtype=np.float32)[kept] for name in columns[:3]
+            np.array(table[name].to_pylist(), dtype=np.float32) for name in columns[:3]
         )
+        kept = number < (number.max() + 1 if episodes is None else episodes)
+        if until != "end":
+            ends = table["next.success"].to_numpy()
+            ends = ends if until == "success" else _last_openings(labels, number)
+            kept &= _up_to_first(ends, number)
+        state, objects, labels = state[kept], objects[kept], labels[kept]
         names = feature_names(info, OBJECT_STATE) or []
         lengths = np.unique(number[kept], return_counts=True)[1]
         return Demonstrations(state, objects, labels, lengths, tuple(names))
@@ -62,6 +68,26 @@ class Demonstrations:
         """Rows of the chunk (T, horizon) that begins in each row; the last row is held."""
         last = np.repeat(np.cumsum(self.lengths) - 1, self.lengths)
         return np.minimum(np.arange(len(last))[:, None] + np.arange(horizon), last[:, None])
+
+
+def _up_to_first(marked: NDArray[np.bool_], number: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """The rows of each episode up to the first one that is marked, and with it."""
+    before = np.cumsum(marked) - marked
+    start = np.searchsorted(number, number)
+    return before == before[start]
+
+
+def _last_openings(labels: Rows, number: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """The rows in which a gripper is told to open for the last time in an episode."""
+    opens = np.zeros(len(labels), dtype=bool)
+    opens[1:] = (np.diff(labels[:, opening_columns(labels)], axis=0) > 0).any(axis=1)
+    opens[1:] &= number[1:] == number[:-1]
+    rows = np.flatnonzero(opens)
+    last = np.ones(len(rows), dtype=bool)
+    last[:-1] = number[rows][1:] != number[rows][:-1]
+    marked = np.zeros(len(labels), dtype=bool)
+    marked[rows[last]] = True
+    return marked
 
 
 def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
@@ -109,8 +135,8 @@ class Grippers:
         self._now = [max(side) for side in values]
 
     def switch(self, label: Rows) -> None:
-        """Put into a label (20,) what the grippers are to do, instead of what it says."""
-        for side, column in enumerate(OPENINGS):
+        """Put into a label what the grippers are to do, instead of what it says."""
+        for side, column in enumerate(opening_columns(label)):
             told, now = float(label[column]), self._now[side]
             meant = [
                 value
@@ -124,4 +150,21 @@ class Grippers:
 
 def openings(labels: Rows) -> list[list[float]]:
     """Every opening (to 1/1000) that labels ask for, of the left and the right hand."""
-    return [np.unique(labels[:, column].round(3)).tolist() for column in OPENINGS]
+    return [np.unique(labels[:, c].round(3)).tolist() for c in opening_columns(labels)]
+
+
+def opening_columns(labels: Rows) -> list[int]:
+    """Which numbers of a label are the openings: the last ones of the left and the right arm."""
+    size = labels.shape[-1]
+    return [size // 2 - 1, size - 1]
+
+
+def action_mode(labels: Rows) -> str:
+    """In which action mode labels are played, by how many numbers they have."""
+    return {16: "joint", 20: "cartesian"}[labels.shape[-1]]
+
+
+def to_actions(labels: Rows) -> Rows:
+    """Actions (T, 16) of labels, as the environment takes them in that mode."""
+    mode = action_mode(labels)
+    return LABELS[mode].to_actions(labels) if mode in LABELS else labels

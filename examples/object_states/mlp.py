@@ -18,9 +18,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from demonstrations import Demonstrations, Grippers, Rows, features, openings
+from demonstrations import (
+    Demonstrations,
+    Grippers,
+    Rows,
+    action_mode,
+    features,
+    openings,
+    to_actions,
+)
 
-from duobench.envs.action_labels import LABELS
 from duobench.policy import PolicyMetadata
 
 HORIZON, WIDTH, BLOCKS = 30, 256, 3
@@ -75,6 +82,7 @@ def train(data: Demonstrations, out: Path, seed: int, steps: int = STEPS) -> flo
         errors.append(error.item())
     weights = {name: value.numpy() for name, value in net.state_dict().items()}
     about = {"names": data.names, "openings": openings(data.labels)}
+    about |= {"mode": action_mode(data.labels)}
     np.savez(out, about=json.dumps(about), **scale, **weights)
     return float(np.mean(errors[-100:]))
 
@@ -97,7 +105,7 @@ class MLP:
             name="MLP",
             cameras=(),
             object_state=True,
-            action_mode="cartesian",
+            action_mode=about["mode"],
             horizon=HORIZON,
             version=hashlib.sha256(path.read_bytes()).hexdigest()[:16],
         )
@@ -117,7 +125,7 @@ class MLP:
         chunk = y.reshape(HORIZON, -1) * self._net["y_scale"] + self._net["y_mean"]
         for label in chunk:
             self._grippers.switch(label)
-        return LABELS["cartesian"].to_actions(chunk)
+        return to_actions(chunk)
 
     def _linear(self, x: Rows, name: str) -> Rows:
         return x @ self._net[f"{name}.weight"].T + self._net[f"{name}.bias"]

@@ -12,9 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from demonstrations import Demonstrations, Grippers, Rows, features, openings
+from demonstrations import (
+    Demonstrations,
+    Grippers,
+    Rows,
+    action_mode,
+    features,
+    openings,
+    to_actions,
+)
 
-from duobench.envs.action_labels import LABELS
 from duobench.policy import PolicyMetadata
 
 HORIZON = 30
@@ -25,10 +32,10 @@ class Nearest:
     """Looks a state up in an export; it needs NumPy alone."""
 
     def __init__(self) -> None:
-        """Read the export in the folder that the variable CHECKPOINT names; EPISODES limits it."""
+        """Read the export in the folder CHECKPOINT; the variables EPISODES and UNTIL limit it."""
         folder = Path(os.environ["CHECKPOINT"])
         episodes = int(os.environ["EPISODES"]) if "EPISODES" in os.environ else None
-        self._data = Demonstrations.load(folder, episodes)
+        self._data = Demonstrations.load(folder, episodes, os.environ.get("UNTIL", "end"))
         seen = features(self._data.state, self._data.objects, self._data.names)
         self._mean, self._scale = seen.mean(axis=0), seen.std(axis=0) + 1e-3
         self._seen = (seen - self._mean) / self._scale
@@ -38,7 +45,7 @@ class Nearest:
             name="nearest state",
             cameras=(),
             object_state=True,
-            action_mode="cartesian",
+            action_mode=action_mode(self._data.labels),
             horizon=HORIZON,
             version=hashlib.sha256(self._seen.tobytes()).hexdigest()[:16],
         )
@@ -55,4 +62,4 @@ class Nearest:
         chunk = self._data.labels[self._chunks[row]].copy()
         for label in chunk:
             self._grippers.switch(label)
-        return LABELS["cartesian"].to_actions(chunk)
+        return to_actions(chunk)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import mlp
 import numpy as np
-from demonstrations import Demonstrations
+from demonstrations import UNTIL, Demonstrations
 
 from duobench.evaluation import evaluate
 from duobench.results.folder import RunFolder
@@ -25,14 +25,15 @@ from duobench.results.suite import Suite, TaskInfo, find_tasks
 from duobench.tasks import catalog
 
 
-def train(export: Path, episodes: int, job: tuple[Path, int]) -> str:
+def train(export: Path, episodes: int, until: str, job: tuple[Path, int]) -> str:
     """Train one network, unless it is there; what is written is whole."""
     path, seed = job
     if path.exists():
         return f"{path} is there"
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_suffix(".part.npz")
-    error = mlp.train(Demonstrations.load(export / path.parent.name, episodes), unfinished, seed)
+    data = Demonstrations.load(export / path.parent.name, episodes, until)
+    error = mlp.train(data, unfinished, seed)
     unfinished.replace(path)
     return f"{path}: error {error:.3f}"
 
@@ -42,7 +43,7 @@ def play(
 ) -> Score:
     """Evaluate one policy on one task, or read how it went."""
     os.environ["CHECKPOINT"] = str(checkpoint.absolute())
-    os.environ["EPISODES"] = str(asked.demonstrations)
+    os.environ["EPISODES"], os.environ["UNTIL"] = str(asked.demonstrations), asked.until
     suite = Suite(tasks=(task,), episodes=asked.episodes)
     results = evaluate(policy, suite, RunFolder(out), workers=asked.workers)
     stages = "  ".join(f"{n}:{k}" for n, k in enumerate(results.tasks[0].last_stage_counts) if k)
@@ -75,7 +76,7 @@ def table(asked: argparse.Namespace) -> Iterator[str]:
         for seed in range(asked.seeds)
     ]
     with ProcessPoolExecutor(max(asked.workers, 1)) as pool:
-        for line in pool.map(partial(train, asked.export, asked.demonstrations), jobs):
+        for line in pool.map(partial(train, asked.export, asked.demonstrations, asked.until), jobs):
             print(line, flush=True)
     yield "| task | nearest state | network (95 %) | by seed | progress |"
     yield "| --- | ---: | ---: | ---: | ---: |"
@@ -96,6 +97,7 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--tasks", nargs="+", default=catalog.names())
     parser.add_argument("--demonstrations", type=int, default=50)
+    parser.add_argument("--until", choices=UNTIL, default="end", help="where they are cut")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)

@@ -87,6 +87,41 @@ def test_grippers_open_late_and_stay_at_what_was_shown() -> None:
 
 
 @pytest.mark.usefixtures("example")
+def test_demonstrations_are_cut_at_success_and_at_the_release(exports: Path) -> None:
+    from demonstrations import (  # pyright: ignore[reportMissingImports]
+        Demonstrations,
+        opening_columns,
+    )
+
+    recordings = list(DataSet.open(exports.with_name("demos")).recordings())
+    whole, success, release = (
+        Demonstrations.load(exports / TASK, until=until) for until in ("end", "success", "release")
+    )
+    assert whole.lengths.tolist() == [len(recording) for recording in recordings]
+    assert success.lengths.tolist() == [r.success_step for r in recordings]
+    assert (release.lengths < success.lengths).all()
+    for data in (whole, release):
+        last = np.cumsum(data.lengths) - 1
+        opened = (data.labels[last] - data.labels[last - 1])[:, opening_columns(data.labels)]
+        assert (opened > 0).any() == (data is release)
+
+
+@pytest.mark.usefixtures("example")
+def test_joint_labels_are_played_as_they_are(exports: Path) -> None:
+    from demonstrations import action_mode, to_actions  # pyright: ignore[reportMissingImports]
+
+    folder = exports.parent
+    words = ("export", "lerobot", "demos", "--out", "joint", *EXPORT[:-1], "joint")
+    run(*words, folder=folder)
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+
+    data = Demonstrations.load(folder / "joint" / TASK, 1)
+    recording = next(DataSet.open(folder / "demos").recordings())
+    assert action_mode(data.labels) == "joint"
+    assert np.array_equal(to_actions(data.labels), np.float32(recording.action))
+
+
+@pytest.mark.usefixtures("example")
 def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     import mlp  # pyright: ignore[reportMissingImports]
