@@ -15,7 +15,7 @@ from duobench.cli.list_tasks import list_tasks
 from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.replay import replay
-from duobench.cli.report import report
+from duobench.cli.results.report import report
 from duobench.cli.serve import serve
 from duobench.cli.spelling import check_spelling
 from duobench.cli.train import train

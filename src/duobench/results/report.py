@@ -18,6 +18,7 @@ from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results, Score, summarize
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
+from duobench.results.source import read_source
 from duobench.types import CONTROL_HZ
 
 SUMMARY_SCHEMA = 2
@@ -31,8 +32,8 @@ def read_results(folder: RunFolder) -> tuple[Run, Results]:
         EvaluationError: If the folder holds no run, or a record of another one.
         FileError: If a record cannot be read.
     """
-    run = folder.read_run()
-    return run, summarize(run.suite.tasks, folder.read_records(run))
+    run, records = read_source(folder.path)
+    return run, summarize(run.suite.tasks, records)
 
 
 def write_report(folder: RunFolder) -> Results:

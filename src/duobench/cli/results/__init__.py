@@ -1,0 +1,1 @@
+"""Verbs about results that are there: `duobench report` and its neighbours."""
