@@ -110,7 +110,7 @@ $(VLA_EVAL_VENV)/.installed: pyproject.toml
 
 $(VLAGENTS_VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VLAGENTS_VENV)
-	$(VLAGENTS_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[serve]' \
+	$(VLAGENTS_VENV)/bin/python -m pip install --disable-pip-version-check -e . \
 		vlagents==0.3.0 'rpyc>=6,<7'
 	@touch $@
 

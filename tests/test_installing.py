@@ -75,7 +75,7 @@ def test_what_is_named_installs_this_package(word: str, wheel: Path, tmp_path: P
 def test_messages_name_extras_that_exist() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["name"] == DISTRIBUTION
-    for extra in ("serve", "lerobot"):
+    for extra in ("lerobot",):
         assert extra in project["optional-dependencies"]
         assert f"{DISTRIBUTION}[{extra}]" in install_extra(extra)
 

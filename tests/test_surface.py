@@ -59,7 +59,8 @@ for name in ("hold", "random", "zero"):
     policy = make(name)
     policy.reset("Do it.", seed=0)
     print(as_chunk(policy.act(observation)).shape)
-from duobench.policy.serving.host import make_served  # with websockets and msgpack
+del sys.modules["msgspec"]  # a server needs it, and websockets
+from duobench.policy.serving.host import make_served
 make_served("hold", Batching())
 """
 

@@ -9,7 +9,7 @@ import difflib
 import re
 import sys
 import traceback
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -102,8 +102,19 @@ class PolicyError(DuoBenchError):
     """A policy does not fit the environment, or it returned something that is no action chunk."""
 
 
+class PolicyFailedError(PolicyError):
+    """A policy raised an error; the text is its traceback."""
+
+
 class PolicyTimeoutError(PolicyError):
     """A policy took longer than its time limit."""
+
+    @classmethod
+    def of_answer(cls, limit_s: float) -> PolicyTimeoutError:
+        """The error of an answer that took longer than so many seconds."""
+        return cls(
+            f"The policy did not answer within {limit_s:g} s, its limit for one reset or act."
+        )
 
 
 class ServingError(DuoBenchError):
@@ -158,6 +169,20 @@ class MachineryError(EvaluationError):
     """An episode could not be played, through no fault of the policy."""
 
 
+class UnplayedError(MachineryError):
+    """Episodes could not be played because a process died in them, each time."""
+
+    @classmethod
+    def of(cls, episodes: Mapping[str, str]) -> UnplayedError:
+        """The error of episodes by their names, with how their processes ended."""
+        (name, why), *others = episodes.items()
+        what = "1 episode" if not others else f"{len(episodes)} episodes"
+        also = f" Also: {'; '.join(others[k][0] for k in range(len(others)))}." if others else ""
+        return cls(
+            f"{what} could not be played. {name}: {why}{also} All others are finished, and kept."
+        )
+
+
 def escaped(text: str) -> str:
     r"""Text that every file, page and terminal takes.
 
@@ -200,3 +225,15 @@ def traceback_text(error: BaseException, skip: int = 0) -> str:
         first = LONGEST_TEXT // 4
         text = f"{text[:first]}\n…\n{text[first - LONGEST_TEXT :]}"
     return text
+
+
+def foreign_traceback(error: BaseException) -> str:
+    """A traceback of somebody else's code, without our calls that led to it.
+
+    The text is then the same in whatever process, and by whatever way, that code was called.
+    """
+    package = str(Path(__file__).parent)
+    trace, skip = error.__traceback__, 0
+    while trace is not None and trace.tb_frame.f_code.co_filename.startswith(package):
+        trace, skip = trace.tb_next, skip + 1
+    return traceback_text(error, skip).strip()

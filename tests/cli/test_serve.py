@@ -1,6 +1,5 @@
 """What `duobench serve` and `duobench eval --server` say where something does not fit."""
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -50,18 +49,6 @@ def test_mistake_is_told_in_words_before_anything_begins(
         main([*words, *out])
     assert message in str(left.value.code)
     assert not (tmp_path / "run").exists()
-
-
-def test_missing_package_is_told_with_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for module in ("duobench.policy.serving.client", "duobench.policy.serving.codec", "msgpack"):
-        monkeypatch.delitem(sys.modules, module, raising=False)
-    monkeypatch.setitem(sys.modules, "msgpack", None)
-    words = ["eval", "--policy", "openpi", "--server", "ws://127.0.0.1:1", "--workers", "0"]
-    with pytest.raises(SystemExit) as left:
-        main([*words, "--out", str(tmp_path / "run")])
-    assert "pip install 'duobench-fr3[serve]'" in str(left.value.code)
 
 
 @pytest.mark.parametrize("policy", SERVED)

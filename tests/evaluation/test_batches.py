@@ -14,7 +14,13 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import MachineryError, OtherRunError, PolicyError, ServingError
+from duobench.errors import (
+    MachineryError,
+    OtherRunError,
+    PolicyError,
+    ServingError,
+    UnplayedError,
+)
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
@@ -75,29 +81,33 @@ def test_policy_whose_process_dies_is_made_again_for_the_same_result(
     assert episodes(folder) == undisturbed
 
 
-def test_policy_whose_process_always_dies_ends_the_run_and_keeps_the_rest(
-    play: Play, tmp_path: Path
+@pytest.mark.parametrize("workers", [1, 3])
+def test_episode_in_which_the_policy_always_dies_is_set_aside_alone(
+    play: Play, undisturbed: dict[str, bytes], workers: int
 ) -> None:
-    message = r"nod, episode 0 cannot be played; in each of 3 attempts .*ended by SIGKILL"
-    with pytest.raises(MachineryError, match=message):
-        play(named(toy_batches.DiesAlways), workers=1, episodes=1)
-    assert [path.parent.name for path in (tmp_path / "run").glob("records/*/*")] == ["wave"]
+    message = r"1 episode could not be played\. nod, episode 0: .* the policy, .*by SIGKILL"
+    with pytest.raises(UnplayedError, match=message):
+        play(named(toy_batches.DiesInOne), workers=workers, episodes=3)
+    folder, results = play(
+        named(toy_batches.DiesInOne), workers=workers, episodes=3, unplayed_count_as_failures=True
+    )
+    assert results.overall.errors == 1
+    name = "records/nod/00000.json"
+    assert {**episodes(folder), name: b""} == {**undisturbed, name: b""}
 
 
+@pytest.mark.parametrize("workers", [1, 3])
 def test_policy_that_hangs_fails_its_episode_only(
-    play: Play, undisturbed: dict[str, bytes]
+    play: Play, undisturbed: dict[str, bytes], workers: int
 ) -> None:
-    limits = TimeLimits(act_s=6.0)
-    folder, results = play(named(toy_batches.Hangs), workers=2, episodes=2, limits=limits)
-    errors = [record.error for one in results.tasks for record in one.records]
-    assert results.overall.errors >= 1
-    assert errors[0]
-    assert {error.partition(":")[0] for error in errors if error} == {"PolicyTimeoutError"}
-    intact = {
-        name: content for name, content in episodes(folder).items() if b'"error": null' in content
-    }
-    assert len(intact) >= 2
-    assert intact.items() <= undisturbed.items()
+    limits = TimeLimits(act_s=4.0)
+    folder, results = play(named(toy_batches.Hangs), workers=workers, episodes=3, limits=limits)
+    assert results.overall.errors == 1
+    record = results.tasks[0].records[0]
+    assert record.reason.startswith("PolicyTimeoutError: The policy did not answer within 4 s")
+    assert record.steps == 6
+    name = "records/wave/00000.json"
+    assert {**episodes(folder), name: b""} == {**undisturbed, name: b""}
 
 
 def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(

@@ -191,11 +191,12 @@ def test_a_recording_of_another_episode_is_dropped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
+    monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, "swaps_recordings")
     asked = {"tasks": [toy_tasks.WAVE_NAME], "keep_failures": True}
     first, again = DataSet.open(tmp_path / "first"), DataSet.open(tmp_path / "again")
-    played(first, f"{toy_tasks.__name__}:SwapsRecordings", workers=1, **asked)
+    played(first, "hold", workers=1, **asked)
     assert (tmp_path / "swapped-once").exists()
-    played(again, f"{toy_tasks.__name__}:SwapsRecordings", workers=1, **asked)
+    played(again, "hold", workers=1, **asked)
     assert contents(first) == contents(again)
 
 

@@ -156,14 +156,14 @@ def test_answer_that_comes_late_fails_the_episode_once_it_comes(play: Play) -> N
             "PolicyTimeoutError: The policy did not answer within 0.05 s, its limit for one reset "
             "or act.\n"
         )
-        assert one.records[0].steps == 0
+        assert one.records[0].steps == 1
 
 
 def test_episode_that_takes_long_fails(play: Play) -> None:
     _, results = play("Dawdles", episodes=1, limits=TimeLimits(episode_s=0.25))
     for one in results.tasks:
         assert one.records[0].reason.endswith("was not over after 0.25 s, its time limit.")
-        assert one.records[0].steps < 3
+        assert one.records[0].steps < 5
 
 
 @pytest.mark.parametrize("limits", [{"act_s": 0}, {"act_s": float("nan")}, {"episode_s": -1.0}])

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import MachineryError, RenderingError
-from duobench.evaluation import executor, messages
-from duobench.evaluation.messages import Channel, EpisodeError, Report, Request
+from duobench.errors import MachineryError, RenderingError, UnplayedError
+from duobench.evaluation.processes import channel, executor
+from duobench.evaluation.processes.channel import Channel
+from duobench.evaluation.processes.messages import EpisodeError, Report, Request
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks
@@ -38,14 +39,22 @@ def test_dying_workers_are_replaced_and_their_episodes_played_again(
     assert_gone(helpers)
 
 
-def test_episode_that_always_kills_its_process_ends_the_run_and_keeps_the_rest(
+def test_episode_that_always_kills_its_process_is_set_aside_and_all_others_are_played(
     play: Play, tmp_path: Path
 ) -> None:
-    message = r"nod, episode 0 cannot be played; in each of 3 attempts .*ended by SIGKILL\."
-    with pytest.raises(MachineryError, match=message):
-        play("DiesAtTheEnd", workers=1, episodes=1)
-    assert [path.name for path in (tmp_path / "run" / "records").glob("*/*")] == ["00000.json"]
-    assert not (tmp_path / "run" / "index.html").exists()
+    message = r"1 episode could not be played\. nod, episode 1: in each of 3 .*by SIGKILL\."
+    with pytest.raises(UnplayedError, match=message):
+        play("DiesInOne", workers=1, episodes=3)
+    records = (tmp_path / "run" / "records").glob("*/*")
+    assert sorted("/".join(path.parts[-2:]) for path in records) == [
+        *(f"nod/0000{k}.json" for k in (0, 2)),
+        *(f"wave/0000{k}.json" for k in (0, 1, 2)),
+    ]
+    assert (tmp_path / "run" / "index.html").exists()
+    _, results = play("DiesInOne", workers=2, episodes=3, unplayed_count_as_failures=True)
+    reasons = [record.reason for record in results.tasks[1].records]
+    assert [bool(reason) for reason in reasons] == [False, True, False]
+    assert "It was not played: in each of 3 attempts" in reasons[1]
 
 
 def test_result_that_cannot_be_read_is_played_again(
@@ -56,11 +65,16 @@ def test_result_that_cannot_be_read_is_played_again(
     assert_same_episodes(folder, reference, 2)
 
 
-@pytest.mark.parametrize("policy", ["AnswersForAnother", "AnswersTwice"])
+@pytest.mark.parametrize("misbehaviour", ["answers_for_another", "answers_twice"])
 def test_result_that_nobody_asked_for_is_dropped(
-    play: Play, reference: dict[str, bytes], tmp_path: Path, policy: str
+    play: Play,
+    reference: dict[str, bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    misbehaviour: str,
 ) -> None:
-    folder, results = play(policy, workers=1, episodes=2)
+    monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, misbehaviour)
+    folder, results = play("random", workers=1, episodes=2)
     assert list((tmp_path / "marks").iterdir())
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 4)
@@ -80,7 +94,7 @@ def test_time_to_read_a_message_grows_with_its_length_alone(
     """Eight times as long takes eight times as long, on any machine; were all looked through again
     with each piece that comes, it would be up to sixty-four times.
     """
-    monkeypatch.setattr(messages, "_PIECE", 4096)
+    monkeypatch.setattr(channel, "_PIECE", 4096)
     short, long = (reading_time(length << 20) for length in (2, 16))
     assert long < 20 * short
 
@@ -89,8 +103,8 @@ def reading_time(length: int) -> float:
     """Processor time that a message of this many bytes, and one after it, take to be read."""
     reports: list[Report] = [EpisodeError("a" * length), EpisodeError("short")]
     ours, theirs = socket.socketpair()
-    sender: Channel[Request] = Channel(theirs, Request)  # pyright: ignore[reportArgumentType]
-    receiver: Channel[Report] = Channel(ours, Report)  # pyright: ignore[reportArgumentType]
+    sender: Channel[Request] = Channel(theirs, Request)
+    receiver: Channel[Report] = Channel(ours, Report)
     thread = threading.Thread(target=lambda: [sender.send(report) for report in reports])
     received: list[Report] = []
     start = time.process_time()
@@ -162,11 +176,15 @@ def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
 
 @pytest.mark.parametrize("workers", [0, 1])
 def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(
-    play: Play, workers: int
+    play: Play, monkeypatch: pytest.MonkeyPatch, workers: int
 ) -> None:
+    if workers:
+        monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, "has_no_graphics")
+    else:
+        monkeypatch.setattr("duobench.evaluation.episode.rollout", toy_tasks.without_graphics)
     message = r"wave, episode 0 cannot be played; in each of 3 attempts .* The driver hangs\."
     with pytest.raises(MachineryError, match=message):
-        play("HasNoGraphics", workers=workers, episodes=1)
+        play("hold", workers=workers, episodes=1)
 
 
 @pytest.mark.parametrize("workers", [0, 1])

@@ -1,6 +1,7 @@
 """A task that takes a second, and policies that behave and misbehave, for processes to import."""
 
 import asyncio
+import gc
 import math
 import multiprocessing
 import os
@@ -102,23 +103,30 @@ class DiesOnce(RandomPolicy):
 
     def reset(self, instruction: str, seed: int) -> None:
         super().reset(instruction, seed)
-        self._dies = mark(f"{instruction}-{seed}")
+        self._episode = f"{instruction}-{seed}"
         self._acts = 0
 
     def act(self, observation: Mapping[str, Any]) -> Any:
         self._acts += 1
-        if self._dies and self._acts == 5:
+        if self._acts == 5 and mark(self._episode):
             fork_a_helper()
             os.kill(os.getpid(), signal.SIGKILL)
         return super().act(observation)
 
 
-class DiesAtTheEnd(HoldPolicy):
-    """Kills its process in every episode of the second task."""
+class DiesAtOnce(HoldPolicy):
+    """Kills its process when it is asked for the first time."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class DiesInOne(HoldPolicy):
+    """Kills its process in one episode of the second task."""
 
     def reset(self, instruction: str, seed: int) -> None:
         super().reset(instruction, seed)
-        if "nod" in instruction:
+        if seed == seed_of("nod", 1):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -134,69 +142,29 @@ class SpoilsOnce(RandomPolicy):
         return super().act(observation)
 
 
-class AnswersForAnother(RandomPolicy):
-    """Random, in a process that once plays another episode than the one that it was asked for."""
+class Counts(HoldPolicy):
+    """Still; counts its answers in an episode, for the first one is also asked for in advance."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        from duobench.evaluation.episode import EpisodeRunner
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        self.acts = 0
 
-        play = EpisodeRunner.play
-
-        def other(runner: Any, episode: Any) -> Any:
-            if episode.index == 1 and mark(f"other-{episode.task.id}"):
-                episode = replace(episode, index=0)
-            return play(runner, episode)
-
-        EpisodeRunner.play = other
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        self.acts += 1
+        return super().act(observation)
 
 
-class AnswersTwice(RandomPolicy):
-    """Random, in a process that once gives a result twice."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        from duobench.evaluation import worker
-        from duobench.evaluation.episode import EpisodeResult
-
-        report = worker._report
-
-        def twice(channel: Any, message: Any) -> None:
-            report(channel, message)
-            if isinstance(message, EpisodeResult) and mark("twice"):
-                report(channel, message)
-
-        worker._report = twice
-
-
-class SwapsRecordings(HoldPolicy):
-    """Still, in a process that once gives the recording of the episode before."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        from duobench.evaluation.episode import EpisodeRunner
-
-        play, before = EpisodeRunner.play, []
-
-        def swapped(runner: Any, episode: Any) -> Any:
-            result = play(runner, episode)
-            before.append(result.recording)
-            if episode.index == 1 and mark("swapped-once"):
-                result = msgspec.structs.replace(result, recording=before[0])
-            return result
-
-        EpisodeRunner.play = swapped
-
-
-class SpoilsClock(HoldPolicy):
+class SpoilsClock(Counts):
     """Writes nonsense into every file in memory that it inherited, and does not come back."""
 
-    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
-        for path in Path("/proc/self/fd").iterdir():
-            with suppress(OSError):
-                if "memfd:" in str(path.readlink()):
-                    os.pwrite(int(path.name), struct.pack("3d", 1.0, 1.0, math.inf), 0)
-        time.sleep(1000)
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        if self.acts:
+            for path in Path("/proc/self/fd").iterdir():
+                with suppress(OSError):
+                    if "memfd:" in str(path.readlink()):
+                        os.pwrite(int(path.name), struct.pack("3d", 1.0, 1.0, math.inf), 0)
+            time.sleep(1000)
+        return super().act(observation)
 
 
 class HasHelpers(HoldPolicy):
@@ -296,25 +264,20 @@ class Tires(RandomPolicy):
         return super().act(observation)
 
 
-class HasNoGraphics(HoldPolicy):
-    """Meets graphics that do not work."""
-
-    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
-        raise RenderingError("The driver hangs.")
-
-
-class Interrupts(HoldPolicy):
+class Interrupts(Counts):
     """Raises what Ctrl-C raises."""
 
-    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
-        raise KeyboardInterrupt
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        if self.acts:
+            raise KeyboardInterrupt
+        return super().act(observation)
 
 
-class Dawdles(HoldPolicy):
-    """Takes a tenth of a second for every answer."""
+class Dawdles(Counts):
+    """Takes a tenth of a second for every answer but the first."""
 
     def act(self, observation: Mapping[str, Any]) -> Any:
-        time.sleep(0.1)
+        time.sleep(0.1 if self.acts else 0.0)
         return super().act(observation)
 
 
@@ -382,3 +345,99 @@ def cannot_be_made() -> None:
 
 def dies_when_made() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def simulators() -> list[object]:
+    """Everything in this process that may be a simulator, and modules that make one."""
+    kinds = ("Simulation", "MjData", "MjModel", "SimBackend", "SimEnv")
+    found = [each for each in gc.get_objects() if type(each).__name__ in kinds]
+    return [*found, *({"mujoco", "duobench.sim.simulation"} & sys.modules.keys())]
+
+
+class Searches(RandomPolicy):
+    """Random, but looks for a simulator in every step, and stops if it finds one."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        if found := simulators():
+            raise RuntimeError(f"found {found}")
+        return super().act(observation)
+
+
+class IsTooWide(HoldPolicy):
+    """Gives actions of 17 numbers."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        return np.pad(np.atleast_2d(super().act(observation)), ((0, 0), (0, 1)))
+
+
+class RaisesInTheSecondAnswer(Counts):
+    """Raises in every episode, once it has begun."""
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        if self.acts:
+            raises()
+        return super().act(observation)
+
+
+MISBEHAVIOUR = "DUOBENCH_TEST_WORKER"
+"""Environment variable: what a worker, which imports this for its tasks, does wrong."""
+
+
+def answers_for_another() -> None:
+    """The worker once plays another episode than the one that it was asked for."""
+    from duobench.evaluation.episode import EpisodeRunner
+
+    play = EpisodeRunner.play
+
+    def other(runner: Any, episode: Any) -> Any:
+        if episode.index == 1 and mark(f"other-{episode.task.id}"):
+            episode = replace(episode, index=0)
+        return play(runner, episode)
+
+    EpisodeRunner.play = other
+
+
+def answers_twice() -> None:
+    """The worker once gives a result twice."""
+    from duobench.evaluation.episode import EpisodeResult
+    from duobench.evaluation.processes.child import Parent
+
+    report = Parent.report
+
+    def twice(parent: Any, message: Any) -> None:
+        report(parent, message)
+        if isinstance(message, EpisodeResult) and mark("twice"):
+            report(parent, message)
+
+    Parent.report = twice
+
+
+def swaps_recordings() -> None:
+    """The worker once gives the recording of the episode before."""
+    from duobench.evaluation.episode import EpisodeRunner
+
+    play, before = EpisodeRunner.play, []
+
+    def swapped(runner: Any, episode: Any) -> Any:
+        result = play(runner, episode)
+        before.append(result.recording)
+        if episode.index == 1 and mark("swapped-once"):
+            result = msgspec.structs.replace(result, recording=before[0])
+        return result
+
+    EpisodeRunner.play = swapped
+
+
+def has_no_graphics() -> None:
+    """The worker meets graphics that do not work."""
+    from duobench.evaluation import episode
+
+    episode.rollout = without_graphics
+
+
+def without_graphics(*_words: Any, **_options: Any) -> None:
+    raise RenderingError("The driver hangs.")
+
+
+if os.environ.get(MISBEHAVIOUR) and "duobench.evaluation.processes.worker" in sys.modules:
+    globals()[os.environ[MISBEHAVIOUR]]()

@@ -33,6 +33,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     act_timeout: float = 120.0,
     episode_timeout: float = 1800.0,
     retry_broken: bool = False,
+    fresh: bool = False,
+    unplayed_count_as_failures: bool = False,
     batch: Literal["fixed", "dynamic"] | None = None,
     max_batch: int | None = None,
     server: str | None = None,
@@ -55,15 +57,19 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.
         first_episode: Index of the first episode; seeds follow from task and index alone.
-        workers: Processes that play side by side; the results do not depend on it. With 0 this
-            process plays, for a debugger; it cannot stop a policy that hangs or outlive one that
-            ends its process.
+        workers: Simulators that play side by side, in processes of their own; the policy has
+            another one. The results do not depend on it. With 0 this process does everything, for a
+            debugger: the policy can see the simulator, hang, and end the run.
         videos: How many episodes of each task have a video.
         look: Look of the images that the policy sees: wood_table, dark, random:7, ... (see
             docs/looks.md).
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
         episode_timeout: Seconds that an episode may take.
         retry_broken: Play the episodes again that failed with an error in an earlier call.
+        fresh: Remove the run that is in the folder, whatever it was, and begin anew. A run of
+            which every finished episode failed with an error gives way to a changed policy too.
+        unplayed_count_as_failures: Count episodes in which a process dies each of three times as
+            failures; without this they stay unplayed, and the exit code is 1.
         batch: For a policy of your own that answers many episodes at a time: fixed fills every
             batch up, so that results do not depend on the workers; dynamic takes what waits, which
             is faster. Default: fixed.
@@ -96,6 +102,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
     folder = RunFolder(out)
     screen = console()
+    if workers == 0 and not choice.is_scripted:
+        screen.print("The policy plays in the process of the simulator, which it can see and move.")
     advised = advising(partial(for_evaluation, folder, policy))
     with advised, raising(screen), display(screen, "episode") as shown:
         results = play(
@@ -107,6 +115,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             workers=workers,
             observers=[EpisodesPlayed(shown)],
             retry_broken=retry_broken,
+            fresh=fresh,
+            unplayed_count_as_failures=unplayed_count_as_failures,
             command=command,
         )
     _show(folder.read_run(), results, out / folder.page.name, screen)

@@ -41,11 +41,8 @@ def serve(
             "served. Serve hold, random, zero, lerobot:PATH_OR_ID or module:attribute."
         )
     from duobench.policy.batch import Batching
-    from duobench.policy.serving import importing
     from duobench.policy.serving.access import check_access, read_key
-
-    with importing():
-        from duobench.policy.serving.host import PolicyHost, make_served
+    from duobench.policy.serving.host import PolicyHost, make_served
 
     key = read_key(key_file)
     check_access(host, key)  # before the weights are loaded

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from duobench.evaluation.evaluate import evaluate as evaluate
     from duobench.evaluation.executor import Executor as Executor
     from duobench.evaluation.executor import LocalExecutor as LocalExecutor
-    from duobench.evaluation.executor import ProcessExecutor as ProcessExecutor
     from duobench.evaluation.policies import ExpertPolicy as ExpertPolicy
     from duobench.evaluation.policies import PolicyChoice as PolicyChoice
     from duobench.evaluation.policies import PolicySource as PolicySource
     from duobench.evaluation.policies import source as source
+    from duobench.evaluation.processes.executor import ProcessExecutor as ProcessExecutor
     from duobench.evaluation.recorder import VideoRecorder as VideoRecorder
     from duobench.evaluation.rollout import Observer as Observer
     from duobench.evaluation.rollout import Watcher as Watcher

@@ -15,7 +15,7 @@ from duobench.data import DataSet, Recording
 from duobench.data.after_success import AFTER_SUCCESS_S, steps_after_success
 from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.envs.config import FIXED
-from duobench.errors import OtherRunError, TooFewSuccessesError
+from duobench.errors import OtherRunError, TooFewSuccessesError, UnplayedError
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.executor import executor_for
 from duobench.evaluation.policies import PolicyChoice
@@ -103,6 +103,7 @@ def record(  # noqa: PLR0913
         OtherRunError: If the data set holds another recording.
         OutputError: If it is in use or cannot be written.
         TooFewSuccessesError: If the policy hardly ever succeeds; what is finished is kept.
+        UnplayedError: If an episode could not be played because a process died in it each time.
         PolicyError: If the policy cannot be made, or does not fit the environment.
         OptionError: If the seconds after success are negative or not finite.
     """
@@ -137,6 +138,10 @@ def record(  # noqa: PLR0913
                 write(data.path / ATTEMPTS, played)
                 for observer in observers:
                     observer.on_episode(attempt)
+            if executor.unplayed:
+                raise UnplayedError.of(
+                    {f"{e.task.id}, episode {e.index}": why for e, why in executor.unplayed.items()}
+                )
     return sorted(log.values())
 
 

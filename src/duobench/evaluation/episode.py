@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import logging
-import random
+import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import gymnasium as gym
 import msgspec
-import numpy as np
 
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
@@ -23,16 +22,19 @@ from duobench.errors import (
     DuoBenchError,
     EvaluationError,
     MachineryError,
+    PolicyError,
     RenderingError,
     VideoError,
     escaped,
     traceback_text,
 )
-from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.policies import PolicyChoice, PolicySource
+from duobench.evaluation.processes.clock import EpisodeClock
 from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.policy import Policy
+from duobench.policy.compatibility import check_fits
+from duobench.policy.policy import as_chunk
 from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, episode_seed
 from duobench.results.limits import TimeLimits
@@ -165,7 +167,8 @@ class EpisodeRunner:
             OptionError: It expects images of an invalid size, or another control rate.
         """
         self._source = source
-        self._limits = job.limits
+        act_s = math.inf if source.waits_for_others else job.limits.act_s
+        self._limits = replace(job.limits, act_s=act_s)
         self._recording = job.recording
         self._clock = clock or EpisodeClock()
         self._tell = tell
@@ -209,8 +212,7 @@ class EpisodeRunner:
         """Play one episode.
 
         Whatever the policy raises, `sys.exit` included, and whatever its actions make the
-        environment raise, makes the episode a failed one. Python's and NumPy's global generators
-        get the policy's seed, for policies that use them.
+        environment raise, makes the episode a failed one.
 
         Raises:
             MachineryError: If the episode could not be played through no fault of the policy.
@@ -228,8 +230,6 @@ class EpisodeRunner:
         video = self._video_recorder(env) if episode.has_video else None
         if video is not None:
             watchers.append(video)
-        random.seed(episode.policy_seed)
-        np.random.seed(episode.policy_seed)  # noqa: NPY002 - the generator that policies share
 
         def busy() -> AbstractContextManager[None]:
             return self._clock.timed(self._limits, recorder.steps)
@@ -258,6 +258,28 @@ class EpisodeRunner:
             recording=recording and recording.content,
             seconds=time.perf_counter() - start,
         )
+
+    def rehearse(self, episode: Episode) -> None:
+        """Have the policy answer the first observation of an episode, which is not played.
+
+        Raises:
+            PolicyError: It fails, is too slow, or gives no chunk of actions.
+            MachineryError: It cannot be asked.
+            DuoBenchError: If environment and policy cannot be made, or do not fit.
+        """
+        env, policy = self._prepare(episode.task)
+        (size,) = env.action_space.shape or (0,)
+        check_fits(policy.metadata, env)
+        observation, info = env.reset(seed=episode.seed)
+        try:
+            with self._clock.playing(), self._clock.timed(self._limits):
+                policy.reset(info["instruction"], episode.policy_seed)
+                as_chunk(policy.act(observation), size)
+        except PolicyError as error:
+            raise PolicyError(
+                f"The policy does not answer the first observation of {episode.task.id}, so that "
+                f"nothing was played:\n{error}"
+            ) from error
 
     def close(self) -> None:
         """Free environment and policy, which are not used again."""

@@ -5,11 +5,11 @@ Whatever plays, this process alone writes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 
-from duobench.errors import EvaluationError
-from duobench.evaluation.episode import Job
+from duobench.errors import EvaluationError, UnplayedError
+from duobench.evaluation.episode import EpisodeResult, Job
 from duobench.evaluation.executor import executor_for
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
@@ -19,7 +19,8 @@ from duobench.results.limits import TimeLimits
 from duobench.results.metrics import Results
 from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
-from duobench.results.suite import Suite
+from duobench.results.run import Run
+from duobench.results.suite import Episode, Suite
 
 
 def evaluate(  # noqa: PLR0913
@@ -32,6 +33,8 @@ def evaluate(  # noqa: PLR0913
     workers: int = 1,
     observers: Sequence[Observer[EpisodeRecord]] = (),
     retry_broken: bool = False,
+    fresh: bool = False,
+    unplayed_count_as_failures: bool = False,
     command: str = "",
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
@@ -50,6 +53,10 @@ def evaluate(  # noqa: PLR0913
             but it cannot stop a policy that hangs or outlive one that ends its process.
         observers: Called about the progress, in this process.
         retry_broken: Also play the episodes again whose records hold an error.
+        fresh: Remove what a run has left in the folder, whatever it was, and play everything. A run
+            of which every finished episode failed with an error gives way to another one anyway.
+        unplayed_count_as_failures: Write records with an error for episodes that cannot be played
+            because a process dies in them each time.
         command: The command that starts the run, for its description and the report.
 
     Returns:
@@ -57,7 +64,7 @@ def evaluate(  # noqa: PLR0913
 
     Raises:
         EvaluationError: If the number of workers is negative, episodes cannot be played
-            (`MachineryError`), or records are missing at the end.
+            (`MachineryError`, `UnplayedError`), or records are missing at the end.
         OtherRunError: If the folder holds another run.
         OutputError: If the folder cannot be written, or is in use.
         FileError: If a record is broken.
@@ -70,27 +77,64 @@ def evaluate(  # noqa: PLR0913
     executor = executor_for(job, workers)
     with locked(folder.path), closing(executor):
         run = executor.prepare()
+        if fresh or folder.has_only_errors_of_another(run):
+            folder.clear()
+        if not folder.has_records:
+            executor.rehearse(run.episodes()[0])
         folder.begin(run)
-        finished = folder.read_records(run)
-        if retry_broken:
-            for record in finished:
-                if record.error is not None:
-                    folder.discard(record)
-            finished = [record for record in finished if record.error is None]
+        finished = _finished(folder, run, retry_broken=retry_broken)
         for observer in observers:
             observer.on_run_start(run, finished)
         done = {(record.task, record.episode) for record in finished}
         missing = [each for each in run.episodes() if (each.task.id, each.index) not in done]
         for result in executor.play(missing):
-            folder.write(result.record, result.video)
-            folder.note_timing(result.record, result.seconds)
-            for observer in observers:
-                observer.on_episode(result.record)
+            _write(folder, result, observers)
+        unplayed = executor.unplayed
+        if unplayed_count_as_failures:
+            for result in executor.failures():
+                _write(folder, result, observers)
+            unplayed = {}
         results = write_report(folder)
-        if results.overall.episodes < suite.size:
-            raise EvaluationError(
-                f"{suite.size - results.overall.episodes} of {suite.size} records are missing from "
-                f"{folder.path} although their episodes were played: somebody has removed them. "
-                "Run the evaluation again: it plays what is missing."
-            )
+        _check_complete(folder, suite, results, unplayed)
         return results
+
+
+def _finished(folder: RunFolder, run: Run, *, retry_broken: bool) -> list[EpisodeRecord]:
+    """The records that stay, of those that are there."""
+    finished = folder.read_records(run)
+    if retry_broken:
+        for record in finished:
+            if record.error is not None:
+                folder.discard(record)
+        finished = [record for record in finished if record.error is None]
+    return finished
+
+
+def _write(
+    folder: RunFolder, result: EpisodeResult, observers: Sequence[Observer[EpisodeRecord]]
+) -> None:
+    folder.write(result.record, result.video)
+    folder.note_timing(result.record, result.seconds)
+    for observer in observers:
+        observer.on_episode(result.record)
+
+
+def _check_complete(
+    folder: RunFolder, suite: Suite, results: Results, unplayed: Mapping[Episode, str]
+) -> None:
+    """Say which episodes have no record, and why.
+
+    Raises:
+        UnplayedError: They could not be played.
+        EvaluationError: They were removed.
+    """
+    if unplayed:
+        raise UnplayedError.of(
+            {f"{each.task.id}, episode {each.index}": why for each, why in unplayed.items()}
+        )
+    if results.overall.episodes < suite.size:
+        raise EvaluationError(
+            f"{suite.size - results.overall.episodes} of {suite.size} records are missing from "
+            f"{folder.path} although their episodes were played: somebody has removed them. "
+            "Run the evaluation again: it plays what is missing."
+        )

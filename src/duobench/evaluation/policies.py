@@ -5,34 +5,46 @@ Experts and other policies never import each other; they meet here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pkgutil import resolve_name
 
 import gymnasium as gym
+from numpy.typing import ArrayLike
 
 from duobench.envs.sim_env import sim_of
-from duobench.errors import PolicyError, check_known
+from duobench.errors import (
+    MachineryError,
+    PolicyError,
+    PolicyFailedError,
+    check_known,
+    foreign_traceback,
+)
+from duobench.evaluation.processes.policy_process import PolicyAddress
 from duobench.experts.expert import Expert, find_script
 from duobench.experts.motion import wait
 from duobench.experts.scripts import blind
 from duobench.experts.variety import NONE, VARIETIES, Variety
 from duobench.policy import Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
+from duobench.policy.batch import Chunk, Observation
+from duobench.policy.pool import PolicyPool
 from duobench.policy.registry import (
     MADE_ALONE,
     SCRIPTED,
     PolicyKind,
     PolicyName,
-    make_any,
+    make_described,
+    no_batches,
     source_version,
-    versioned_metadata,
 )
-from duobench.policy.serving import importing
-from duobench.policy.serving.address import OPENPI, SERVED, RemoteServer
+from duobench.policy.serving.address import MAX_S, OPENPI, SERVED, RemoteServer
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
 
+_ANSWERING_S = 5.0
+"""Seconds to wait for a process that has said that it answers."""
 WORDS: Mapping[str, PolicyKind] = {
     **SCRIPTED,
     **MADE_ALONE,
@@ -51,6 +63,18 @@ class PolicyChoice:
     """How many observations a `BatchPolicy` answers together; None takes the default."""
     server: RemoteServer | None = None
     """Where it is served."""
+    address: PolicyAddress | None = None
+    """Where it answers, if it is in a process of its own on this machine."""
+
+    @property
+    def is_scripted(self) -> bool:
+        """Whether it reads the simulation, so that it must be where that is."""
+        return self.name.kind in SCRIPTED.values()
+
+    @property
+    def has_process(self) -> bool:
+        """Whether it is made in a process of its own, unless this process plays."""
+        return not self.is_scripted and self.name.kind is not PolicyKind.SERVED
 
     @classmethod
     def parse(
@@ -95,8 +119,8 @@ class PolicySource:
     """Frees what the policy holds."""
     batching: Batching | None = None
     """How many observations it answers together; None if that is one, or unknown."""
-    batch_policy: BatchPolicy | None = None
-    """The policy itself, if it answers many episodes at a time."""
+    waits_for_others: bool = False
+    """Whether it may have to wait until others are answered, for which it is not to blame."""
 
 
 class ExpertPolicy(Expert):
@@ -183,6 +207,8 @@ def find_source(
         ServingError: If the server cannot be used.
         MachineryError: If there is no server.
     """
+    if choice.address is not None:
+        return _apart(choice.address)
     if choice.server is not None:
         return _served(choice, choice.server, limits)
     if choice.name.kind is PolicyKind.EXPERT:
@@ -198,21 +224,16 @@ def find_source(
         metadata = replace(BlindPolicy.metadata, version=source_version(*modules))
         policy = PolicySource(metadata=metadata, bind=BlindPolicy)
     else:
-        policy = _made(choice.name, choice.batching or Batching())
-    if choice.batching is not None and policy.batching is None:
-        raise PolicyError(
-            f"{choice.name.text} answers one observation at a time, so there are no batches of it. "
-            "With `begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
-        )
+        return _made(choice)
+    if choice.batching is not None:
+        raise no_batches(choice.name)
     return policy
 
 
 def _served(choice: PolicyChoice, server: RemoteServer, limits: TimeLimits) -> PolicySource:
-    """A policy at a server: one that somebody runs, or the process of a batch policy."""
+    """A policy at a server that somebody runs."""
     path = SERVED.get(choice.name.text, OPENPI)
-    with importing():
-        client = resolve_name(path)
-    remote = client(replace(server, answer_s=limits.served_s))
+    remote = resolve_name(path)(replace(server, answer_s=limits.served_s))
     return PolicySource(
         metadata=remote.metadata,
         bind=lambda _env: remote,
@@ -221,18 +242,68 @@ def _served(choice: PolicyChoice, server: RemoteServer, limits: TimeLimits) -> P
     )
 
 
-def _made(name: PolicyName, batching: Batching) -> PolicySource:
-    """A policy that is made alone; `batching` is for one that answers many episodes."""
-    made = make_any(name)
-    metadata = versioned_metadata(name, made)
-    close = getattr(made, "close", lambda: None)
-    if not isinstance(made, BatchPolicy):
-        return PolicySource(metadata=metadata, bind=lambda _env: made, close=close)
-    alone = SessionPolicy(made, batching)
+def _apart(address: PolicyAddress) -> PolicySource:
+    """A policy in a process of its own, which its parent looks after: here is no time limit."""
+    from duobench.policy.serving.client import OwnPolicy
+
+    url = f"ws://127.0.0.1:{address.port}"
+    remote = OwnPolicy(RemoteServer(url=url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S))
+    return PolicySource(
+        metadata=remote.metadata,
+        bind=lambda _env: remote,
+        close=remote.close,
+        batching=address.batching,
+        waits_for_others=True,
+    )
+
+
+def _made(choice: PolicyChoice) -> PolicySource:
+    """A policy that is made in this process."""
+    made, metadata = make_described(choice.name, choice.batching)
+    is_batched = isinstance(made, BatchPolicy)
+    batching = choice.batching or Batching() if is_batched else None
+    alone = SessionPolicy(
+        made if isinstance(made, BatchPolicy) else PolicyPool(made),
+        batching or Batching(mode="dynamic", size=1),
+    )
     return PolicySource(
         metadata=metadata,
-        bind=lambda _env: alone,
-        close=close,
+        bind=lambda _env: ContainedPolicy(alone),
+        close=alone.close,
         batching=batching,
-        batch_policy=made,
     )
+
+
+class ContainedPolicy:
+    """A policy in this process, whose failures are told as those of one in another process."""
+
+    def __init__(self, policy: SessionPolicy) -> None:
+        """Contain a policy."""
+        self._policy = policy
+        self.metadata = policy.metadata
+        """That of the policy."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        """Begin an episode."""
+        with _containing():
+            self._policy.reset(instruction, seed)
+
+    def act(self, observation: Observation) -> Chunk:
+        """The next actions (H, n)."""
+        with _containing():
+            return self._policy.act(observation)
+
+    @property
+    def intended_action(self) -> ArrayLike | None:
+        """What the policy wanted its last action to be, if it has disturbed it."""
+        return self._policy.intended_action
+
+
+@contextmanager
+def _containing() -> Iterator[None]:
+    try:
+        yield
+    except (KeyboardInterrupt, MachineryError):
+        raise
+    except BaseException as error:
+        raise PolicyFailedError(foreign_traceback(error)) from error

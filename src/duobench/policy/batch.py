@@ -222,6 +222,11 @@ class SessionPolicy:
             raise PolicyError("A policy is reset before it acts.")
         return answer(self._policy, [self._session], [observation], self._batching)[0]
 
+    @property
+    def intended_action(self) -> ArrayLike | None:
+        """What a plain policy in it wanted its last action to be, if it has disturbed it."""
+        return getattr(self._session, "intended", None)
+
     def close(self) -> None:
         """Close the policy."""
         getattr(self._policy, "close", lambda: None)()

@@ -11,7 +11,12 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from duobench.errors import MachineryError, PolicyError, traceback_text
+from duobench.errors import (
+    MachineryError,
+    PolicyFailedError,
+    PolicyTimeoutError,
+    foreign_traceback,
+)
 from duobench.policy.batch import (
     Batching,
     BatchPolicy,
@@ -186,5 +191,7 @@ def _fail(future: Future[Any], error: BaseException) -> None:
     """Give a future what was raised, `sys.exit` included, as an error of the policy."""
     if isinstance(error, MachineryError):
         future.set_exception(BusyError(str(error)))
-        return
-    future.set_exception(PolicyError(traceback_text(error).strip()))
+    elif isinstance(error, PolicyTimeoutError):
+        future.set_exception(error)
+    else:
+        future.set_exception(PolicyFailedError(foreign_traceback(error)))

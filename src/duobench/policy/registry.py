@@ -143,13 +143,36 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
     return policy
 
 
-def versioned_metadata(name: PolicyName, policy: Policy | BatchPolicy) -> PolicyMetadata:
-    """What a policy says about itself, with the hash of its source where it has no version.
+def make_described(
+    name: PolicyName, batching: Batching | None = None
+) -> tuple[Policy | BatchPolicy, PolicyMetadata]:
+    """Make a policy of either kind, and say what it is; errors are those of `make`.
 
     Args:
-        name: Name that it was made by.
-        policy: The policy.
+        name: That of a baseline, of a checkpoint of LeRobot, or of anyone's own.
+        batching: How many observations a `BatchPolicy` is to answer together, if that was said.
+
+    Returns:
+        The policy, and its metadata, with the hash of its source where it has no version.
+
+    Raises:
+        PolicyError: Also if batches are asked of a policy that answers one observation at a time.
     """
+    policy = make_any(name)
+    if batching is not None and not isinstance(policy, BatchPolicy):
+        raise no_batches(name)
+    return policy, _versioned(name, policy)
+
+
+def no_batches(name: PolicyName) -> PolicyError:
+    """The error about batches of a policy that has none."""
+    return PolicyError(
+        f"{name.text} answers one observation at a time, so there are no batches of it. "
+        "With `begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
+    )
+
+
+def _versioned(name: PolicyName, policy: Policy | BatchPolicy) -> PolicyMetadata:
     if policy.metadata.version is not None:
         return policy.metadata
     modules = {type(policy).__module__}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from contextlib import suppress
 from pathlib import Path
 
 from duobench.errors import EvaluationError
@@ -43,6 +45,39 @@ class RunFolder:
         """Video of an episode, if it has one."""
         return self.path / "videos" / task_id / f"{episode:05d}{VIDEO_SUFFIX}"
 
+    @property
+    def has_records(self) -> bool:
+        """Whether an episode is finished."""
+        return any(self.path.glob("records/*/*.json"))
+
+    def has_only_errors_of_another(self, run: Run) -> bool:
+        """Whether it holds another run, of which every finished episode failed with an error.
+
+        Raises:
+            FileError: If a record cannot be read.
+            EvaluationError: If a record is of yet another run.
+        """
+        if not (self.has_records and self.description.exists()):
+            return False
+        other = self.read_run()
+        records = self.read_records(other) if run.differences(other) else []
+        return bool(records) and all(record.error is not None for record in records)
+
+    def clear(self) -> None:
+        """Remove what the run that is there has finished, and nothing else; another may begin.
+
+        Raises:
+            OutputError: If it cannot be removed.
+        """
+        if not self.description.exists():
+            return
+        for folder in ("records", "videos", "figures"):
+            with writing(self.path / folder), suppress(FileNotFoundError):
+                shutil.rmtree(self.path / folder)
+        for path in (self.summary, self.page, self.timing):
+            with writing(path):
+                path.unlink(missing_ok=True)
+
     def begin(self, run: Run) -> None:
         """Begin a run in this folder, or continue the one that is there.
 
@@ -60,7 +95,7 @@ class RunFolder:
             RUN_SCHEMA,
             oldest=OLDEST_RUN_SCHEMA,
             what="evaluation",
-            is_final=any(self.path.glob("records/*/*.json")),
+            is_final=self.has_records,
         )
         write(self.description, encode(run, RUN_SCHEMA))
         remove_temporary(self.path)

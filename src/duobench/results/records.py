@@ -12,7 +12,12 @@ from typing import Annotated, TypedDict
 from msgspec import Meta
 
 from duobench.envs.config import EnvConfig
-from duobench.errors import EvaluationError, PolicyTimeoutError, traceback_text
+from duobench.errors import (
+    EvaluationError,
+    PolicyFailedError,
+    PolicyTimeoutError,
+    traceback_text,
+)
 from duobench.results.targets import unpack_targets
 from duobench.types import Array
 
@@ -160,6 +165,8 @@ class EpisodeRecord:
         sent = self.sent
         if isinstance(error, PolicyTimeoutError):  # where it was stuck is unknown
             text, sent = f"{type(error).__name__}: {error}\n", None
+        elif isinstance(error, PolicyFailedError):
+            text = f"{error}\n"
         else:
             text = traceback_text(error)
         return replace(

@@ -11,7 +11,14 @@ from typing import Any
 import msgspec
 from websockets.sync.client import ClientConnection
 
-from duobench.errors import MachineryError, MessageError, PolicyError, ServingError
+from duobench.errors import (
+    MachineryError,
+    MessageError,
+    PolicyError,
+    PolicyFailedError,
+    PolicyTimeoutError,
+    ServingError,
+)
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, as_chunk
 from duobench.policy.serving.address import RemoteServer
@@ -62,8 +69,12 @@ class RemotePolicy(ConnectedPolicy):
             return read(reply)
         if not is_text:
             self._drop()  # as the server does after such words
-            raise reported(reply)
+            raise self._failure(reply)
         return {}
+
+    def _failure(self, words: str) -> PolicyError:
+        """The error that the server reports in words."""
+        return reported(words)
 
     def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
         first = connection.recv(self._left())
@@ -105,3 +116,26 @@ def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batchi
     if server.execute is not None and server.execute < (metadata.horizon or math.inf):
         metadata = replace(metadata, version=f"{metadata.version}, {server.executed}")
     return metadata, batching
+
+
+class OwnPolicy(RemotePolicy):
+    """A policy in a process of its own, which is told of as if it were in this one."""
+
+    intended_action: Any = None
+    """What it wanted its last action to be, if it has disturbed it."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        """Begin an episode."""
+        self.intended_action = None
+        super().reset(instruction, seed)
+
+    def _request(self, *words: Any, **options: Any) -> Any:
+        answer = super()._request(*words, **options)
+        self.intended_action = answer.get("intended") if isinstance(answer, dict) else None
+        return answer
+
+    def _failure(self, words: str) -> PolicyError:
+        timeout = f"{PolicyTimeoutError.__name__}: "
+        if words.startswith(timeout):
+            return PolicyTimeoutError(words.removeprefix(timeout))
+        return PolicyFailedError(words)

@@ -13,11 +13,12 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-import msgpack
+import msgspec
 import numpy as np
 
 from duobench.errors import MessageError
 from duobench.policy.serving import limits
+from duobench.policy.serving.message_size import check_size
 
 _ARRAY, _SCALAR = "__ndarray__", "__npgeneric__"
 _DATA, _DTYPE, _SHAPE = "data", "dtype", "shape"
@@ -36,10 +37,9 @@ def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
         MessageError: If it holds something that cannot be sent.
     """
     try:
-        data = msgpack.packb(message, default=_text_keyed if is_text_keyed else _packed)
-    except (TypeError, ValueError, OverflowError) as error:
+        return msgspec.msgpack.encode(_packed(message, is_text_keyed=is_text_keyed))
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:
         raise MessageError(f"This cannot be sent: {error}.") from error
-    return data or b""
 
 
 def unpack(data: bytes) -> dict[str, Any]:
@@ -62,61 +62,36 @@ def read(data: bytes) -> Any:
     Raises:
         MessageError: If it is none, or beyond the limits.
     """
-    count = _Counter()
+    check_size(data)
     try:
-        message = msgpack.unpackb(
-            data,
-            raw=False,
-            strict_map_key=False,
-            max_str_len=limits.MAX_TEXT,
-            max_array_len=limits.MAX_ARRAY_ITEMS,
-            max_map_len=limits.MAX_MAP_ITEMS,
-            max_ext_len=0,
-            list_hook=count,
-            object_pairs_hook=count.pairs,
-        )
-    except MessageError:
-        raise
-    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
+        message = msgspec.msgpack.decode(data)
+    except (ValueError, TypeError, RecursionError) as error:
         raise MessageError(
             f"A message cannot be read: {str(error) or 'it is no MessagePack'}."
         ) from error
     return _checked(message, 0)
 
 
-class _Counter:
-    """Counts what a message holds while it is read, so that it cannot grow without bounds."""
-
-    def __init__(self) -> None:
-        self._items = 0
-
-    def __call__(self, items: list[Any]) -> list[Any]:
-        self._items += 1 + len(items)
-        if self._items > limits.MAX_ITEMS:
-            raise MessageError(f"A message holds at most {limits.MAX_ITEMS} items.")
-        return items
-
-    def pairs(self, pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
-        self(pairs)
-        return {_text(key): value for key, value in pairs}
-
-
-def _packed(value: object) -> dict[bytes, Any]:
+def _packed(value: object, *, is_text_keyed: bool) -> object:
+    """A value in which arrays and scalars of NumPy are maps, as they are sent."""
+    if isinstance(value, Mapping):
+        return {key: _packed(each, is_text_keyed=is_text_keyed) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_packed(each, is_text_keyed=is_text_keyed) for each in value]
+    if type(value) in _PLAIN:
+        return value
+    for kind in (float, int, str, bytes):  # such as NumPy's float64, which is a float
+        if isinstance(value, kind):
+            return kind(value)  # pyright: ignore[reportArgumentType]
     if not isinstance(value, np.ndarray | np.generic) or value.dtype.kind not in limits.DTYPE_KINDS:
         kind = getattr(value, "dtype", type(value).__name__)
         raise TypeError(f"a message holds plain values and arrays of numbers or texts, not {kind}")
+    fields: dict[str, Any] = {_DTYPE: value.dtype.str}
     if isinstance(value, np.generic):
-        return {b"__npgeneric__": True, b"data": value.item(), b"dtype": value.dtype.str}
-    return {
-        b"__ndarray__": True,
-        b"data": value.tobytes(),
-        b"dtype": value.dtype.str,
-        b"shape": value.shape,
-    }
-
-
-def _text_keyed(value: object) -> dict[str, Any]:
-    return {key.decode(): item for key, item in _packed(value).items()}
+        fields = {_SCALAR: True, _DATA: value.item(), **fields}
+    else:
+        fields = {_ARRAY: True, _DATA: value.tobytes(), **fields, _SHAPE: value.shape}
+    return fields if is_text_keyed else {key.encode(): each for key, each in fields.items()}
 
 
 def _checked(value: Any, depth: int) -> Any:
@@ -129,11 +104,12 @@ def _checked(value: Any, depth: int) -> Any:
         if not isinstance(value, _PLAIN):
             raise MessageError(f"A message holds no {type(value).__name__}.")
         return value
-    if _ARRAY in value:
-        return _array(value)
-    if _SCALAR in value:
-        return _scalar(value)
-    return {key: _checked(item, depth + 1) for key, item in value.items()}
+    fields = {_text(key): item for key, item in value.items()}
+    if _ARRAY in fields:
+        return _array(fields)
+    if _SCALAR in fields:
+        return _scalar(fields)
+    return {key: _checked(item, depth + 1) for key, item in fields.items()}
 
 
 def _text(key: object) -> str:

@@ -19,12 +19,12 @@ import websockets
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
 
-from duobench.errors import DuoBenchError, ServingError
+from duobench.errors import DuoBenchError, PolicyTimeoutError, ServingError
 from duobench.policy.batch import Batching, BatchPolicy
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.pool import PolicyPool
-from duobench.policy.registry import PolicyName, make, make_any, versioned_metadata
+from duobench.policy.registry import PolicyName, make, make_described
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
@@ -48,6 +48,7 @@ class PolicyHost:
         port: int = 0,
         key: str | None = None,
         busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
+        answer_s: float = limits.INFERENCE_S,
     ) -> None:
         """Start to listen; `run` answers.
 
@@ -59,6 +60,7 @@ class PolicyHost:
             port: Port to listen at; 0 takes a free one.
             key: What clients must have; without one, `host` must be of this machine only.
             busy: Surrounds everything that the policy does.
+            answer_s: Seconds for one answer, waiting included.
 
         Raises:
             ServingError: If the address cannot be had, or needs a key.
@@ -69,6 +71,7 @@ class PolicyHost:
         served = {**asdict(metadata), "batch": batching.mode, "max_batch": batching.size}
         self._handshake = pack({"duobench": {"protocol": PROTOCOL, **served}})
         self._key = key
+        self._answer_s = answer_s
         self._clients = 0
         self._over = asyncio.Event()
         listening: Future[tuple[int, asyncio.AbstractEventLoop]] = Future()
@@ -134,7 +137,7 @@ class PolicyHost:
     async def _serve_client(self, connection: ServerConnection) -> None:
         """Answer one client until it leaves; its mistakes end its own connection only."""
         self._clients += 1
-        session = ClientSession(self._loop)
+        session = ClientSession(self._loop, self._answer_s)
         try:
             await _send(connection, self._handshake)
             while True:
@@ -154,12 +157,19 @@ class PolicyHost:
             await connection.close(_TRY_AGAIN, reason)
         except DuoBenchError as error:
             with suppress(TimeoutError, websockets.ConnectionClosed):
-                await _send(connection, str(error))
+                await _send(connection, _words(error))
             reason = "Internal server error. Traceback included in previous frame."
             await connection.close(_INTERNAL_ERROR, reason)
         finally:
             self._clients -= 1
             session.close()
+
+
+def _words(error: DuoBenchError) -> str:
+    """What a client is told of an error: a traceback of the policy, or what went wrong."""
+    if isinstance(error, PolicyTimeoutError):
+        return f"{PolicyTimeoutError.__name__}: {error}"
+    return str(error)
 
 
 async def _unless_gone(
@@ -197,9 +207,7 @@ def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetad
         UnknownNameError: If there is no baseline of that name.
         PolicyError: If it cannot be made.
     """
-    parsed = PolicyName.parse(name)
-    made = make_any(parsed)
-    metadata = versioned_metadata(parsed, made)
+    made, metadata = make_described(PolicyName.parse(name))
     if isinstance(made, BatchPolicy):
         return made, metadata, batching
     pool = PolicyPool(made, lambda: make(name), batching.size)

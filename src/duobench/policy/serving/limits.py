@@ -19,7 +19,7 @@ MAX_ARRAY_ITEMS = 4096
 MAX_MAP_ITEMS = 1024
 """Pairs of one MessagePack map."""
 MAX_ITEMS = 10_000
-"""Items and pairs of a whole message."""
+"""Values in a whole message, keys included."""
 MAX_DEPTH = 8
 """Maps and arrays inside each other."""
 MAX_TEXT = 64 << 10

@@ -11,6 +11,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import numpy as np
+
 from duobench.checks import whole
 from duobench.errors import MessageError, PolicyError
 from duobench.policy.batch import Session
@@ -55,9 +57,15 @@ class _Episode:
 class ClientSession:
     """Episodes and requests of one connection."""
 
-    def __init__(self, loop: InferenceLoop) -> None:
-        """Begin without an episode; the loop answers."""
+    def __init__(self, loop: InferenceLoop, answer_s: float = limits.INFERENCE_S) -> None:
+        """Begin without an episode.
+
+        Args:
+            loop: What answers.
+            answer_s: Seconds for one answer, waiting included.
+        """
         self._loop = loop
+        self._answer_s = answer_s
         self._session: Session | None = None
         self._episode = _Episode()
         self._received = 0.0
@@ -101,15 +109,17 @@ class ClientSession:
         if session is None or episode != self._episode:
             session = await self._begin(episode)
         start = time.monotonic()
-        chunk = await _result(self._loop.act(session, request))
+        chunk = await self._result(self._loop.act(session, request))
         timing = {"infer_ms": (time.monotonic() - start) * _MILLI, **self._timing}
-        return pack({"actions": chunk, "server_timing": timing})
+        intended = getattr(session, "intended", None)
+        said = {} if intended is None else {"intended": np.asarray(intended)}
+        return pack({"actions": chunk, **said, "server_timing": timing})
 
     async def _begin(self, episode: _Episode) -> Session:
         self.close()
         future = self._loop.begin(episode.prompt, episode.seed)
         try:
-            self._session = session = await _result(future)
+            self._session = session = await self._result(future)
         except BaseException:
             future.add_done_callback(self._forget)
             raise
@@ -121,16 +131,15 @@ class ClientSession:
         if not future.cancelled() and future.exception() is None:
             self._loop.end(future.result())
 
-
-async def _result(future: Future[T]) -> T:
-    """What the inference loop answers; giving up gives the place in its queue back."""
-    try:
-        async with asyncio.timeout(limits.INFERENCE_S):
-            return await asyncio.wrap_future(future)
-    except TimeoutError as error:
-        raise PolicyError(f"There was no answer within {limits.INFERENCE_S:g} s.") from error
-    except asyncio.CancelledError:
-        task = asyncio.current_task()
-        if task is not None and task.cancelling():
-            raise
-        raise BusyError("The policy's server has ended.") from None
+    async def _result(self, future: Future[T]) -> T:
+        """What the inference loop answers; giving up gives the place in its queue back."""
+        try:
+            async with asyncio.timeout(self._answer_s):
+                return await asyncio.wrap_future(future)
+        except TimeoutError as error:
+            raise PolicyError(f"There was no answer within {self._answer_s:g} s.") from error
+        except asyncio.CancelledError:
+            task = asyncio.current_task()
+            if task is not None and task.cancelling():
+                raise
+            raise BusyError("The policy's server has ended.") from None

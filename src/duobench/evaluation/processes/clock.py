@@ -42,7 +42,7 @@ class EpisodeClock:
         return self._running(_ANSWER)
 
     @contextmanager
-    def timed(self, limits: TimeLimits, steps: int) -> Iterator[None]:
+    def timed(self, limits: TimeLimits, steps: int = 0) -> Iterator[None]:
         """The policy thinks as long as the block lasts, which is checked at its end.
 
         Args:
@@ -61,10 +61,7 @@ class EpisodeClock:
     def late(self, limits: TimeLimits) -> PolicyTimeoutError | None:
         """The error of a policy that has been thinking for too long; None while there is time."""
         if self.answer_s() > limits.act_s:
-            return PolicyTimeoutError(
-                f"The policy did not answer within {limits.act_s:g} s, its limit for one reset or "
-                "act."
-            )
+            return PolicyTimeoutError.of_answer(limits.act_s)
         if self.answer_s() and self.episode_s() > limits.episode_s:
             return PolicyTimeoutError(
                 f"The episode was not over after {limits.episode_s:g} s, its time limit."

@@ -1,0 +1,1 @@
+"""Playing in processes of their own: workers with a simulator each, and policies without one."""

@@ -1,0 +1,100 @@
+"""Which episode is played next, and which are not played any more."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable
+
+from duobench.errors import MachineryError
+from duobench.results.suite import Episode, TaskInfo
+
+MAX_PLAYS = 3
+"""How often an episode is begun before it is given up."""
+
+
+class Schedule:
+    """The episodes that wait to be played, task by task."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._waiting: dict[str, deque[Episode]] = {}
+        self._suspects: deque[Episode] = deque()
+        self._faults: Counter[Episode] = Counter()
+        self.set_aside: dict[Episode, str] = {}
+        """Episodes that are not played any more, and how their processes ended, in words."""
+
+    @property
+    def left(self) -> int:
+        """How many episodes wait."""
+        return sum(map(len, self._waiting.values())) + len(self._suspects)
+
+    @property
+    def has_suspects(self) -> bool:
+        """Whether the next episode is played alone, beside no other."""
+        return bool(self._suspects)
+
+    def add(self, episodes: Iterable[Episode]) -> None:
+        """Let episodes wait."""
+        for episode in episodes:
+            self._waiting.setdefault(episode.task.id, deque()).append(episode)
+
+    def next(self, task: TaskInfo | None) -> Episode:
+        """Take the next episode; suspects come first.
+
+        Args:
+            task: The task to go on with, if one of its episodes waits; else it is the one with most
+                left.
+        """
+        if self._suspects:
+            return self._suspects.popleft()
+        longest = max(self._waiting.values(), key=len)
+        queue = self._waiting.get(task.id) if task else None
+        return (queue or longest).popleft()
+
+    def suspect(self, episodes: Iterable[Episode]) -> None:
+        """Let episodes wait of which one has hung or killed a policy that all of them shared.
+
+        They are played alone, until it is known which one it was.
+        """
+        self._suspects.extend(episodes)
+
+    def replay(self, episode: Episode, death: str, *, alone: bool = False) -> None:
+        """Let an episode wait again whose process has ended; too many ends set it aside.
+
+        Args:
+            episode: The episode.
+            death: How the process ended, in words.
+            alone: Whether it is played alone, beside no other.
+        """
+        self._faults[episode] += 1
+        if self._faults[episode] == MAX_PLAYS:
+            self.set_aside[episode] = (
+                f"in each of {MAX_PLAYS} attempts something failed, the last time: {death}"
+            )
+        elif alone:
+            self._suspects.append(episode)
+        else:
+            self._waiting[episode.task.id].appendleft(episode)
+
+    def retry(self, episode: Episode, fault: str) -> None:
+        """Let an episode wait again that could not be played where it was.
+
+        Raises:
+            MachineryError: It had too many faults.
+        """
+        self.note_fault(episode, fault)
+        self._waiting[episode.task.id].appendleft(episode)
+
+    def note_fault(self, episode: Episode, fault: str) -> None:
+        """Note a fault of what an episode needs, such as a server or a renderer.
+
+        Raises:
+            MachineryError: The episode had too many of them.
+        """
+        self._faults[episode] += 1
+        if self._faults[episode] == MAX_PLAYS:
+            raise MachineryError(
+                f"{episode.task.id}, episode {episode.index} cannot be played; in each of "
+                f"{MAX_PLAYS} attempts something failed, the last time: {fault} What is "
+                "finished is kept, and the rest is still to be played."
+            )
