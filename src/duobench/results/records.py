@@ -104,6 +104,9 @@ class EpisodeRecord:
     sent: bytes | None = None
     """Joint targets that were sent, one command a step, see `targets`; None before schema 4, and
     where a policy was stopped that took too long."""
+    clipped: int | None = None
+    """Control steps at which limits of the arms changed what was to be sent; None in records that
+    do not have it."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
 
