@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import platform
+import re
+from pathlib import Path
 
 __version__ = "1.0.0rc1"
 """Version of the software; a build reads it from this line."""
@@ -27,5 +29,16 @@ def record_versions(renderer: str | None) -> dict[str, str | None]:
         **package_versions(),
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
+        "processor": processor(),
         "renderer": renderer,
     }
+
+
+def processor() -> str | None:
+    """Model of the processor, as Linux names it; None if it has no name."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
+    named = re.search(r"^model name\s*:\s*(\S.*)$", text, re.MULTILINE)
+    return named[1].strip() if named else None

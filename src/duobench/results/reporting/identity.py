@@ -11,8 +11,10 @@ from duobench.results.suite import Suite
 Facts = Mapping[str, str]
 """Values in words by name, in the order in which they are shown."""
 
-MACHINE = ("platform", "processor", "renderer")
-"""What a record's versions say of the machine; everything else there is software."""
+_MACHINE = ("platform", "processor", "renderer")
+"""What a record's versions say of the machine."""
+_TOLD_BY_RUN = ("inference",)
+"""What they say that the run says too."""
 UNKNOWN = "not known"
 
 
@@ -42,16 +44,20 @@ def identity(run: Run) -> Facts:
     }
 
 
-def stacks(records: Iterable[EpisodeRecord]) -> list[tuple[Facts, Facts]]:
-    """Machines and versions that records come from, each combination once: machine, software."""
+def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
+    """Machines and software that records come from, each combination once."""
     found = dict.fromkeys(tuple(record.versions.items()) for record in records)
-    return [
-        (
-            {name: dict(stack).get(name) or _absent(name) for name in MACHINE},
-            {name: value for name, value in stack if value and name not in MACHINE},
-        )
-        for stack in found
+    return [_stack(dict(versions)) for versions in found]
+
+
+def _stack(versions: Mapping[str, str | None]) -> Facts:
+    machine = {name.capitalize(): versions.get(name) or _absent(name) for name in _MACHINE}
+    software = [
+        f"{name} {version}"
+        for name, version in versions.items()
+        if version and name not in (*_MACHINE, *_TOLD_BY_RUN)
     ]
+    return {**machine, "Software": ", ".join(software)}
 
 
 def _absent(name: str) -> str:
