@@ -129,7 +129,7 @@ def run_times(results: Results, notes: Notes) -> RunTimes:
     rows = [row for label, ours in by_task if (row := _row(label, ours)).episodes]
     if len(rows) > 1:
         rows.append(_row("All tasks", known))
-    numbers = {note.workers and max(1, note.workers) for note in known}
+    numbers = {None if note.workers is None else max(1, note.workers) for note in known}
     return RunTimes(
         rows=tuple(rows),
         unknown=results.overall.episodes - len(known),
