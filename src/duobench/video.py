@@ -165,4 +165,4 @@ def last_frame(path: Path) -> Image:
         raise VideoError(f"{path} cannot be decoded: {error}.") from error
     if not frames:
         raise VideoError(f"{path} has no frame.")
-    return frames[0].to_ndarray(format="rgb24")
+    return np.asarray(frames[0].to_ndarray(format="rgb24"), dtype=np.uint8)

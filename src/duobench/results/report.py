@@ -27,6 +27,8 @@ from duobench.types import CONTROL_HZ
 
 SUMMARY_SCHEMA = 2
 """Version of the summary's fields."""
+_MOST_UNMET = 6
+"""Constraints that did not hold of one stage that the page shows; others are folded away."""
 
 
 def read_results(folder: RunFolder) -> tuple[Run, Results]:
@@ -114,6 +116,7 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
         figures=figures,
         metrics=metrics,
         failed_stages=failed_stages,
+        most_unmet=_MOST_UNMET,
         clipping=clipping,
         video=videos.video,
         poster=videos.poster,
