@@ -173,7 +173,7 @@ def test_rate_of_success_comes_first(tmp_path: Path) -> None:
 
 
 def test_failed_episodes_lead_to_a_video_or_to_the_command_that_makes_it(tmp_path: Path) -> None:
-    run = sample_run(tasks=(SORT,), episodes=4)
+    run = sample_run(tasks=(SORT,), episodes=4, command="duobench eval --policy mine")
     records = [sample_record(SORT, episode, (5,)) for episode in range(3)]
     folder = sample_folder(tmp_path / "run", run, [*records, sample_record(SORT, 3)])
     video = folder.video(SORT.id, 1)

@@ -101,7 +101,7 @@ def _score(score: Score) -> dict[str, Any]:
 
 def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -> str:
     """The page as HTML text."""
-    videos = PageVideos(folder)
+    videos = PageVideos(folder, run)
     times = run_times(results, read_notes(folder.timing))
     return render(
         "duobench.results",
@@ -119,6 +119,7 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
         most_unmet=_MOST_UNMET,
         clipping=clipping,
         video=videos.video,
+        video_command=videos.command,
         poster=videos.poster,
         featured=videos.featured,
         times=times,

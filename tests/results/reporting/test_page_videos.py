@@ -14,8 +14,9 @@ SHADES = [np.full((48, 64, 3), shade, np.uint8) for shade in range(0, 250, 2)]
 
 def test_poster_is_the_last_frame_and_goes_with_its_episode(tmp_path: Path) -> None:
     record = sample_record(SORT, 0, (5,))
-    folder = sample_folder(tmp_path, sample_run(), [record])
-    videos = PageVideos(folder)
+    run = sample_run()
+    folder = sample_folder(tmp_path, run, [record])
+    videos = PageVideos(folder, run)
     assert videos.video(record) is None
     path = folder.video(SORT.id, 0)
     path.parent.mkdir(parents=True)
@@ -30,20 +31,22 @@ def test_poster_is_the_last_frame_and_goes_with_its_episode(tmp_path: Path) -> N
 
 def test_what_is_no_video_has_no_poster(tmp_path: Path) -> None:
     record = sample_record(SORT, 0, (5,))
-    folder = sample_folder(tmp_path, sample_run(), [record])
+    run = sample_run()
+    folder = sample_folder(tmp_path, run, [record])
     path = folder.video(SORT.id, 0)
     path.parent.mkdir(parents=True)
     path.write_bytes(b"video")
-    assert PageVideos(folder).poster(record) is None
+    assert PageVideos(folder, run).poster(record) is None
 
 
 def test_one_video_is_shown_for_each_last_stage(tmp_path: Path) -> None:
     reached = ((), (5,), (5,), (1, 2, 3), ())
     records = [sample_record(SORT, episode, each) for episode, each in enumerate(reached)]
-    folder = sample_folder(tmp_path, sample_run(), records)
+    run = sample_run()
+    folder = sample_folder(tmp_path, run, records)
     for episode in (1, 2, 3, 4):
         path = folder.video(SORT.id, episode)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(b"video")
-    featured = PageVideos(folder).featured(task_result(SORT, records))
+    featured = PageVideos(folder, run).featured(task_result(SORT, records))
     assert [record.episode for record in featured] == [4, 1, 3]

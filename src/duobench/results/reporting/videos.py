@@ -13,17 +13,21 @@ from duobench.files import write
 from duobench.results.folder import RunFolder
 from duobench.results.metrics import TaskResult
 from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
 from duobench.video import last_frame
 
 JPEG_QUALITY = 80
+_COMMAND = "duobench report DIR --videos {}"
+"""Makes videos in a run's folder; see `PageVideos.command`."""
 
 
 class PageVideos:
     """Finds videos for the page of a run; its links lead from the run's folder."""
 
-    def __init__(self, folder: RunFolder) -> None:
-        """Look into a folder."""
+    def __init__(self, folder: RunFolder, run: Run) -> None:
+        """Look into the folder of a run."""
         self._folder = folder
+        self._run = run
 
     def video(self, record: EpisodeRecord) -> str | None:
         """Link to the video of an episode; None if there is none."""
@@ -55,6 +59,17 @@ class PageVideos:
             if record.final_stage not in first and self.video(record):
                 first[record.final_stage] = record
         return [first[stage] for stage in sorted(first)]
+
+    def command(self, choice: str) -> str:
+        """The command that makes videos, with DIR for the folder, as in the run's own command.
+
+        Args:
+            choice: Of which episodes, as `duobench.evaluation.videos.choose` takes it.
+
+        Returns:
+            The command; empty if the run was not started by one.
+        """
+        return _COMMAND.format(choice) if self._run.command else ""
 
     def _link(self, task_id: str, name: str) -> str:
         return quote(f"videos/{task_id}/{name}")
