@@ -170,7 +170,7 @@ def tango_interval(
     Returns:
         Lower and upper end of the first policy's rate minus the second one's.
     """
-    from scipy.optimize import brentq
+    from scipy.optimize import root_scalar
 
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
     estimate = (only_a - only_b) / episodes
@@ -185,10 +185,13 @@ def tango_interval(
         score = only_a - only_b - episodes * difference
         return score - sign * z * math.sqrt(max(0.0, variance))
 
+    def end(low: float, high: float, sign: float) -> float:
+        return float(root_scalar(excess, (sign,), bracket=(low, high), method="brentq").root)
+
     beside = 1e-12  # at the estimate itself, both sides are 0 where no episode tells them apart
-    low = -1.0 if only_b == episodes else brentq(excess, -1.0, estimate - beside, args=(1.0,))
-    high = 1.0 if only_a == episodes else brentq(excess, estimate + beside, 1.0, args=(-1.0,))
-    return float(low), float(high)
+    low = -1.0 if only_b == episodes else end(-1.0, estimate - beside, 1.0)
+    high = 1.0 if only_a == episodes else end(estimate + beside, 1.0, -1.0)
+    return low, high
 
 
 def newcombe_interval(
