@@ -16,7 +16,7 @@ from duobench.files import make_folder, write
 from duobench.results.comparison import figures
 from duobench.results.comparison.comparison import Comparison
 from duobench.results.comparison.document import document
-from duobench.results.comparison.entrants import Group, read_entrants
+from duobench.results.comparison.entrants import read_entrants
 from duobench.results.comparison.page import page
 from duobench.results.comparison.pairs import compare_pair
 from duobench.results.comparison.rows import table_rows
@@ -40,9 +40,8 @@ def compare(sources: Sequence[str]) -> Comparison:
         UnknownNameError: The paper has no such policy.
         FileError: A record cannot be read.
     """
-    given = read_entrants(sources)
-    entrants = tuple(one for group in Group for one in given if one.group is group)
-    rows = table_rows(given)
+    entrants = read_entrants(sources)
+    rows = table_rows(entrants)
     pairs = [compare_pair(a, b, rows) for a, b in combinations(entrants, 2)]
     tested = sorted((pair for pair in pairs if pair), key=lambda pair: pair.crosses_groups)
     return Comparison(entrants=entrants, rows=rows, pairs=tuple(tested))

@@ -36,8 +36,10 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path) -> None:
         page = write_comparison(comparison, out)
     screen = console()
     for pair in comparison.pairs:
-        sentences = [*words.caution(pair), words.verdict(pair), words.overall(pair)]
-        screen.print(" ".join(filter(None, sentences)))
+        screen.print(f"{pair.a.name} against {pair.b.name}:")
+        for line in (*words.caution(pair), words.verdict(pair), words.overall(pair)):
+            if line:
+                screen.print(f"  {line}")
     screen.print(f"Comparison: {page}")
 
 

@@ -25,6 +25,11 @@ class Group(StrEnum):
     PRIVILEGED = "Privileged policies"
     ELSEWHERE = "Measured elsewhere, on other tasks"
 
+    @property
+    def note(self) -> str:
+        """The same in few words."""
+        return {Group.IMAGES: "images", Group.PRIVILEGED: "privileged"}.get(self, self.lower())
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cell:
@@ -46,12 +51,14 @@ class Cell:
 class Entrant:
     """A run, or a policy of the paper."""
 
-    key: str
-    """Its letter: A, B, ..."""
-    name: str
-    """Name for people, as given or that of the policy, with the letter if another has the same."""
+    title: str
+    """Name for people, as given or that of the policy; others may have the same."""
     group: Group
     """What it may be compared with."""
+    key: str = ""
+    """Its letter: A, B, ..."""
+    name: str = ""
+    """Its title, with the letter if another one has the same."""
     run: Run | None = None
     """The run; None for a policy of the paper."""
     results: Results | None = None
@@ -103,7 +110,7 @@ def read_entrants(sources: Sequence[str]) -> tuple[Entrant, ...]:
             a policy of the paper (`paper:ACT`).
 
     Returns:
-        One entrant each, in the same order.
+        One entrant each, group by group, in the order given.
 
     Raises:
         EvaluationError: There are too few or too many, none is a run, one has no episode, or
@@ -115,28 +122,29 @@ def read_entrants(sources: Sequence[str]) -> tuple[Entrant, ...]:
         raise EvaluationError(
             f"A comparison takes 2 to {len(ascii_uppercase)} runs, got {len(sources)}."
         )
-    entrants = [_read(key, source) for key, source in zip(ascii_uppercase, sources, strict=False)]
-    if not any(entrant.run for entrant in entrants):
+    read = [_read(source) for source in sources]
+    if not any(entrant.run for entrant in read):
         raise EvaluationError("A comparison needs a run; the paper's results stand beside one.")
-    names = Counter(entrant.name for entrant in entrants)
+    sorted_by_group = [one for group in Group for one in read if one.group is group]
+    titles = Counter(entrant.title for entrant in read)
     return tuple(
-        replace(one, name=f"{one.name} ({one.key})") if names[one.name] > 1 else one
-        for one in entrants
+        replace(one, key=key, name=f"{one.title} ({key})" if titles[one.title] > 1 else one.title)
+        for key, one in zip(ascii_uppercase, sorted_by_group, strict=False)
     )
 
 
-def _read(key: str, source: str) -> Entrant:
+def _read(source: str) -> Entrant:
+    """An entrant that has no letter yet."""
     if source.startswith(paper.SCHEME):
         policy = paper.check_policy(source)
-        name = f"{paper.paper_results().policies[policy]} [paper]"
-        return Entrant(key=key, name=name, group=Group.ELSEWHERE, quoted=policy)
+        title = f"{paper.paper_results().policies[policy]} [paper]"
+        return Entrant(title=title, group=Group.ELSEWHERE, quoted=policy)
     name, path = split_name(source)
     run, records = read_source(path)
     if not records:
         raise EvaluationError(f"{path} has no finished episode to compare.")
     return Entrant(
-        key=key,
-        name=name or run.policy,
+        title=name or run.policy,
         group=Group.PRIVILEGED if run.privileged else Group.IMAGES,
         run=run,
         results=summarize(run.suite.tasks, records),

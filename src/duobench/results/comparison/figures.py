@@ -65,14 +65,14 @@ def progress(entrants: Sequence[Entrant], rows: Sequence[Row]) -> Figure:
     tasks = [row for row in rows if row.kind is Kind.TASK]
     figure, panels = progress_panels([row.tasks[0] for row in tasks])
     runs = [one for one in entrants if one.results]
-    lines = {one.key: _line(index, f"{one.key}  {one.name}") for index, one in enumerate(runs)}
+    lines = {one.key: _line(index, f"{one.key}  {one.title}") for index, one in enumerate(runs)}
     for axes, row in zip(panels, tasks, strict=True):
         for one in runs:
             if result := _result(one, row):
                 line = lines[one.key]
                 style = {"color": line.get_color(), "linestyle": line.get_linestyle()}
                 axes.step(TIME, result.progress, where="post", linewidth=1.6, **style)
-    columns = 1 if max(len(one.name) for one in runs) > _LONG_NAME else 3
+    columns = 1 if max(len(one.title) for one in runs) > _LONG_NAME else 3
     figure.legend(
         handles=[*lines.values()],
         loc="outside upper left",

@@ -30,8 +30,6 @@ from duobench.results.statistics import (
     tango_interval,
 )
 
-Records = Sequence[EpisodeRecord]
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Test:

@@ -68,5 +68,6 @@ def _sum(
     if len(shared) < 2:  # noqa: PLR2004 - a single one has a row already
         return []
     if len(shared) < len(members):
-        label = f"{label}, {len(shared)} of {len(members)}"
+        whole = kind is Kind.OVERALL
+        label = f"{len(shared)} common tasks" if whole else f"{label} ({len(shared)} common)"
     return [Row(kind=kind, label=label, tasks=tuple(shared))]

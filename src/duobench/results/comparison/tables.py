@@ -37,7 +37,7 @@ def markdown(comparison: Comparison) -> str:
     lines = ["Success rate in percent, with mean final progress (highest stage / last stage).", ""]
     for group, members in comparison.groups:
         lines.append(f"- {group}: {', '.join(f'{one.key} {_md(one.name)}' for one in members)}")
-    names = [f"{_md(one.name)} ({one.group.lower()})" for one in comparison.entrants]
+    names = [f"{_md(one.name)} ({one.group.note})" for one in comparison.entrants]
     lines += ["", _md_row(["task", *names]), _md_row(["---", *["---:"] * len(names)])]
     for category, rows in sections(comparison.rows):
         if category:
@@ -121,6 +121,8 @@ def caption(comparison: Comparison) -> str:
         "Bold: better than every other policy of its group, by tests at 5 % after Holm's "
         "adjustment over the tasks."
     )
+    if any(row.label.endswith(("common)", "common tasks")) for row in comparison.rows):
+        text += " Rows over several tasks cover those that every run has."
     groups = [group for group, _ in comparison.groups]
     if Group.PRIVILEGED in groups:
         text += " Privileged policies know where the objects are from the simulation."

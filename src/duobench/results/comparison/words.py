@@ -30,13 +30,14 @@ def verdict(pair: Pair) -> str:
     if not (won or lost):
         return f"{a} and {b} cannot be told apart in any of {len(tests)} tasks after Holm."
     if won:
-        text = f"{a} is better than {b} in {len(won)} of {len(tests)} tasks after Holm"
-        also = f"; {b} is better in {len(lost)} ({listed(lost)})" if lost else ""
+        text = f"{a} {_beats(pair)} {b} in {len(won)} of {len(tests)} tasks after Holm"
+        also = f"; the other way round in {len(lost)} ({listed(lost)})" if lost else ""
     else:
-        text = f"{b} is better than {a} in {len(lost)} of {len(tests)} tasks after Holm"
+        text = f"{b} {_beats(pair)} {a} in {len(lost)} of {len(tests)} tasks after Holm"
         also = ""
     names = listed(won or lost)
-    rest = f". In the other {tied} they cannot be told apart" if tied else ""
+    others = "the other one" if tied == 1 else f"the other {tied}"
+    rest = f". In {others} they cannot be told apart" if tied else ""
     return f"{text} ({names}){also}{rest}."
 
 
@@ -48,7 +49,7 @@ def overall(pair: Pair) -> str:
     (test,) = tests
     who = _winner(pair, test.better)
     start = f"{test.row.label} together: "
-    start += f"{who} is better, " if who else "they cannot be told apart, "
+    start += f"{who} {_beats(pair, alone=True)}, " if who else "they cannot be told apart, "
     return f"{start}{_numbers(test)}{_more(test)}"
 
 
@@ -92,21 +93,27 @@ def basis(pair: Pair) -> str:
 
 def caution(pair: Pair) -> list[str]:
     """What a reader must know before believing the comparison."""
-    notes = []
+    notes = conditions(pair)
     if pair.crosses_groups:
         knows = pair.a if pair.a.group is Group.PRIVILEGED else pair.b
         sees = pair.b if knows is pair.a else pair.a
-        notes.append(
+        notes.insert(
+            0,
             f"Across groups: {knows.name} knows from the simulation where the objects are, "
             f"{sees.name} has to see it. A difference says how far apart the two are, the worth of "
-            "that knowledge included; it does not say which policy is the better one."
-        )
-    if pair.conditions:
-        notes.append(
-            f"Not the policies alone differ, but also: {'; '.join(pair.conditions)}. A difference "
-            "may come from either."
+            "that knowledge included; it does not say which policy is the better one.",
         )
     return notes
+
+
+def conditions(pair: Pair) -> list[str]:
+    """What else than the policies differs, as a sentence, if anything does."""
+    if not pair.conditions:
+        return []
+    return [
+        f"Not the policies alone differ, but also: {'; '.join(pair.conditions)}. A difference may "
+        "come from either."
+    ]
 
 
 def _single(pair: Pair, test: Test) -> str:
@@ -114,12 +121,18 @@ def _single(pair: Pair, test: Test) -> str:
     a, b = pair.a.name, pair.b.name
     if who := _winner(pair, test.better):
         other = b if who == a else a
-        return f"{who} is better than {other} in {test.row.label}: {_numbers(test)}"
+        return f"{who} {_beats(pair)} {other} in {test.row.label}: {_numbers(test)}"
     return f"{a} and {b} cannot be told apart in {test.row.label}: {_numbers(test)}{_more(test)}"
 
 
 def _winner(pair: Pair, better: int) -> str:
     return (pair.a.name if better > 0 else pair.b.name) if better else ""
+
+
+def _beats(pair: Pair, *, alone: bool = False) -> str:
+    """What the tests say of the winner; of another group, better is not the word."""
+    verb = "solves more" if pair.crosses_groups else "is better"
+    return verb if alone else f"{verb} than"
 
 
 def _counts(test: Test) -> str:
