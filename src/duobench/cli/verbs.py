@@ -15,6 +15,7 @@ from duobench.cli.list_tasks import list_tasks
 from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.replay import replay
+from duobench.cli.results.compare import compare
 from duobench.cli.results.report import report
 from duobench.cli.serve import serve
 from duobench.cli.spelling import check_spelling
@@ -30,6 +31,7 @@ DESCRIPTION = (
 VERBS: Mapping[str, Callable[..., None]] = {
     "eval": evaluate,
     "report": report,
+    "compare": compare,
     "record": record,
     "replay": replay,
     "list": list_tasks,
