@@ -2,9 +2,9 @@
 
     python -m benchmarks.kills --kills 100 --seed 0
 
-Killed are the process that writes, the workers, the processes of policies, and a server. A run whose
-parent was killed is started again. In the end all files that results are in must have the bytes of a
-run that nobody disturbed; the exit status says whether they do.
+Killed are the process that writes, the workers, the processes of policies, and a server. A run
+whose parent was killed is started again. In the end all files that results are in must have the
+bytes of a run that nobody disturbed; the exit status says whether they do.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from duobench.policy import PolicyMetadata, Session, noise
 
 ROOT = Path(__file__).parents[1]
 TASKS, EPISODES, WORKERS = ("carry_pot", "bin_sort"), 3, 2
-LONGEST_PAUSE_S = 1.5
+LONGEST_PAUSE_S = 3.0
 """Seconds from one kill to the next, at most."""
 TIMEOUT_S = 300.0
 """Seconds that a run may take without being killed."""
@@ -73,7 +73,14 @@ class Killed:
                 if done == kills:
                     process.wait(TIMEOUT_S)
                     continue
+                deadline = time.monotonic() + TIMEOUT_S
+                while process.poll() is None and "worker" not in self._targets(process):
+                    if time.monotonic() > deadline:
+                        raise AssertionError(f"{self._folder}: no worker within {TIMEOUT_S:g} s.")
+                    time.sleep(0.05)
                 time.sleep(generator.uniform(0.0, LONGEST_PAUSE_S))
+                if process.poll() is not None:
+                    continue
                 targets = self._targets(process)
                 kind = generator.choice(sorted(targets))
                 with suppress(ProcessLookupError):

@@ -37,8 +37,11 @@ from pathlib import Path
 from duobench.policy import HoldPolicy
 
 class Mine(HoldPolicy):
+    acts = 0
+
     def act(self, observation):
-        if not Path("was_here").exists():
+        self.acts += 1
+        if self.acts == 3 and not Path("was_here").exists():
             Path("was_here").touch()
             sys.exit(3)
         return super().act(observation)
