@@ -1,4 +1,4 @@
-"""A run that is killed at random moments, in part or as a whole; `benchmarks.kills` does it more."""
+"""A run that is killed at random moments, in part or whole; `benchmarks.kills` does it more."""
 
 import socket
 from collections import Counter
