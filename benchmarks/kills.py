@@ -33,9 +33,11 @@ LONGEST_PAUSE_S = 3.0
 """Seconds from one kill to the next, at most."""
 TIMEOUT_S = 300.0
 """Seconds that a run may take without being killed."""
+MAX_FAILURES = 20
+"""How often it may end with an error, as it does where kills have hit one episode three times."""
 RESULTS = ("run.json", "summary.json", "index.html", "records/*/*.json")
 """Files that must be the same."""
-POLICIES = ("random", f"{__name__}:Wanders", "openpi")
+POLICIES = ("random", "benchmarks.kills:Wanders", "openpi")
 
 
 class Wanders:
@@ -64,11 +66,14 @@ class Killed:
 
     def play(self, generator: random.Random, kills: int, counts: Counter[str]) -> int:
         """Run until all is played, and kill meanwhile, at most so often; how often it was."""
-        done = 0
+        done = failures = 0
         with self._serving():
             process = self._start()
             while (status := process.poll()) != 0:
                 if status is not None:
+                    failures += status > 0
+                    if failures > MAX_FAILURES:
+                        raise AssertionError(f"{self._folder}: it ends with exit code {status}.")
                     process = self._start()
                 if done == kills:
                     process.wait(TIMEOUT_S)
