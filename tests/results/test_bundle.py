@@ -50,7 +50,7 @@ def test_bundle_is_read_as_its_folder_is(folder: RunFolder, path: Path) -> None:
 
 
 def test_bytes_depend_neither_on_the_clock_nor_on_the_order_of_files(
-    folder: RunFolder, path: Path, tmp_path: Path
+    path: Path, tmp_path: Path
 ) -> None:
     other = sample_folder(tmp_path / "other", sample_run(), sample_records(sample_run())[::-1])
     for record in other.path.rglob("*.json"):
@@ -207,7 +207,7 @@ def test_part_that_unpacks_to_more_than_it_says_is_refused(path: Path) -> None:
     lying = content.replace(len(bomb).to_bytes(4, "little"), (100).to_bytes(4, "little"))
     assert lying != content
     path.write_bytes(lying)
-    with pytest.raises(FileError, match="It is damaged|as many bytes"):
+    with pytest.raises(FileError, match=r"It is damaged|as many bytes"):
         Bundle(path)
 
 

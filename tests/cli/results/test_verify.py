@@ -79,7 +79,7 @@ def test_what_holds_no_run_is_told_in_words(verb: str, tmp_path: Path) -> None:
         main([verb, str(tmp_path / "nowhere")])
     write(tmp_path / "notes.zip", "no archive")
     words = ["--out", str(tmp_path / "out")] if verb == "report" else []
-    with pytest.raises(SystemExit, match="error: .*(is no whole bundle|holds no evaluation)"):
+    with pytest.raises(SystemExit, match=r"error: .*(is no whole bundle|holds no evaluation)"):
         main([verb, str(tmp_path / "notes.zip"), *words])
 
 
