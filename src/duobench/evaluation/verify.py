@@ -53,7 +53,7 @@ class Finding:
     """What the replay says."""
     reason: str = ""
     """Why it is not verifiable or not equal to the bit, or what the record says and what its
-    replay gives; empty where it agrees."""
+    replay gives, in one line; empty where it agrees."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -144,7 +144,8 @@ def verify(
 
 
 def _finding(task: str, episode: int, verdict: Verdict, reason: str = "") -> Finding:
-    return Finding(task=task, episode=episode, verdict=verdict, reason=escaped(reason))
+    line = " ".join(escaped(reason).split())
+    return Finding(task=task, episode=episode, verdict=verdict, reason=line)
 
 
 Tasks = Mapping[str, TaskInfo]

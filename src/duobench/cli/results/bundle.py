@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import find_folder
+from duobench.cli.advice import find_folder, relative
 from duobench.cli.display.console import console, counted
 
 
@@ -22,9 +22,9 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     from duobench.results.bundle import BUNDLE_SUFFIX, write_bundle
     from duobench.results.folder import RunFolder
 
-    run = RunFolder(folder)
-    path = out or folder.with_name(f"{run.path.name}{BUNDLE_SUFFIX}")
-    manifest = write_bundle(run, path)
+    whole = folder.resolve()  # which has a name, also where `.` was given
+    path = out or relative(whole.with_name(f"{whole.name}{BUNDLE_SUFFIX}"))
+    manifest = write_bundle(RunFolder(folder), path)
     screen = console()
     if manifest.missing:
         missing = counted(manifest.missing, "episode")
