@@ -222,7 +222,7 @@ def test_doctor_without_graphics_says_so_and_fails() -> None:
         (["evaluate"], "no verb 'evaluate'. Did you mean `duobench eval`?"),
         (["export", "demos"], "Did you mean `duobench export lerobot demos`?"),
         (["data", "chek", "demos"], "Did you mean `duobench data check`?"),
-        (["walk"], "There are: eval, report, record"),
+        (["walk"], "There are: eval, report, "),
         (
             ["eval", "--task", "bin_sort"],
             "duobench eval has no option --task. Did you mean --tasks?",
@@ -472,7 +472,7 @@ def test_only_the_command_line_names_its_flags() -> None:
     for path in (ROOT / "src" / "duobench").rglob("*.j2"):
         flags += re.findall(r"(?<![\w-])--[a-z-]+[ <]|duobench [a-z]+ [A-Z]", path.read_text())
     for path in (ROOT / "src" / "duobench").rglob("*.py"):
-        if path.parent.name == "cli" or path.name == "__main__.py":
+        if ROOT / "src" / "duobench" / "cli" in path.parents or path.name == "__main__.py":
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Raise):
