@@ -45,7 +45,18 @@ print(json.dumps({
                      if name.startswith("duobench/") and not isinstance(spec.entry_point, str)],
 }))
 """
-HEAVY = ("mujoco", "OpenGL", "glfw", "matplotlib", "trimesh", "manifold3d", "mink", "PIL", "av")
+HEAVY = (
+    "mujoco",
+    "OpenGL",
+    "glfw",
+    "matplotlib",
+    "trimesh",
+    "manifold3d",
+    "mink",
+    "PIL",
+    "av",
+    "scipy",
+)
 
 
 @pytest.fixture(scope="module")

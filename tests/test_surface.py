@@ -23,10 +23,11 @@ SURFACE = {
         register sim_of
     """,
     "duobench.evaluation": """
-        Attempt Episode EpisodeRecord Executor ExpertPolicy Job LocalExecutor Observer PolicyChoice
-        PolicySource ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo TaskResult
-        TimeLimits VideoRecorder Watcher evaluate find_tasks read_results record rollout source
-        summarize wilson_interval write_report
+        Attempt Episode EpisodeRecord Executor ExpertPolicy Finding Job LocalExecutor Observer
+        PolicyChoice PolicySource ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo
+        TaskResult TimeLimits Verdict Verification VideoRecorder Watcher evaluate find_tasks
+        open_source read_results record rollout source summarize verify wilson_interval write_bundle
+        write_report
     """,
     "duobench.objects": """
         BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Piece Prop

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import hashlib
 import json
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -30,6 +32,17 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound="DataclassInstance")
 
+
+class Readable(Protocol):
+    """A file, or what stands for one; its text names it."""
+
+    def read_bytes(self) -> bytes:
+        """All that is in it."""
+        ...
+
+
+CHECKSUM = "sha256"
+"""Key of a file's checksum."""
 TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; whatever still carries it after a crash is rubbish."""
 
@@ -167,14 +180,38 @@ def remove_temporary(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
+def checksum(document: Mapping[str, Any]) -> str:
+    """SHA-256 of a JSON object but for its checksum; order of keys and spaces make no difference.
+
+    It is that of the compact JSON text in ASCII with sorted keys.
+    """
+    content = {key: value for key, value in document.items() if key != CHECKSUM}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def encode(value: DataclassInstance, schema: int) -> str:
-    """A data class as JSON text, one field a line; the same value always gives the same text."""
+    """A data class as JSON text, one field a line; the same value always gives the same text.
+
+    The text of a class with an attribute `CHECKED_FROM`, a number of a schema, holds a checksum
+    from that schema on.
+    """
     document = {"schema": schema, **msgspec.to_builtins(value)}
+    if _is_checked(type(value), schema):
+        document[CHECKSUM] = checksum(msgspec.json.decode(_text(document)))
+    return _text(document)
+
+
+def _text(document: Mapping[str, Any]) -> str:
     lines = [
         f'  "{key}": {json.dumps(part, ensure_ascii=False, allow_nan=False)}'
         for key, part in document.items()
     ]
     return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _is_checked(kind: type, schema: int) -> bool:
+    return schema >= getattr(kind, "CHECKED_FROM", math.inf)
 
 
 def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = None) -> T:
@@ -188,7 +225,8 @@ def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = N
 
     Raises:
         FileError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
-            type, or the values contradict each other; the message names the field.
+            type, or the values contradict each other; the message names the field. Or its checksum
+            does not fit.
     """
     try:
         document: Any = msgspec.json.decode(text)
@@ -202,18 +240,23 @@ def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = N
         raise FileError(
             f"Schema {actual!r}; this version reads {' and '.join(map(str, readable))}."
         )
-    if unknown := sorted(document.keys() - {field.name for field in fields(kind)}):
+    is_checked = _is_checked(kind, actual)
+    known = {field.name for field in fields(kind)} | ({CHECKSUM} if is_checked else set())
+    if unknown := sorted(document.keys() - known):
         raise FileError(f"Unknown fields: {', '.join(unknown)}.")
     try:
-        return msgspec.convert(document, kind)
+        value = msgspec.convert(document, kind)  # which leaves a key out that is no field
     except msgspec.ValidationError as error:
         raise FileError(f"{error}.".replace("`$.", "`")) from error
     except DuoBenchError as error:  # of a value that names what does not exist
         raise FileError(str(error)) from error
+    if is_checked and document.get(CHECKSUM) != checksum({"schema": actual, **document}):
+        raise FileError("Its checksum does not fit: it was changed after it was written.")
+    return value
 
 
 def read(
-    path: Path, kind: type[T], schema: int, oldest: int | None = None, *, advice: str = ""
+    path: Readable, kind: type[T], schema: int, oldest: int | None = None, *, advice: str = ""
 ) -> T:
     """A data class from a file that `encode` filled.
 

@@ -81,6 +81,20 @@ def test_a_damaged_file_is_named_and_the_rest_stays_usable(
     assert equal(Recording.read(data.episode(TASK, "b")), example[1])
 
 
+def test_a_word_that_was_changed_in_what_a_file_says_of_itself_is_found(
+    tmp_path: Path, example: tuple[Path, Recording]
+) -> None:
+    (good,) = DataSet.open(example[0]).episodes()
+    instruction = example[1].info.instruction.encode()
+    table, bad = pq.read_table(good), tmp_path / "changed.parquet"
+    metadata = dict(table.schema.metadata)
+    metadata[INFO_KEY] = metadata[INFO_KEY].replace(instruction, instruction.swapcase())
+    pq.write_table(table.replace_schema_metadata(metadata), bad)
+    for read in (Recording.read, Recording.read_info):
+        with pytest.raises(DataError, match=r"changed\.parquet: .*checksum is another one"):
+            read(bad)
+
+
 def test_foreign_and_newer_files_are_refused(
     tmp_path: Path, example: tuple[Path, Recording]
 ) -> None:

@@ -62,7 +62,14 @@ def made_anew(folder: RunFolder, **changes: Any) -> tuple[Any, list[tuple[int, i
     run, records = read_source(folder.path)
     told: list[tuple[int, int]] = []
     changed = [replace(record, **changes) for record in records]
-    return make_videos(folder, run, changed, lambda *numbers: told.append(numbers)), told
+    videos = make_videos(
+        folder,
+        run,
+        changed,
+        import_tasks=True,
+        progress=lambda *numbers: told.append(numbers),
+    )
+    return videos, told
 
 
 def test_video_made_later_is_that_of_the_evaluation(play: Play) -> None:
@@ -131,3 +138,10 @@ def test_run_of_another_suite_is_refused(play: Play) -> None:
     other = replace(run, suite=replace(run.suite, version="3"))
     with pytest.raises(EvaluationError, match="of suite 3; this version plays"):
         make_videos(folder, other, records)
+
+
+def test_task_of_somebody_else_is_imported_on_request_alone(play: Play) -> None:
+    folder, _ = play("random", episodes=1, videos=0, tasks=WAVE)
+    videos = make_videos(folder, *read_source(folder.path))
+    ((_, reason),) = videos.impossible
+    assert reason == f"The task {toy_tasks.WAVE_NAME!r} is none of the benchmark."

@@ -184,7 +184,8 @@ def test_failed_episodes_lead_to_a_video_or_to_the_command_that_makes_it(tmp_pat
     assert {"#sort-0", "#sort-2", "videos/sort/00001.webm"} <= set(page.links)
     assert not {"#sort-1", "#sort-3"} & set(page.links)
     for episode, told in enumerate((True, False, True, False)):
-        assert (f"duobench report DIR --videos sort:{episode}" in page.words) == told
+        command = f"duobench report DIR --videos sort:{episode} --import-tasks"
+        assert (command in page.words) == told
     assert folder.page.read_text().count('<tr id="sort-3" class="success">') == 1
 
 

@@ -15,7 +15,10 @@ from duobench.cli.list_tasks import list_tasks
 from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.replay import replay
+from duobench.cli.results.bundle import bundle
+from duobench.cli.results.compare import compare
 from duobench.cli.results.report import report
+from duobench.cli.results.verify import verify
 from duobench.cli.serve import serve
 from duobench.cli.spelling import check_spelling
 from duobench.cli.train import train
@@ -30,6 +33,9 @@ DESCRIPTION = (
 VERBS: Mapping[str, Callable[..., None]] = {
     "eval": evaluate,
     "report": report,
+    "compare": compare,
+    "verify": verify,
+    "bundle": bundle,
     "record": record,
     "replay": replay,
     "list": list_tasks,

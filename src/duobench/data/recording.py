@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,6 +27,7 @@ from duobench.errors import DataError, FileError
 from duobench.files import decode, encode, write
 from duobench.types import Array
 
+_CHECKSUM_KEY = INFO_KEY + b".sha256"
 COMPRESSION_LEVEL = 1
 """Of zstd; higher ones gain 1 % and take several times as long."""
 
@@ -173,7 +175,7 @@ def _to_table(recording: Recording) -> pa.Table:
             pa.field(column.name, array.type, nullable=column.of_action)
             for column, array in arrays.items()
         ],
-        metadata={INFO_KEY: encode(recording.info, SCHEMA).encode(errors="replace")},
+        metadata=_metadata(encode(recording.info, SCHEMA).encode(errors="replace")),
     )
     return pa.Table.from_arrays(list(arrays.values()), schema=schema)
 
@@ -195,10 +197,19 @@ def _from_table(table: pa.Table) -> Recording:
     return Recording(info=info, **arrays)
 
 
+def _metadata(info: bytes) -> dict[bytes, bytes]:
+    """What an episode's file says about it, with a checksum, which Parquet has for rows alone."""
+    return {INFO_KEY: info, _CHECKSUM_KEY: hashlib.sha256(info).hexdigest().encode()}
+
+
 def _info_of(schema: pa.Schema) -> EpisodeInfo:
-    text = (schema.metadata or {}).get(INFO_KEY)
+    metadata = schema.metadata or {}
+    text = metadata.get(INFO_KEY)
     if text is None:
         raise DataError("It is no recording of DuoBench: its metadata lacks the episode.")
+    # Files that were written before there was a checksum have none.
+    if metadata.get(_CHECKSUM_KEY) not in (None, _metadata(text)[_CHECKSUM_KEY]):
+        raise DataError("The metadata of the episode is damaged: its checksum is another one.")
     try:
         return decode(text, EpisodeInfo, SCHEMA, OLDEST_SCHEMA)
     except FileError as error:
@@ -219,7 +230,7 @@ def _numbers(column: Column, rows: pa.Array) -> NDArray[Any]:
 def _reading(path: Path | str) -> Iterator[None]:
     try:
         yield
-    except (OSError, pa.ArrowException, DataError) as error:
+    except (OSError, ValueError, pa.ArrowException, DataError) as error:
         raise DataError(f"Cannot read {path}: {error}") from error
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.recording import Recording
+from duobench.envs.action_modes import JOINT
 from duobench.envs.config import FIXED, IMAGE_SIZE, EnvConfig
 from duobench.envs.execution import optional_method
 from duobench.envs.make import make_env
@@ -208,7 +209,9 @@ class Replayer:
                 f"The episode is of suite {info.suite_version}; this version has suite "
                 f"{SUITE_VERSION}, in which its commands lead elsewhere."
             )
-        config = replace(info.config or EnvConfig(), **_PLAIN)
+        config = replace(
+            command_config(info.config or EnvConfig()), horizon=sys.maxsize, instructions=FIXED
+        )
         if self._env is None or self._config != config:
             self.close()
             options = {name: getattr(config, name) for name in EnvConfig.__slots__}
@@ -216,17 +219,21 @@ class Replayer:
         return self._env
 
 
-_PLAIN = {
-    "action_mode": "joint",
-    "binary_gripper": False,
-    "chunk": None,
-    "horizon": sys.maxsize,
-    "instructions": FIXED,
-    "cameras": (),
-    "object_state": False,
-    "render_mode": None,
-}
-"""Commands are joint targets and openings, one a step, as many as were recorded."""
+def command_config(config: EnvConfig) -> EnvConfig:
+    """A configuration in which the commands that were sent in another one are the actions.
+
+    They are joint targets and openings, one command a step; nothing is rendered.
+    """
+    return replace(
+        config,
+        action_mode=JOINT.name,
+        binary_gripper=False,
+        chunk=None,
+        cameras=(),
+        object_state=False,
+        render_mode=None,
+        look=DEFAULT,
+    )
 
 
 def replay_all(task: str | Task, recordings: Iterator[Recording]) -> Iterator[Divergence]:

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from duobench.evaluation.rollout import Observer as Observer
     from duobench.evaluation.rollout import Watcher as Watcher
     from duobench.evaluation.rollout import rollout as rollout
+    from duobench.evaluation.verify import Finding as Finding
+    from duobench.evaluation.verify import Verdict as Verdict
+    from duobench.evaluation.verify import Verification as Verification
+    from duobench.evaluation.verify import verify as verify
+    from duobench.results.bundle import write_bundle as write_bundle
     from duobench.results.folder import RunFolder as RunFolder
     from duobench.results.limits import TimeLimits as TimeLimits
     from duobench.results.metrics import Results as Results
@@ -36,6 +41,7 @@ if TYPE_CHECKING:
     from duobench.results.report import read_results as read_results
     from duobench.results.report import write_report as write_report
     from duobench.results.run import Run as Run
+    from duobench.results.source import open_source as open_source
     from duobench.results.suite import Episode as Episode
     from duobench.results.suite import Suite as Suite
     from duobench.results.suite import TaskInfo as TaskInfo

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 
 import gymnasium as gym
 
-from duobench.envs import action_modes
+from duobench.data.replay import command_config
 from duobench.envs.config import EnvConfig
 from duobench.envs.execution import Step, execute
 from duobench.envs.make import make_env
@@ -29,6 +29,7 @@ from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import TaskInfo
+from duobench.tasks import catalog
 from duobench.types import Array
 
 FAILURES, ALL = "failures", "all"
@@ -87,6 +88,8 @@ def make_videos(
     folder: RunFolder,
     run: Run,
     records: Sequence[EpisodeRecord],
+    *,
+    import_tasks: bool = False,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Videos:
     """Make the missing videos of episodes of a run, where its report looks for them.
@@ -99,6 +102,8 @@ def make_videos(
         folder: The folder of the run.
         run: The run.
         records: Of which episodes.
+        import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
+            the modules that the run names. Their episodes have no video without.
         progress: Called with how many of how many videos are there: once before the first one is
             made, then after each.
 
@@ -121,7 +126,7 @@ def make_videos(
     impossible: list[tuple[EpisodeRecord, str]] = []
     progress(len(there), len(records))
     for task in run.suite.tasks:
-        with closing(Replay(run, task)) as replay:
+        with closing(Replay(run, task, import_tasks=import_tasks)) as replay:
             for record in missing:
                 if record.task != task.id:
                     continue
@@ -137,14 +142,17 @@ def make_videos(
 class Replay:
     """Plays finished episodes of one task again; the environment is made once."""
 
-    def __init__(self, run: Run, task: TaskInfo) -> None:
+    def __init__(self, run: Run, task: TaskInfo, *, import_tasks: bool = False) -> None:
         """Remember what to play.
 
         Args:
             run: The run, which says how often the policy looks.
             task: Its task.
+            import_tasks: Whether to import the task if it is not of the benchmark.
         """
         self._task = task
+        is_known = task.id in catalog.names()
+        self._reference = task.id if is_known else task.reference if import_tasks else None
         self._chunk = run.metadata.horizon
         self._env: gym.Env | None = None
         self._overview: Overview | None = None
@@ -154,7 +162,8 @@ class Replay:
         """The video of an episode, as a WebM file.
 
         Raises:
-            VideoError: What was sent is not known, or leads to other stages here.
+            VideoError: What was sent is not known, or leads to other stages here; or the task is
+                not to be imported.
             RenderingError: Nothing can be rendered.
             DuoBenchError: The environment cannot be made.
         """
@@ -204,22 +213,15 @@ class Replay:
 
     def _prepare(self, config: EnvConfig) -> tuple[gym.Env, Overview]:
         """An environment with the images of the policy, and with what was sent as its actions."""
-        config = replace(config, **_COMMANDS)
+        if self._reference is None:
+            raise VideoError(f"The task {self._task.reference!r} is none of the benchmark.")
+        config = replace(command_config(config), cameras=config.cameras, look=config.look)
         if self._env is None or self._overview is None or self._config != config:
             self.close()
-            self._env = make_env(self._task.reference, **asdict(config))
+            self._env = make_env(self._reference, **asdict(config))
             self._overview = Overview(self._env)
             self._config = config
         return self._env, self._overview
-
-
-_COMMANDS = {
-    "action_mode": action_modes.JOINT.name,
-    "binary_gripper": False,
-    "chunk": None,
-    "object_state": False,
-}
-"""Options with which joint targets and openings are actions, one command a step."""
 
 
 def _steps(env: gym.Env, targets: Array, chunk: int) -> Iterator[Step]:

@@ -11,7 +11,8 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import matplotlib as mpl
@@ -21,6 +22,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from duobench.results.metrics import TIME_POINTS, Results, TaskResult, percent
+from duobench.results.suite import TaskInfo
 
 INK = "#1c2024"
 """Colour of text and axes."""
@@ -55,10 +57,12 @@ _STYLE: dict[Any, Any] = {
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
 }
-_WIDTH = 7.6
+WIDTH = 7.6
 """Width of every figure in inches."""
-_MOST_COLUMNS = 4
+MOST_COLUMNS = 4
 """Panels side by side."""
+TIME = tuple(100 * point / (TIME_POINTS - 1) for point in range(TIME_POINTS))
+"""Times of a progress curve in percent of the horizon."""
 _SHORTEST_LABELLED = 0.035
 """Share of a bar below which a segment is too short for its stage's number."""
 
@@ -80,31 +84,34 @@ def ink_on(colour: str) -> str:
 def stage_bars(results: Results) -> Figure:
     """One bar a task: the shares of episodes by last stage, the success rate written beside it."""
     tasks = [one for one in results.tasks if one.score.episodes]
-    figure = Figure(figsize=(_WIDTH, 0.75 + 0.34 * len(tasks)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.75 + 0.34 * len(tasks)), layout="constrained")
     axes = figure.add_subplot()
     for row, one in enumerate(tasks):
-        _stage_bar(axes, row, one)
-        axes.annotate(
-            f"{percent(one.score.success_rate)} %",
-            (1.0, row),
-            xytext=(6, 0),
-            textcoords="offset points",
-            va="center",
-            weight="bold",
-        )
+        stage_bar(axes, row, one)
     axes.set_yticks(range(len(tasks)), [one.task.title for one in tasks])
     axes.set_ylim(max(1, len(tasks)) - 0.5, -0.5)
+    frame_bars(axes)
+    return figure
+
+
+def frame_bars(axes: Axes) -> None:
+    """Set what all figures of stage bars have in common."""
     axes.set_xlim(0.0, 1.09)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25", "50", "75", "100 %"])
     axes.set_xlabel("Share of episodes by last stage; success rate at the right")
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
     axes.spines["bottom"].set_bounds(0.0, 1.0)
-    return figure
 
 
-def _stage_bar(axes: Axes, row: int, result: TaskResult) -> None:
-    """Plot the segments of one task's bar, with the number of each stage."""
+def stage_bar(axes: Axes, row: float, result: TaskResult) -> None:
+    """Plot the segments of one task's bar, with the number of each stage, and the success rate.
+
+    Args:
+        axes: Where to plot it, the shares 0..1 along x.
+        row: Middle of the bar along y.
+        result: The task, with at least one episode.
+    """
     left = 0.0
     colours = stage_colours(result.task.max_stage)
     for stage, count in enumerate(result.last_stage_counts):
@@ -119,23 +126,37 @@ def _stage_bar(axes: Axes, row: int, result: TaskResult) -> None:
             label = "✓" if stage == result.task.max_stage else str(stage)
             axes.bar_label(bar, [label], label_type="center", color=ink_on(colour), fontsize=8)
         left += share
+    axes.annotate(
+        f"{percent(result.score.success_rate)} %",
+        (1.0, row),
+        xytext=(6, 0),
+        textcoords="offset points",
+        va="center",
+        weight="bold",
+    )
 
 
 def progress_over_time(results: Results) -> Figure:
     """One panel a task: the mean progress over the share of the horizon that has passed."""
     tasks = [one for one in results.tasks if one.score.episodes]
-    rows = max(1, math.ceil(len(tasks) / _MOST_COLUMNS))
+    figure, panels = progress_panels([one.task for one in tasks])
+    for axes, one in zip(panels, tasks, strict=True):
+        axes.fill_between(TIME, one.progress, step="post", color=CURVE, alpha=0.25, linewidth=0)
+        axes.step(TIME, one.progress, where="post", color=CURVE, linewidth=1.6)
+    return figure
+
+
+def progress_panels(tasks: Sequence[TaskInfo]) -> tuple[Figure, list[Axes]]:
+    """A figure with an empty panel for each task, for progress against `TIME`."""
+    rows = max(1, math.ceil(len(tasks) / MOST_COLUMNS))
     columns = max(1, math.ceil(len(tasks) / rows))
-    figure = Figure(figsize=(_WIDTH, 0.5 + 1.5 * rows), layout="constrained")
-    time = [100 * point / (TIME_POINTS - 1) for point in range(TIME_POINTS)]
-    for index, one in enumerate(tasks):
-        axes = figure.add_subplot(rows, columns, index + 1)
-        for stage in range(1, one.task.max_stage + 1):
-            level = stage / one.task.max_stage
+    figure = Figure(figsize=(WIDTH, 0.5 + 1.5 * rows), layout="constrained")
+    panels = [figure.add_subplot(rows, columns, index + 1) for index in range(len(tasks))]
+    for index, (axes, task) in enumerate(zip(panels, tasks, strict=True)):
+        for stage in range(1, task.max_stage + 1):
+            level = stage / task.max_stage
             axes.axhline(level, color=_FAINT, linewidth=0.5, alpha=0.6, zorder=0)
-        axes.fill_between(time, one.progress, step="post", color=CURVE, alpha=0.25, linewidth=0)
-        axes.step(time, one.progress, where="post", color=CURVE, linewidth=1.6)
-        axes.set_title(one.task.title, fontsize=9, loc="left")
+        axes.set_title(task.title, fontsize=9, loc="left")
         axes.set_xlim(0, 100)
         axes.set_ylim(0, 1.04)
         axes.set_xticks([0, 50, 100])
@@ -143,7 +164,7 @@ def progress_over_time(results: Results) -> Figure:
         axes.tick_params(labelleft=index % columns == 0, labelsize=8)
     figure.supxlabel("Time / % of the horizon", fontsize=9)
     figure.supylabel("Mean progress", fontsize=9)
-    return figure
+    return figure, panels
 
 
 FIGURES: Mapping[str, Callable[[Results], Figure]] = {
@@ -155,10 +176,20 @@ FIGURES: Mapping[str, Callable[[Results], Figure]] = {
 
 def plot(name: str, results: Results) -> str:
     """One of the figures as an SVG document; the same results always give the same text."""
+    return as_svg(name, partial(FIGURES[name], results))
+
+
+def as_svg(name: str, make: Callable[[], Figure]) -> str:
+    """A figure as an SVG document, in the style of all figures.
+
+    Args:
+        name: Its name, another one than that of every figure on the same page.
+        make: What makes the figure; the same one always gives the same text.
+    """
     # Identifiers inside are hashes; with a salt of its own, no two figures on a page share one.
     style: dict[Any, Any] = {**_STYLE, "svg.hashsalt": name}
     with mpl.rc_context(style):
-        figure = FIGURES[name](results)
+        figure = make()
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()

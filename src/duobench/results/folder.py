@@ -4,30 +4,32 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
 from duobench.errors import EvaluationError
-from duobench.files import begin_or_continue, encode, read, remove_temporary, write, writing
-from duobench.results.records import OLDEST_RECORD_SCHEMA, RECORD_SCHEMA, EpisodeRecord
+from duobench.files import begin_or_continue, encode, remove_temporary, write, writing
+from duobench.results.reader import DESCRIPTION, RunReader, record_name
+from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.results.reporting.times import EpisodeTimes, TimeNote
 from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
-from duobench.results.suite import Episode, TaskInfo
 
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
 POSTER_SUFFIX = ".jpg"
 
 
-class RunFolder:
+class RunFolder(RunReader):
     """Names in the folder of a run."""
+
+    advice = "Delete the file and run the evaluation again: it plays only the missing episodes."
 
     def __init__(self, path: Path) -> None:
         """Find the folder now: a policy may change the working folder."""
-        self.path = path.absolute()
-        """The folder."""
-        self.description = self.path / "run.json"
+        super().__init__(path)
+        self.description = self.file(DESCRIPTION)
         """What was run."""
         self.timing = self.path / "timing.jsonl"
         """How long each episode took: one JSON object a line, see `TimeNote`."""
@@ -36,13 +38,21 @@ class RunFolder:
         self.page = self.path / "index.html"
         """The report."""
 
+    def file(self, name: str) -> Path:
+        """A file by its name, whether or not there is one."""
+        return self.path / name
+
+    def names(self, folder: str) -> Iterable[str]:
+        """Names of the JSON files in a folder."""
+        return [path.name for path in (self.path / folder).glob("*.json")]
+
     def figure(self, name: str) -> Path:
         """A figure by its name."""
         return self.path / "figures" / f"{name}.svg"
 
     def record(self, task_id: str, episode: int) -> Path:
         """Record of an episode."""
-        return self.path / "records" / task_id / f"{episode:05d}.json"
+        return self.file(record_name(task_id, episode))
 
     def video(self, task_id: str, episode: int) -> Path:
         """Video of an episode, if it has one."""
@@ -108,43 +118,12 @@ class RunFolder:
         remove_temporary(self.path)
 
     def read_run(self) -> Run:
-        """The description of the run.
-
-        Raises:
-            EvaluationError: If there is none.
-            FileError: If it cannot be read.
-        """
+        """The description of the run; see `RunReader.read_run`."""
         if not self.description.exists():
             raise EvaluationError(
                 f"{self.path} holds no evaluation: {self.description.name} is missing."
             )
-        return read(self.description, Run, RUN_SCHEMA, OLDEST_RUN_SCHEMA)
-
-    def read_records(self, run: Run) -> list[EpisodeRecord]:
-        """The records of the episodes that are finished, in the order of the run.
-
-        Raises:
-            FileError: If a record cannot be read.
-            EvaluationError: If a record is of another episode or run.
-        """
-        records = []
-        for task in run.suite.tasks:
-            names = {path.stem for path in self.record(task.id, 0).parent.glob("*.json")}
-            indices = {int(name) for name in names if name.isascii() and name.isdigit()}
-            for index in sorted(indices):
-                if index in run.suite.indices:
-                    records.append(self._read_record(run, task, index))
-        return records
-
-    def _read_record(self, run: Run, task: TaskInfo, index: int) -> EpisodeRecord:
-        """One record, of this episode of this run."""
-        path = self.record(task.id, index)
-        advice = "Delete the file and run the evaluation again: it plays only the missing episodes."
-        record = read(path, EpisodeRecord, RECORD_SCHEMA, OLDEST_RECORD_SCHEMA, advice=advice)
-        episode = Episode(task=task, index=index, split=run.config.split)
-        if objection := run.objection(record, episode):
-            raise EvaluationError(f"{path} does not belong to this run: {objection}")
-        return record
+        return super().read_run()
 
     def write(self, record: EpisodeRecord, video: bytes | None) -> None:
         """Write what an episode has left: its video first, so that a record means all of it.

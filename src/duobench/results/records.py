@@ -7,7 +7,7 @@ same bytes however it was run: with another number of workers, in another order,
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, TypedDict
+from typing import Annotated, ClassVar, TypedDict
 
 from msgspec import Meta
 
@@ -21,7 +21,7 @@ from duobench.errors import (
 from duobench.results.targets import unpack_targets
 from duobench.types import Array
 
-RECORD_SCHEMA = 4
+RECORD_SCHEMA = 5
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 OLDEST_RECORD_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
@@ -50,6 +50,8 @@ class StateHashes:
 class EpisodeRecord:
     """One episode of one task, from its seed to its last stage."""
 
+    CHECKED_FROM: ClassVar[int] = 5
+    """First schema whose files hold a checksum."""
     suite_version: str
     """Version of the benchmark's episodes that the seed belongs to."""
     task: str

@@ -11,18 +11,19 @@ from typing import Any
 
 from markupsafe import Markup
 
+from duobench.errors import OtherRunError
 from duobench.files import write
 from duobench.pages import render
 from duobench.results import figures, metrics
 from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results, Score, summarize
+from duobench.results.reader import RunReader
 from duobench.results.reporting.clipping import clipping
 from duobench.results.reporting.failures import failed_stages
 from duobench.results.reporting.identity import identity, stacks
 from duobench.results.reporting.times import duration, read_notes, run_times, side_by_side
 from duobench.results.reporting.videos import PageVideos
 from duobench.results.run import Run
-from duobench.results.source import read_source
 from duobench.types import CONTROL_HZ
 
 SUMMARY_SCHEMA = 2
@@ -31,35 +32,52 @@ _MOST_UNMET = 6
 """Constraints that did not hold of one stage that the page shows; others are folded away."""
 
 
-def read_results(folder: RunFolder) -> tuple[Run, Results]:
-    """What the records in the folder of a run add up to; nothing is written.
+def read_results(source: RunReader) -> tuple[Run, Results]:
+    """What the records of a run add up to; nothing is written.
+
+    Args:
+        source: The folder of the run, or what else reads one.
 
     Raises:
-        EvaluationError: If the folder holds no run, or a record of another one.
+        EvaluationError: If there is no run, or a record of another one.
         FileError: If a record cannot be read.
     """
-    run, records = read_source(folder.path)
-    return run, summarize(run.suite.tasks, records)
+    run = source.read_run()
+    return run, summarize(run.suite.tasks, source.read_records(run))
 
 
-def write_report(folder: RunFolder) -> Results:
-    """Compute everything from the records in a folder, and write it beside them.
+def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
+    """Compute everything from the records of a run, and write it into a folder.
+
+    Args:
+        folder: The folder of the run, beside whose records it is written.
+        source: What reads the run, where that is not its folder; this holds no run then.
 
     Returns:
         What the records of the run, finished or not, add up to.
 
     Raises:
-        EvaluationError: If the folder holds no run, or a record of another one.
+        EvaluationError: If there is no run, or a record of another one.
         FileError: If a record cannot be read.
+        OtherRunError: If the folder holds a run beside the source's, or files of something else.
         OutputError: If nothing can be written into the folder.
     """
-    run, results = read_results(folder)
+    run, results = read_results(source or folder)
+    if source is not None:
+        _check_free(folder)
     svgs = {name: figures.plot(name, results) for name in figures.FIGURES}
     for name, svg in svgs.items():
         write(folder.figure(name), svg)
     write(folder.summary, summary_json(run, results))
     write(folder.page, _page(folder, run, results, svgs))
     return results
+
+
+def _check_free(folder: RunFolder) -> None:
+    """Reject a folder that holds anything but a report without its run."""
+    is_report = folder.page.exists() and not folder.description.exists()
+    if folder.path.is_dir() and any(folder.path.iterdir()) and not is_report:
+        raise OtherRunError(f"{folder.path} is not empty and holds no report of a bundle.")
 
 
 def summary_json(run: Run, results: Results) -> str:

@@ -6,6 +6,7 @@ The description of a run stands in its folder, and must match when the run is re
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
@@ -17,7 +18,7 @@ from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import Episode, Suite
 
-RUN_SCHEMA = 4
+RUN_SCHEMA = 5
 """Version of the description's fields."""
 OLDEST_RUN_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
@@ -27,6 +28,8 @@ OLDEST_RUN_SCHEMA = 3
 class Run:
     """Everything that decides what a run's records say. The number of workers is not part of it."""
 
+    CHECKED_FROM: ClassVar[int] = 5
+    """First schema whose files hold a checksum."""
     policy: str
     """Name of the policy."""
     suite: Suite

@@ -241,13 +241,21 @@ def test_address_that_none_can_be_is_told(address: dict[str, Any]) -> None:
         PolicyHost(Network(), Network.metadata, Batching(), key="key", **address)
 
 
-def test_clients_beyond_the_limit_are_turned_away(
+def test_clients_beyond_the_limit_take_the_place_of_a_silent_one_or_are_turned_away(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(limits, "MAX_CONNECTIONS", 1)
+    monkeypatch.setattr(limits, "MAX_CONNECTIONS", 2)
     port = serve(Network())
-    with dial(port) as client:
-        client.recv(TIMEOUT_S)
+    reset = {"endpoint": "reset", "prompt": "", "seed": 1}
+    with dial(port) as playing, dial(port) as silent, ExitStack() as others:
+        for client in (playing, silent):
+            client.recv(TIMEOUT_S)
+        ask(playing, reset)
+        other = others.enter_context(dial(port))
+        other.recv(TIMEOUT_S)
+        with pytest.raises(ConnectionClosed, match="Others need the place"):
+            silent.recv(TIMEOUT_S)
+        ask(other, reset)
         with pytest.raises(InvalidStatus) as refused:
             dial(port)
         assert refused.value.response.status_code == 503

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import find_folder
+from duobench.cli.advice import AdvisedError, find_folder
 from duobench.cli.display.console import console, counted
 from duobench.cli.doctor import load_engine
 
@@ -16,48 +17,81 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from duobench.results.folder import RunFolder
+    from duobench.results.metrics import Results
+    from duobench.results.run import Run
 
 
-def report(folder: tyro.conf.Positional[Path], videos: tuple[str, ...] = ()) -> None:
-    """Compute table, figures and page from the records in a run's folder.
+def report(
+    source: tyro.conf.Positional[Path],
+    out: Path | None = None,
+    videos: tuple[str, ...] = (),
+    import_tasks: bool = False,
+) -> None:
+    """Compute table, figures and page from the records of a run.
 
     The exit code is 1 if a video that was asked for cannot be made.
 
     Args:
-        folder: What was given to --out of duobench eval; the run need not be finished.
+        source: What was given to --out of duobench eval, whose run need not be finished, or a file
+            that duobench bundle has written.
+        out: Folder of the report of a bundle; that of a run lies in the run's own folder.
         videos: Make videos of these finished episodes first, from what was sent in them: failures,
             all, or TASK:EPISODE such as bin_sort:3, one or several. One that is there stays.
+        import_tasks: For videos, import tasks that are not of the benchmark. This runs the code of
+            the modules that the run names.
     """
-    find_folder(folder, "run.json")
+    is_bundle = source.is_file()
+    if not is_bundle:
+        find_folder(source, "run.json")
+    if is_bundle != (out is not None):
+        raise AdvisedError(
+            f"{source} is a bundle: say with --out where its report shall be."
+            if is_bundle
+            else "--out is for the report of a bundle; that of a run lies in the run's own folder."
+        )
     from duobench.cli.display.table import results_table
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results, write_report
+    from duobench.results.source import open_source
 
-    run_folder = RunFolder(folder)
-    run, results = read_results(run_folder)
+    reader = open_source(source)
+    run, results = read_results(reader)
     screen = console()
     # First, so that the table of a folder can be had by who may only read it.
     screen.print(results_table(run, results))
-    impossible = _make_videos(run_folder, videos, screen) if videos else 0
-    write_report(run_folder)
+    folder = out or source
+    run_folder = RunFolder(folder)
+    write_report(run_folder, reader if is_bundle else None)
+    impossible = 0
+    if videos:
+        impossible = _make_videos(run_folder, run, results, videos, import_tasks, screen)
+        write_report(run_folder, reader if is_bundle else None)
     screen.print(f"Report: {folder / run_folder.page.name}")
     if impossible:
         sys.exit(1)
 
 
-def _make_videos(folder: RunFolder, words: tuple[str, ...], screen: Console) -> int:
+def _make_videos(
+    folder: RunFolder,
+    run: Run,
+    results: Results,
+    words: Sequence[str],
+    import_tasks: bool,
+    screen: Console,
+) -> int:
     """Make the videos that words choose, and return how many cannot be made."""
     load_engine()
     from duobench.cli.display.progress import display
     from duobench.evaluation.videos import choose, make_videos
-    from duobench.results.source import read_source
+    from duobench.tasks import catalog
 
-    run, records = read_source(folder.path)
-    chosen = choose(run, records, words)
+    chosen = choose(run, [record for one in results.tasks for record in one.records], words)
     with display(screen, "video") as shown:
-        videos = make_videos(folder, run, chosen, shown.tell)
+        videos = make_videos(folder, run, chosen, import_tasks=import_tasks, progress=shown.tell)
     for record, reason in videos.impossible:
         screen.print(f"No video of {record.task}, episode {record.episode}: {reason}")
+    if {record.task for record, _ in videos.impossible} - set(catalog.names()) and not import_tasks:
+        screen.print("With --import-tasks its tasks are imported; that runs the code of others.")
     there = f", {len(videos.there)} there before" if videos.there else ""
     screen.print(f"{counted(len(videos.made), 'video')} made{there}")
     return len(videos.impossible)

@@ -60,12 +60,11 @@ class Child(Generic[T]):
     module: ClassVar[str]
     """The module whose `main(connection, clock)` it runs."""
 
-    def __init__(self, kind: Any, job: msgspec.Struct) -> None:
-        """Start the process, and tell it what to do.
+    def __init__(self, kind: Any) -> None:
+        """Start the process, which waits to be told what to do.
 
         Args:
             kind: Type of the messages that it sends.
-            job: The first message to it.
 
         Raises:
             MachineryError: The process cannot be started.
@@ -96,7 +95,6 @@ class Child(Generic[T]):
         finally:
             theirs.close()
             os.close(memory)
-        self.send(job)
 
     def send(self, request: msgspec.Struct) -> None:
         """Send a request; whether the child still lives is found out elsewhere."""

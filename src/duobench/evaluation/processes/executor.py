@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from multiprocessing.connection import wait
-
-import msgspec
 
 from duobench import errors
 from duobench.errors import (
@@ -27,10 +24,10 @@ from duobench.evaluation.processes.messages import (
     Ready,
     Rehearsed,
     Report,
-    Stop,
 )
-from duobench.evaluation.processes.policy_process import Answering, PolicyProcess, StopAnswering
+from duobench.evaluation.processes.policy_process import Answering, PolicyProcess
 from duobench.evaluation.processes.schedule import Schedule
+from duobench.evaluation.processes.team import Team
 from duobench.evaluation.processes.worker import Worker
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.results.records import EpisodeRecord
@@ -41,8 +38,6 @@ _log = logging.getLogger(__name__)
 
 MAX_FAILED_STARTS = 3
 """Processes that die one after the other while they start, until the run gives up."""
-SHUTDOWN_TIMEOUT_S = 10.0
-"""How long processes may take to free everything before they are killed, in seconds."""
 DEATH_SEEN_S = 1.0
 """How long after a lost connection the end of a process may be seen, in seconds."""
 HANG_S = 1.0
@@ -69,9 +64,7 @@ class ProcessExecutor:
         self._job = job
         self._schedule = Schedule()
         self._most = workers
-        self._policies: list[PolicyProcess] = []
-        self._workers: list[Worker] = []
-        self._is_shared: bool | None = None  # not known before the policy is made
+        self._team = Team(job)
         self._failed_starts = 0
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
@@ -84,7 +77,7 @@ class ProcessExecutor:
     def prepare(self) -> Run:
         """Start a first worker, and say what is played by what."""
         while self._ready is None:
-            self._start(1)
+            self._team.start(1)
             for _ in self._poll():
                 pass
         return self._ready.run
@@ -93,7 +86,7 @@ class ProcessExecutor:
         """Have the policy answer a first observation."""
         if self._job.policy.is_scripted:
             return
-        (self._rehearsing,) = self._workers
+        (self._rehearsing,) = self._team.workers
         self._rehearsing.rehearse(episode)
         while self._rehearsing is not None:
             for _ in self._poll():
@@ -102,7 +95,7 @@ class ProcessExecutor:
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
         """Play episodes; those of a task go to as few workers as keeps all of them busy."""
         self._schedule.add(episodes)
-        while self._schedule.left or self._playing:
+        while self._schedule.left or self._team.playing:
             self._dispatch()
             yield from self._poll()
 
@@ -114,27 +107,7 @@ class ProcessExecutor:
 
     def close(self) -> None:
         """Let processes free what they hold, then end them and all that they have started."""
-        for worker in self._workers:
-            worker.send(Stop())
-        idle = [worker for worker in self._workers if worker.is_ready and worker.episode is None]
-        self._wait_for(idle)
-        for process in self._policies:
-            process.send(StopAnswering())
-        self._wait_for([process for process in self._policies if process.is_ready and idle])
-        for child in (*self._workers, *self._policies):
-            child.kill()
-        self._workers.clear()
-        self._policies.clear()
-
-    @staticmethod
-    def _wait_for(children: Sequence[Worker | PolicyProcess]) -> None:
-        deadline = time.monotonic() + SHUTDOWN_TIMEOUT_S
-        while time.monotonic() < deadline and not all(child.death() for child in children):
-            time.sleep(TICK_S / 10)
-
-    @property
-    def _playing(self) -> list[Worker]:
-        return [worker for worker in self._workers if worker.episode is not None]
+        self._team.close()
 
     @property
     def _run(self) -> Run:
@@ -142,37 +115,14 @@ class ProcessExecutor:
             raise AssertionError("An executor is prepared before it plays.")
         return self._ready.run
 
-    # --- starting and dispatching --------------------------------------------------------------
-
-    def _start(self, wanted: int) -> None:
-        """Start processes until so many workers are there, or will be."""
-        missing = wanted - len(self._workers)
-        if not self._job.policy.has_process:
-            self._workers.extend(Worker(self._job) for _ in range(missing))
-            return
-        for policy in self._policies:
-            mates = sum(worker.policy is policy for worker in self._workers)
-            room = 0 if policy.address is None else self._most if self._is_shared else 1 - mates
-            for _ in range(min(room, missing)):
-                choice = replace(self._job.policy, address=policy.address)
-                job = msgspec.structs.replace(self._job, policy=choice)
-                self._workers.append(Worker(job, policy))
-                missing -= 1
-        coming = sum(not policy.is_ready for policy in self._policies)
-        more = missing - coming if self._is_shared is False else 1 - len(self._policies)
-        self._policies.extend(
-            PolicyProcess(self._job.policy.name, self._job.policy.batching, self._job.limits)
-            for _ in range(more)
-        )
-
     def _dispatch(self) -> None:
         """Give waiting episodes to idle workers, and start more processes for the rest."""
-        playing = len(self._playing)
+        playing = len(self._team.playing)
         alone = self._schedule.has_suspects
         if alone and playing:
             return
-        self._start(1 if alone else min(self._schedule.left + playing, self._most))
-        for worker in self._workers:
+        self._team.start(1 if alone else min(self._schedule.left + playing, self._most))
+        for worker in self._team.workers:
             if worker.is_ready and worker.episode is None and self._schedule.left:
                 worker.play(self._schedule.next(worker.task))
                 if alone:
@@ -182,16 +132,16 @@ class ProcessExecutor:
 
     def _poll(self) -> Iterator[EpisodeResult]:
         """Wait for reports, a moment at most, and act on them."""
-        children = [*self._policies, *self._workers]
+        children = self._team.children
         readable = wait([child.channel.socket for child in children], TICK_S)
         for child in children:
-            if not self._has(child):
+            if child not in self._team.children:
                 continue
             reports, fault = _read(child, is_readable=child.channel.socket in readable)
             for report in reports:
-                if self._has(child):
+                if child in self._team.children:
                     yield from self._receive(child, report)
-            if not self._has(child):
+            if child not in self._team.children:
                 continue
             if fault is not None:
                 self._lose(child, fault)
@@ -200,34 +150,36 @@ class ProcessExecutor:
             else:
                 yield from self._check_answer(child)
 
-    def _has(self, child: Worker | PolicyProcess) -> bool:
-        return child in self._workers or child in self._policies
-
     def _receive(
         self, child: Worker | PolicyProcess, report: Report | Answering
     ) -> Iterator[EpisodeResult]:
         """Act on a report."""
-        match child, report:
-            case PolicyProcess(), Answering(address=address):
-                child.address, child.is_ready = address, True
-                self._is_shared = address.batching is not None
-            case Worker(), Ready():
+        if isinstance(report, Refused):
+            raise getattr(errors, report.error, EvaluationError).from_message(report.message)
+        if isinstance(child, Worker):
+            yield from self._receive_from_worker(child, report)
+        elif isinstance(report, Answering):
+            self._team.note_address(child, report.address)
+
+    def _receive_from_worker(
+        self, worker: Worker, report: Report | Answering
+    ) -> Iterator[EpisodeResult]:
+        match report:
+            case Ready():
                 if self._ready not in (None, report):
                     raise EvaluationError("The policy has changed while the run was going on.")
                 self._ready = report
                 self._failed_starts = 0
-                child.is_ready = True
-            case Worker(), Rehearsed():
-                self._rehearsing = child.episode = None
-            case Worker(), Progress(record=record):
-                if child.episode and self._run.objection(record, child.episode) is None:
-                    child.progress = record
-            case Worker(), EpisodeResult():
-                yield from self._accept(child, report)
-            case Worker(), EpisodeError(fault=fault):
-                self._note_fault(child, fault)
-            case _, Refused(error=name, message=message):
-                raise getattr(errors, name, EvaluationError).from_message(message)
+                worker.is_ready = True
+            case Rehearsed():
+                self._rehearsing = worker.episode = None
+            case Progress(record=record):
+                if worker.episode and self._run.objection(record, worker.episode) is None:
+                    worker.progress = record
+            case EpisodeResult():
+                yield from self._accept(worker, report)
+            case EpisodeError(fault=fault):
+                self._note_fault(worker, fault)
             case _:
                 _log.warning("A message that nobody asked for was dropped.")
 
@@ -259,34 +211,23 @@ class ProcessExecutor:
         """Let go of a process that is of no more use, and have what it played be played again."""
         if not child.is_ready:
             self._note_failed_start(fault)
-        if isinstance(child, Worker):
-            self._remove(child)
-            if child.episode is not None:
-                self._schedule.replay(child.episode, fault)
+        played = self._remove(child)
+        if len(played) > 1:
+            self._schedule.suspect(played)
+        elif isinstance(child, Worker):
+            self._schedule.replay(played, fault)
         else:
-            played = self._drop_policy(child)
-            if len(played) > 1:
-                self._schedule.suspect(played)
-            for episode in played[:1] if len(played) == 1 else ():
-                self._schedule.replay(episode, f"of the policy, {fault}", alone=True)
+            self._schedule.replay(played, f"of the policy, {fault}", alone=True)
 
-    def _drop_policy(self, policy: PolicyProcess) -> list[Episode]:
-        """End the process of a policy and its workers; what they were playing."""
-        self._policies.remove(policy)
-        policy.kill()
-        mates = [worker for worker in self._workers if worker.policy is policy]
-        for worker in mates:
-            self._remove(worker)
-        return [worker.episode for worker in mates if worker.episode is not None]
-
-    def _remove(self, worker: Worker) -> None:
-        self._workers.remove(worker)
-        worker.kill()
-        if worker is self._rehearsing:
+    def _remove(self, child: Worker | PolicyProcess) -> list[Episode]:
+        """End a process, with the workers that need it; what they were playing."""
+        removed = self._team.remove(child)
+        if self._rehearsing in removed:
             raise PolicyError(
                 "The policy does not answer a first observation: its process ended, or did not "
                 "come back. Nothing was played."
             )
+        return [worker.episode for worker in removed if worker.episode is not None]
 
     def _note_failed_start(self, fault: str) -> None:
         """Note that a process was of no use; too many in a row end the run."""
@@ -304,8 +245,8 @@ class ProcessExecutor:
         act_s = self._job.limits.act_s
         if policy.clock.answer_s() <= act_s + HANG_S:
             return
-        mates = [worker for worker in self._playing if worker.policy is policy]
-        played = self._drop_policy(policy)
+        mates = [worker for worker in self._team.playing if worker.policy is policy]
+        played = self._remove(policy)
         if len(played) == 1:
             yield self._failed(mates[0], PolicyTimeoutError.of_answer(act_s))
         else:

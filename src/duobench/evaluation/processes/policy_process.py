@@ -68,9 +68,8 @@ class PolicyProcess(Child[Answering | Refused]):
         Raises:
             MachineryError: The process cannot be started.
         """
-        super().__init__(
-            Answering | Refused, MakePolicy(name=name, batching=batching, limits=limits)
-        )
+        super().__init__(Answering | Refused)
+        self.send(MakePolicy(name=name, batching=batching, limits=limits))
         self.address: PolicyAddress | None = None
         """Where it answers, once it does."""
 

@@ -58,23 +58,24 @@ class Schedule:
         """
         self._suspects.extend(episodes)
 
-    def replay(self, episode: Episode, death: str, *, alone: bool = False) -> None:
-        """Let an episode wait again whose process has ended; too many ends set it aside.
+    def replay(self, episodes: Iterable[Episode], death: str, *, alone: bool = False) -> None:
+        """Let episodes wait again whose process has ended; too many ends set one aside.
 
         Args:
-            episode: The episode.
+            episodes: The episodes.
             death: How the process ended, in words.
-            alone: Whether it is played alone, beside no other.
+            alone: Whether they are played alone, beside no other.
         """
-        self._faults[episode] += 1
-        if self._faults[episode] == MAX_PLAYS:
-            self.set_aside[episode] = (
-                f"in each of {MAX_PLAYS} attempts something failed, the last time: {death}"
-            )
-        elif alone:
-            self._suspects.append(episode)
-        else:
-            self._waiting[episode.task.id].appendleft(episode)
+        for episode in episodes:
+            self._faults[episode] += 1
+            if self._faults[episode] == MAX_PLAYS:
+                self.set_aside[episode] = (
+                    f"in each of {MAX_PLAYS} attempts something failed, the last time: {death}"
+                )
+            elif alone:
+                self._suspects.append(episode)
+            else:
+                self._waiting[episode.task.id].appendleft(episode)
 
     def retry(self, episode: Episode, fault: str) -> None:
         """Let an episode wait again that could not be played where it was.

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import msgspec
+
 from duobench.errors import MachineryError, escaped
 from duobench.evaluation.episode import EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
@@ -28,17 +32,16 @@ class Worker(Child[Report]):
 
     module = __name__
 
-    def __init__(self, job: Job, policy: PolicyProcess | None = None) -> None:
-        """Start the process and have it make the policy, or connect to it.
+    def __init__(self, policy: PolicyProcess | None = None) -> None:
+        """Start the process, which waits for a job.
 
         Args:
-            job: What it plays.
             policy: The process of the policy; None if the worker has the policy itself.
 
         Raises:
             MachineryError: The process cannot be started.
         """
-        super().__init__(Report, job)
+        super().__init__(Report)
         self.policy = policy
         """The process of its policy."""
         self.episode: Episode | None = None
@@ -47,6 +50,13 @@ class Worker(Child[Report]):
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
         """The task whose environment it has."""
+
+    def begin(self, job: Job) -> None:
+        """Have it make the policy, or connect to it."""
+        if self.policy is not None:
+            choice = replace(job.policy, address=self.policy.address)
+            job = msgspec.structs.replace(job, policy=choice)
+        self.send(job)
 
     def rehearse(self, episode: Episode) -> None:
         """Have its policy answer the first observation of an episode."""

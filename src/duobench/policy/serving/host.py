@@ -72,7 +72,8 @@ class PolicyHost:
         self._handshake = pack({"duobench": {"protocol": PROTOCOL, **served}})
         self._key = key
         self._answer_s = answer_s
-        self._clients = 0
+        self._clients: dict[ServerConnection, ClientSession] = {}  # the longest silent one first
+        self._closing: set[asyncio.Future[None]] = set()
         self._over = asyncio.Event()
         listening: Future[tuple[int, asyncio.AbstractEventLoop]] = Future()
         self._thread = threading.Thread(
@@ -130,19 +131,32 @@ class PolicyHost:
             return connection.respond(http.HTTPStatus.OK, "OK\n")
         if not access.is_allowed(request.headers.get("Authorization"), self._key):
             return connection.respond(http.HTTPStatus.UNAUTHORIZED, "A key is needed.\n")
-        if self._clients >= limits.MAX_CONNECTIONS:
+        if len(self._clients) >= limits.MAX_CONNECTIONS and not self._dismiss_one():
             return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n")
         return None
 
+    def _dismiss_one(self) -> bool:
+        """Let the client go that has been silent longest, and plays no episode; whether one was."""
+        idle = (each for each, session in self._clients.items() if not session.is_playing)
+        if (connection := next(idle, None)) is None:
+            return False
+        del self._clients[connection]
+        closing = asyncio.ensure_future(connection.close(_TRY_AGAIN, "Others need the place."))
+        self._closing.add(closing)
+        closing.add_done_callback(self._closing.discard)
+        return True
+
     async def _serve_client(self, connection: ServerConnection) -> None:
         """Answer one client until it leaves; its mistakes end its own connection only."""
-        self._clients += 1
         session = ClientSession(self._loop, self._answer_s)
+        self._clients[connection] = session
         try:
             await _send(connection, self._handshake)
             while True:
                 async with asyncio.timeout(limits.IDLE_S):
                     frame = await connection.recv()
+                if connection in self._clients:
+                    self._clients[connection] = self._clients.pop(connection)
                 reply = await _unless_gone(connection, session.reply(frame))
                 if reply is None:
                     return
@@ -161,7 +175,7 @@ class PolicyHost:
             reason = "Internal server error. Traceback included in previous frame."
             await connection.close(_INTERNAL_ERROR, reason)
         finally:
-            self._clients -= 1
+            self._clients.pop(connection, None)
             session.close()
 
 

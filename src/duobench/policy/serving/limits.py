@@ -40,7 +40,8 @@ MAX_QUEUED_MESSAGES = 1
 HANDSHAKE_S = 10.0
 """Seconds for opening a connection."""
 IDLE_S = 600.0
-"""Seconds that a client may be silent between its requests."""
+"""Seconds that a client may be silent between its requests. One that plays no episode has to leave
+earlier if others need its place."""
 SEND_S = 60.0
 """Seconds that a client may take to read an answer."""
 INFERENCE_S = 600.0

@@ -93,6 +93,11 @@ class ClientSession:
             return pack({"status": _RESET_STATUS})
         return await self._infer(request)
 
+    @property
+    def is_playing(self) -> bool:
+        """Whether an episode is under way."""
+        return self._session is not None
+
     def note_sent(self) -> None:
         """An answer was sent; the next one tells how long it took."""
         self._timing = {"prev_total_ms": (time.monotonic() - self._received) * _MILLI}

@@ -14,11 +14,14 @@ from duobench.results.folder import RunFolder
 from duobench.results.metrics import TaskResult
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
+from duobench.tasks import catalog
 from duobench.video import last_frame
 
 JPEG_QUALITY = 80
 _COMMAND = "duobench report DIR --videos {}"
 """Makes videos in a run's folder; see `PageVideos.command`."""
+_IMPORTING = " --import-tasks"
+"""What it takes for tasks that are not of the benchmark."""
 
 
 class PageVideos:
@@ -69,7 +72,10 @@ class PageVideos:
         Returns:
             The command; empty if the run was not started by one.
         """
-        return _COMMAND.format(choice) if self._run.command else ""
+        if not self._run.command:
+            return ""
+        is_known = {task.id for task in self._run.suite.tasks} <= set(catalog.names())
+        return _COMMAND.format(choice) + ("" if is_known else _IMPORTING)
 
     def _link(self, task_id: str, name: str) -> str:
         return quote(f"videos/{task_id}/{name}")

@@ -1,0 +1,47 @@
+"""`duobench compare`: which of several runs is better, and who can tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import tyro
+
+from duobench.cli.advice import advising, find_folder
+from duobench.cli.display.console import console
+from duobench.errors import DuoBenchError, OtherRunError
+
+
+def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path) -> None:
+    """Compare runs: the paper's table, tests on the same episodes, figures, and one page.
+
+    Args:
+        runs: Folders of two or more runs (--out of duobench eval), each alone or as NAME=FOLDER to
+            give it a name. paper:ACT, paper:pi05 and paper:xvla show the paper's results beside
+            them, which were measured elsewhere, on other tasks, and are tested against nothing.
+        out: Folder of the comparison; an earlier one in it is replaced.
+    """
+    from duobench.results.comparison.entrants import split_name
+    from duobench.results.comparison.paper import SCHEME
+
+    for run in runs:
+        path = split_name(run)[1]
+        if not run.startswith(SCHEME) and not path.is_file():
+            find_folder(path, "run.json")
+    from duobench.results.compare import compare as compare_runs
+    from duobench.results.compare import write_comparison
+    from duobench.results.comparison import words
+
+    comparison = compare_runs(runs)
+    with advising(_for_comparing):
+        page = write_comparison(comparison, out)
+    screen = console()
+    for pair in comparison.pairs:
+        screen.print(f"{pair.a.name} against {pair.b.name}:")
+        for line in (*words.caution(pair), words.verdict(pair), words.overall(pair)):
+            if line:
+                screen.print(f"  {line}")
+    screen.print(f"Comparison: {page}")
+
+
+def _for_comparing(error: DuoBenchError) -> str | None:
+    return "Give --out another folder." if isinstance(error, OtherRunError) else None

@@ -1,0 +1,85 @@
+"""Playing the joint targets of a record again, without the policy that chose them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import gymnasium as gym
+
+from duobench.data.replay import command_config
+from duobench.envs.config import EnvConfig
+from duobench.envs.execution import execute
+from duobench.envs.make import make_env
+from duobench.errors import EvaluationError
+from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.suite import Episode, TaskInfo
+from duobench.types import Array
+
+
+class TargetPlayer:
+    """Plays records of one task; the environment is made once."""
+
+    def __init__(self, task: TaskInfo) -> None:
+        """Remember the task as it is, whatever a run says about it."""
+        self._task = task
+        self._env: gym.Env | None = None
+        self._config: EnvConfig | None = None
+
+    def play(self, run: Run, record: EpisodeRecord) -> EpisodeRecord:
+        """Play the targets of a record of a run from the episode's own seed on.
+
+        Returns:
+            The record of that, with the error of the given one.
+
+        Raises:
+            EvaluationError: The targets are damaged, cannot have been sent, or are none; or no
+                evaluation is configured so.
+            DuoBenchError: They cannot be played.
+        """
+        targets = self._targets(record)
+        episode = Episode(task=self._task, index=record.episode, split=record.config.split)
+        recorder = EpisodeRecorder(episode)
+        env = self._environment(record.config)
+        observation, info = env.reset(seed=episode.seed)
+        recorder.on_episode_start(env, observation, info)
+        for step, target in zip(execute(env, targets), targets, strict=False):
+            if not (step.info["sent"] == target).all():
+                raise EvaluationError(f"The joint targets of step {step.number} exceed a limit.")
+            recorder.on_step(step)
+        recorder.on_episode_end(None)
+        replay = recorder.record(run, record.versions)
+        if record.error is None:
+            return replay
+        return replace(
+            replay,
+            success=False,
+            success_at_end=False,
+            state_hash=None,
+            end=None,
+            error=record.error,
+        )
+
+    def close(self) -> None:
+        """Free the environment."""
+        if self._env is not None:
+            self._env.close()
+
+    def _targets(self, record: EpisodeRecord) -> Array:
+        """The targets, no more than fit into an episode of the task."""
+        horizon = self._task.horizon
+        if record.horizon != horizon or record.config.horizon is not None:
+            claimed = record.config.horizon or record.horizon
+            raise EvaluationError(f"The horizon is {claimed}, that of the task is {horizon}.")
+        targets = record.targets()
+        if targets is None:
+            raise EvaluationError("There are no joint targets.")
+        return targets
+
+    def _environment(self, config: EnvConfig) -> gym.Env:
+        config = command_config(config)
+        if self._env is None or self._config != config:
+            self.close()
+            self._env, self._config = make_env(self._task.reference, **asdict(config)), config
+        return self._env

@@ -1,0 +1,222 @@
+"""A bundle: a run and its records in one file for publication, without videos and timing.
+
+It is a ZIP archive. Its first part, the manifest, has the SHA-256 of every other one. Dates and
+order are fixed: the same run gives the same bytes, with one version of zlib, which compresses them.
+A bundle comes from strangers: nothing of it is unpacked to a disk, and everything has a bound.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import re
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from duobench.errors import EvaluationError, FileError, OutputError
+from duobench.files import decode, encode, write
+from duobench.results.reader import DESCRIPTION, RunReader, record_name
+
+BUNDLE_SUFFIX = ".duobench.zip"
+"""Ending of a bundle's name."""
+BUNDLE_SCHEMA = 1
+"""Version of the manifest's fields."""
+MAX_PARTS = 65_000
+"""Most parts of a bundle: more than that is another kind of archive."""
+MAX_PART_BYTES = 16 * 2**20
+"""Largest part, unpacked; a record of a thousand steps has a few hundredths of it."""
+MAX_BYTES = 512 * 2**20
+"""Largest bundle, packed and unpacked; eleven tasks with a hundred episodes have a tenth of it."""
+
+_MANIFEST = "manifest.json"
+_NAMES = re.compile(rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/[0-9]{{5,9}}\.json")
+_DATE = (1980, 1, 1, 0, 0, 0)
+_FILE_MODE = stat.S_IFREG | 0o644
+_ENTRY = b"PK\x01\x02"
+"""What each entry of an archive's list of contents begins with."""
+_DAMAGE = (
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+    *(EOFError, NotImplementedError, OSError, RuntimeError, ValueError),
+)
+"""What the libraries raise about an archive that is none."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Manifest:
+    """What a bundle holds."""
+
+    CHECKED_FROM: ClassVar[int] = 1
+    """First schema whose files hold a checksum."""
+    missing: int
+    """Episodes of the run that have no record; 0 for a finished run."""
+    parts: dict[str, str]
+    """SHA-256 of each other part, by its name."""
+
+
+def write_bundle(run: RunReader, path: Path) -> Manifest:
+    """Write a run, finished or not, and its records into one file.
+
+    Args:
+        run: What reads the run.
+        path: The file; an earlier bundle is replaced.
+
+    Returns:
+        What is in the bundle.
+
+    Raises:
+        EvaluationError: If there is no run, a record of another one, or too many of them.
+        FileError: If a record cannot be read.
+        OutputError: If the file cannot be written, or is something else than an archive.
+    """
+    if path.exists() and not zipfile.is_zipfile(path):
+        raise OutputError(f"{path} is there and is no bundle; give the bundle another name.")
+    description = run.read_run()
+    episodes = run.finished(description)
+    for episode in episodes:
+        run.read_record(description, episode)
+    names = [DESCRIPTION, *(record_name(each.task.id, each.index) for each in episodes)]
+    parts = {name: run.file(name).read_bytes() for name in names}
+    if len(parts) >= MAX_PARTS or sum(map(len, parts.values())) > MAX_BYTES // 2:
+        raise EvaluationError(
+            f"{run.path} is too large for a bundle, which has at most {MAX_PARTS} parts of "
+            f"{MAX_BYTES // 2} bytes altogether; evaluate fewer episodes in a run."
+        )
+    manifest = Manifest(
+        missing=description.suite.size - len(episodes),
+        parts={name: hashlib.sha256(content).hexdigest() for name, content in parts.items()},
+    )
+    write(path, _packed({_MANIFEST: encode(manifest, BUNDLE_SCHEMA).encode(), **parts}))
+    return manifest
+
+
+def _packed(parts: Mapping[str, bytes]) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, content in parts.items():
+            entry = zipfile.ZipInfo(name, _DATE)
+            entry.create_system, entry.external_attr = 3, _FILE_MODE << 16  # as on Unix, anywhere
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED, compresslevel=9)
+    return file.getvalue()
+
+
+class Bundle(RunReader):
+    """A bundle that was found to be whole."""
+
+    def __init__(self, path: Path) -> None:
+        """Read and check everything but the run and its records themselves.
+
+        Raises:
+            FileError: It is no bundle, a damaged one, or not made by `write_bundle`.
+        """
+        super().__init__(path)
+        try:
+            self._parts = _unpacked(path)
+            self.manifest = _manifest(self._parts)
+            """What it holds."""
+            self._check_run()
+        except FileError as error:
+            raise FileError(f"{path} is no whole bundle: {error}") from error
+
+    def file(self, name: str) -> _Part:
+        """A part by its name, whether or not there is one."""
+        return _Part(f"{self.path}: {name}", self._parts.get(name))
+
+    def names(self, folder: str) -> Iterable[str]:
+        """Names of the parts in a folder."""
+        names = (name.rpartition("/") for name in self._parts)
+        return [name for parent, _, name in names if parent == folder]
+
+    def _check_run(self) -> None:
+        """Check that it holds the records of its run, and none beside them."""
+        run = self.read_run()
+        records = {record_name(each.task.id, each.index) for each in self.finished(run)}
+        if foreign := self._parts.keys() - records - {DESCRIPTION}:
+            raise FileError(f"{min(foreign)} belongs to no episode of its run.")
+        if self.manifest.missing != run.suite.size - len(records):
+            raise FileError(
+                f"Its manifest says that {self.manifest.missing} records are missing, not "
+                f"{run.suite.size - len(records)}."
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A part that is read as a file is."""
+
+    place: str
+    content: bytes | None
+
+    def __str__(self) -> str:
+        return self.place
+
+    def read_bytes(self) -> bytes:
+        if self.content is None:
+            raise FileError("It is missing.")
+        return self.content
+
+
+def _manifest(parts: dict[str, bytes]) -> Manifest:
+    """Take the manifest out of the parts, and compare these with it."""
+    if not {_MANIFEST, DESCRIPTION} <= parts.keys():
+        raise FileError(f"It has no {_MANIFEST} or no {DESCRIPTION}.")
+    manifest = decode(parts.pop(_MANIFEST), Manifest, BUNDLE_SCHEMA)
+    if different := parts.keys() ^ manifest.parts.keys():
+        raise FileError(f"{min(different)} is in its manifest or in it, not in both.")
+    for name, content in parts.items():
+        if hashlib.sha256(content).hexdigest() != manifest.parts[name]:
+            raise FileError(f"The SHA-256 of {name} is not that of its manifest.")
+    return manifest
+
+
+def _unpacked(path: Path) -> dict[str, bytes]:
+    """The parts of an archive by their names, within the bounds of this module."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise FileError(f"It is larger than {MAX_BYTES} bytes.")
+        data = path.read_bytes()
+        if data.count(_ENTRY) > MAX_PARTS:  # before they are listed, which takes memory for each
+            raise FileError(f"It has more than {MAX_PARTS} parts.")
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            entries = archive.infolist()
+            _check_entries(entries)
+            return {entry.filename: _content(archive, entry) for entry in entries}
+    except _DAMAGE as error:
+        raise FileError(f"It is damaged, or no ZIP archive: {error}.") from error
+
+
+def _check_entries(entries: Iterable[zipfile.ZipInfo]) -> None:
+    """Reject what `write_bundle` does not write."""
+    names: set[str] = set()
+    size = 0
+    for entry in entries:
+        name = entry.orig_filename
+        size += entry.file_size
+        mode = entry.external_attr >> 16
+        if not _NAMES.fullmatch(name):
+            raise FileError(f"No bundle has a part {name[:100]!r}.")
+        if name in names:
+            raise FileError(f"It has {name} twice.")
+        if mode and not stat.S_ISREG(mode):
+            raise FileError(f"{name} is a link, or something else that is no file.")
+        if entry.file_size > MAX_PART_BYTES:
+            raise FileError(f"{name} has more than {MAX_PART_BYTES} bytes.")
+        if size > MAX_BYTES:
+            raise FileError(f"Its parts have more than {MAX_BYTES} bytes.")
+        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise FileError(f"{name} is compressed in another way than a bundle's parts are.")
+        names.add(name)
+
+
+def _content(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bytes:
+    """The bytes of a part, which may unpack to more than its entry says."""
+    with archive.open(entry) as file:
+        content = file.read(entry.file_size + 1)
+    if len(content) != entry.file_size:
+        raise FileError(f"{entry.filename} does not have as many bytes as it says.")
+    return content

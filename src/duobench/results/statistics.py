@@ -1,0 +1,291 @@
+"""Statistics of two policies: tests, intervals of a difference, effect size, and power.
+
+Two policies that played the same episodes are compared pair by pair, which tells more than two
+samples of their own do. SciPy does the work and is loaded by the first function that needs it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from statistics import NormalDist
+
+import numpy as np
+
+from duobench.results.metrics import CONFIDENCE, wilson_interval
+
+LEVEL = 1.0 - CONFIDENCE
+"""Probability of claiming a difference where there is none."""
+POWER = 0.8
+"""Probability of finding a difference, for which episodes are counted."""
+MOST_EPISODES = 1_000_000
+"""Above it, no number of episodes is given."""
+MOST_TABLES = 4_000_000
+"""Outcomes of two samples up to which Barnard's test is exact; its time grows with them."""
+RESAMPLES = 9_999
+"""Permutations of two samples, where there are more than can be enumerated."""
+
+
+def mcnemar(only_a: int, only_b: int) -> float:
+    """Exact McNemar test: does one of two policies solve more of the same episodes?
+
+    Given how many episodes only one of them solved, which one it was is a toss of a fair coin, if
+    they are equally good.
+    Source: Q. McNemar, "Note on the sampling error of the difference between correlated
+    proportions or percentages", Psychometrika 12 (1947).
+
+    Args:
+        only_a: Episodes that only the first policy solved.
+        only_b: Episodes that only the second one solved.
+
+    Returns:
+        Two-sided p-value; 1 if no episode tells them apart.
+    """
+    from scipy.stats import binomtest
+
+    discordant = only_a + only_b
+    return float(binomtest(only_a, discordant).pvalue) if discordant else 1.0
+
+
+def barnard(successes: tuple[int, int], episodes: tuple[int, int]) -> float:
+    """Barnard's exact test: do two policies solve different shares of different episodes?
+
+    It orders outcomes by the difference over its standard error, pooled, and takes the largest
+    p-value over the unknown common rate. With more than `MOST_TABLES` outcomes, that statistic is
+    taken to be normal.
+    Source: G. A. Barnard, "Significance tests for 2 x 2 tables", Biometrika 34 (1947); with this
+    order, S. Suissa and J. J. Shuster, J. R. Stat. Soc. A 148 (1985).
+
+    Args:
+        successes: Of either policy.
+        episodes: Of either policy, at least 1.
+
+    Returns:
+        Two-sided p-value.
+    """
+    from scipy.stats import barnard_exact
+
+    solved, played = sum(successes), sum(episodes)
+    if solved in {0, played}:
+        return 1.0
+    if math.prod(episodes) <= MOST_TABLES:
+        failures = [n - k for k, n in zip(successes, episodes, strict=True)]
+        return float(barnard_exact([list(successes), failures]).pvalue)
+    rates = [k / n for k, n in zip(successes, episodes, strict=True)]
+    variance = solved / played * (1 - solved / played) * sum(1 / n for n in episodes)
+    return 2 * NormalDist().cdf(-abs(rates[0] - rates[1]) / math.sqrt(variance))
+
+
+def paired_permutation(differences: Sequence[int]) -> float:
+    """Exact paired permutation test: is the mean of differences another one than 0?
+
+    If it makes no difference which policy is which, every difference may as well have the other
+    sign. Whole numbers, as stages are, have so few different sums that all 2^n assignments of
+    signs are counted.
+    Source: R. A. Fisher, "The Design of Experiments" (1935), section 21.
+
+    Args:
+        differences: One whole number for each pair.
+
+    Returns:
+        Two-sided p-value; 1 if all differences are 0.
+    """
+    sizes = [abs(difference) for difference in differences if difference]
+    chances = np.ones(1)  # of each sum of those sizes that have a positive sign
+    for size in sizes:
+        chances = (np.pad(chances, (0, size)) + np.pad(chances, (size, 0))) / 2
+    total = sum(sizes)
+    sums = 2 * np.arange(total + 1) - total
+    return min(1.0, math.fsum(chances[abs(sums) >= abs(sum(differences))]))
+
+
+def permutation(a: Sequence[int], b: Sequence[int]) -> float:
+    """Permutation test: do the means of two samples differ?
+
+    Exact where there are few enough permutations; otherwise `RESAMPLES` of them are sampled, the
+    same in every call.
+
+    Args:
+        a: Values of the first policy.
+        b: Values of the second one.
+
+    Returns:
+        Two-sided p-value; 1 if all values are the same, or one sample is a single value.
+    """
+    from scipy.stats import permutation_test
+
+    if len({*a, *b}) == 1 or min(len(a), len(b)) == 1:
+        return 1.0
+
+    def difference(x: np.ndarray, y: np.ndarray, axis: int = -1) -> np.ndarray:
+        return np.mean(x, axis=axis) - np.mean(y, axis=axis)
+
+    result = permutation_test(
+        (np.array(a, float), np.array(b, float)),
+        difference,
+        vectorized=True,
+        n_resamples=RESAMPLES,
+        batch=1_000,
+        rng=np.random.default_rng(0),
+    )
+    return float(result.pvalue)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Adjust the p-values of several tests, so that all claims together have one level.
+
+    Source: S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6
+    (1979).
+
+    Args:
+        p_values: One for each test.
+
+    Returns:
+        Adjusted p-values in the same order: a test rejects if its own is at most the level.
+    """
+    adjusted = [1.0] * len(p_values)
+    largest = 0.0
+    for rank, index in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
+        largest = max(largest, (len(p_values) - rank) * p_values[index])
+        adjusted[index] = min(1.0, largest)
+    return adjusted
+
+
+def tango_interval(
+    only_a: int, only_b: int, episodes: int, confidence: float = CONFIDENCE
+) -> tuple[float, float]:
+    """Tango's score interval for the difference of success rates on the same episodes.
+
+    It holds the differences that a score test would not reject, stays inside -1..1, and does not
+    collapse where few episodes tell the policies apart.
+    Source: T. Tango, "Equivalence test and confidence interval for the difference in proportions
+    for the paired-sample design", Stat. Med. 17 (1998).
+
+    Args:
+        only_a: Episodes that only the first policy solved.
+        only_b: Episodes that only the second one solved.
+        episodes: Episodes that both played, at least 1.
+        confidence: Probability with which the interval should cover the truth.
+
+    Returns:
+        Lower and upper end of the first policy's rate minus the second one's.
+    """
+    from scipy.optimize import root_scalar
+
+    z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
+    estimate = (only_a - only_b) / episodes
+
+    def excess(difference: float, sign: float) -> float:
+        """What the score at a difference exceeds its limit by."""
+        linear = (2 * episodes - only_a + only_b) * difference - only_a - only_b
+        constant = -only_b * difference * (1 - difference)
+        root = math.sqrt(max(0.0, linear * linear - 8 * episodes * constant))
+        only_b_rate = (root - linear) / (4 * episodes)  # most likely one at this difference
+        variance = episodes * (2 * only_b_rate + difference * (1 - difference))
+        score = only_a - only_b - episodes * difference
+        return score - sign * z * math.sqrt(max(0.0, variance))
+
+    def end(low: float, high: float, sign: float) -> float:
+        return float(root_scalar(excess, (sign,), bracket=(low, high), method="brentq").root)
+
+    beside = 1e-12  # at the estimate itself, both sides are 0 where no episode tells them apart
+    low = -1.0 if only_b == episodes else end(-1.0, estimate - beside, 1.0)
+    high = 1.0 if only_a == episodes else end(estimate + beside, 1.0, -1.0)
+    return low, high
+
+
+def newcombe_interval(
+    successes: tuple[int, int], episodes: tuple[int, int], confidence: float = CONFIDENCE
+) -> tuple[float, float]:
+    """Newcombe's hybrid score interval for the difference of success rates on other episodes.
+
+    Source: R. G. Newcombe, "Interval estimation for the difference between independent
+    proportions: comparison of eleven methods", Stat. Med. 17 (1998), method 10.
+
+    Args:
+        successes: Of either policy.
+        episodes: Of either policy, at least 1.
+        confidence: Probability with which the interval should cover the truth.
+
+    Returns:
+        Lower and upper end of the first policy's rate minus the second one's.
+    """
+    rate_a, rate_b = (k / n for k, n in zip(successes, episodes, strict=True))
+    low_a, high_a = wilson_interval(successes[0], episodes[0], confidence)
+    low_b, high_b = wilson_interval(successes[1], episodes[1], confidence)
+    difference = rate_a - rate_b
+    return (
+        max(-1.0, difference - math.hypot(rate_a - low_a, high_b - rate_b)),
+        min(1.0, difference + math.hypot(high_a - rate_a, rate_b - low_b)),
+    )
+
+
+def cohen_h(rate_a: float, rate_b: float) -> float:
+    """Effect size of a difference of two rates; about .2 is small, .5 medium, .8 large.
+
+    Other than the plain difference, it counts one percent more near 0 and 1, where there is less
+    room.
+    Source: J. Cohen, "Statistical Power Analysis for the Behavioral Sciences" (1988), chapter 6.
+    """
+    return 2 * (math.asin(math.sqrt(rate_a)) - math.asin(math.sqrt(rate_b)))
+
+
+def mcnemar_power(episodes: int, chance_a: float, chance_b: float, level: float = LEVEL) -> float:
+    """Probability that the exact McNemar test finds a difference.
+
+    Args:
+        episodes: Episodes that both policies play.
+        chance_a: Probability that only the first one solves an episode.
+        chance_b: Probability that only the second one does; at least one of both is positive.
+        level: Level of the two-sided test.
+    """
+    from scipy.stats import binom
+
+    discordant = chance_a + chance_b
+    spread = 8 * math.sqrt(episodes * discordant * (1 - discordant)) + 10
+    first = max(0, math.floor(episodes * discordant - spread))
+    last = min(episodes, math.ceil(episodes * discordant + spread))
+    counts = np.arange(first, last + 1)
+    # The largest number of wins of the less successful policy at which the test still rejects.
+    most = binom.ppf(level / 2, counts, 0.5)
+    most = np.where(binom.cdf(most, counts, 0.5) > level / 2, most - 1, most)
+    share = chance_a / discordant
+    rejects = binom.cdf(most, counts, share) + binom.cdf(most, counts, 1 - share)
+    return float(np.dot(binom.pmf(counts, episodes, discordant), rejects))
+
+
+def episodes_needed(
+    only_a: int, only_b: int, episodes: int, level: float = LEVEL, power: float = POWER
+) -> int | None:
+    """How many episodes the exact McNemar test would need to find the difference that was seen.
+
+    It takes what was seen for the truth; few episodes do not know that well, so the number is a
+    rough one. The power rises in small teeth, of which one is found.
+
+    Args:
+        only_a: Episodes that only the first policy solved.
+        only_b: Episodes that only the second one solved.
+        episodes: Episodes that both played, at least 1.
+        level: Level of the two-sided test.
+        power: Probability of finding the difference.
+
+    Returns:
+        How many episodes in all; None if no difference was seen, or for more than
+        `MOST_EPISODES`.
+    """
+    if only_a == only_b:
+        return None
+    chance_a, chance_b = only_a / episodes, only_b / episodes
+
+    def is_enough(number: int) -> bool:
+        return mcnemar_power(number, chance_a, chance_b, level) >= power
+
+    too_few, enough = 0, 1
+    while not is_enough(enough):
+        too_few, enough = enough, 2 * enough
+        if too_few > MOST_EPISODES:
+            return None
+    while enough - too_few > 1:
+        middle = (too_few + enough) // 2
+        too_few, enough = (too_few, middle) if is_enough(middle) else (middle, enough)
+    return enough

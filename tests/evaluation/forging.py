@@ -1,0 +1,48 @@
+"""Editing the files of a run as a forger would, who computes checksums anew where that helps."""
+
+import base64
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from duobench.files import CHECKSUM, checksum
+from duobench.results.folder import RunFolder
+from duobench.results.targets import pack_targets, unpack_targets
+from duobench.types import Array
+
+Document = dict[str, Any]
+Edit = Callable[[Document], None]
+
+
+def rewritten(path: Path, edit: Edit, *, sealed: bool = True) -> None:
+    """Edit a file of a run; sealed, its checksum fits again."""
+    document = json.loads(path.read_text())
+    edit(document)
+    if sealed:
+        document[CHECKSUM] = checksum(document)
+    path.write_text(json.dumps(document))
+
+
+def copied(folder: RunFolder, path: Path) -> RunFolder:
+    shutil.copytree(folder.path, path)
+    return RunFolder(path)
+
+
+def targets_of(document: Document) -> Array:
+    return unpack_targets(base64.b64decode(document["sent"]), document["steps"])
+
+
+def with_targets(document: Document, targets: Array) -> None:
+    document["sent"] = base64.b64encode(pack_targets(targets)).decode()
+
+
+def flipped_bit(targets: Array, step: int, number: int) -> Array:
+    """The targets with the lowest bit of one float32 flipped."""
+    short = targets.astype(np.float32)
+    assert np.array_equal(short, targets)
+    short.view(np.uint32)[step, number] ^= 1
+    return short.astype(np.float64)
