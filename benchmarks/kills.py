@@ -152,8 +152,7 @@ def _duobench(*words: str) -> subprocess.Popen[bytes]:
 def contents(folder: Path) -> dict[str, bytes]:
     """The files of a run that results are in."""
     paths = (path for pattern in RESULTS for path in folder.glob(pattern))
-    contents = {str(path.relative_to(folder)): path.read_bytes() for path in paths}
-    return {name: TIMES.sub(b"", content) for name, content in contents.items()}
+    return {str(path.relative_to(folder)): TIMES.sub(b"", path.read_bytes()) for path in paths}
 
 
 def disturb(folder: Path, kills: int, seed: int, port: int) -> Iterator[tuple[str, Counter[str]]]:
