@@ -17,6 +17,7 @@ import duobench
 from duobench.cli.evaluate import evaluate
 from duobench.cli.record import record
 from duobench.cli.replay import replay
+from duobench.cli.results.report import report
 from duobench.cli.train import train
 from duobench.data.schema import SCHEMA
 from duobench.envs import action_labels, spaces
@@ -273,7 +274,7 @@ def test_the_table_of_metadata_names_its_fields() -> None:
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", EVALUATION, POLICIES], ids=lambda p: p.name)
 def test_options_of_the_command_line_exist(page: Path) -> None:
-    verbs = (evaluate, record, replay, train)
+    verbs = (evaluate, record, replay, report, train)
     known = {
         name.removeprefix("only_").replace("_", "-")
         for verb in verbs
