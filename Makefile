@@ -13,13 +13,14 @@ LEROBOT_VENV := .venv-lerobot
 OPENPI_VENV := .venv-openpi
 VLA_EVAL_VENV := .venv-vla-eval
 VLAGENTS_VENV := .venv-vlagents
+AXE := .axe/node_modules/axe-core/axe.min.js
 STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
 TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo test test-lerobot test-interop check format bench docs golden FORCE
+.PHONY: help setup setup-test demo test test-lerobot test-interop test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -43,6 +44,13 @@ test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $
 	DUOBENCH_VLA_EVAL_PYTHON=$(VLA_EVAL_VENV)/bin/python \
 	DUOBENCH_VLAGENTS_PYTHON=$(VLAGENTS_VENV)/bin/python \
 		$(BIN)/python -m pytest tests/interop
+
+# Needs npm, and Chromium as `chromium`, `chromium-browser` or `google-chrome`.
+test-pages: setup-test $(AXE)  ## Test pages in a browser: accessibility, phone, paper.
+	DUOBENCH_AXE=$(AXE) $(BIN)/python -m pytest tests/pages
+
+screenshots: demo  ## Show the report of the demo on a desktop, a phone and paper, in renders/.
+	$(BIN)/python -m tools.pages $(DEMO_RUN)/index.html --out renders/pages
 
 check: setup-test  ## Check format, lint and types.
 	$(BIN)/ruff format --check .
@@ -113,6 +121,10 @@ $(VLAGENTS_VENV)/.installed: pyproject.toml
 	$(VLAGENTS_VENV)/bin/python -m pip install --disable-pip-version-check -e . \
 		vlagents==0.3.0 'rpyc>=6,<7'
 	@touch $@
+
+# Pinned, so that the same page breaks the same rules.
+$(AXE):
+	npm install --no-save --no-audit --no-fund --prefix .axe axe-core@4.14.1
 
 # Their types are those of the installed version, which only the two files above can change.
 $(STUBS): $(VENV)/.installed-test tools/mujoco_stubs.py

@@ -35,8 +35,19 @@ def record_versions(renderer: str | None) -> dict[str, str | None]:
         **package_versions(),
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
+        "processor": processor(),
         "renderer": renderer,
     }
+
+
+def processor() -> str | None:
+    """Model of the processor, as Linux names it; None if it has no name."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
+    named = re.search(r"^model name\s*:\s*(\S.*)$", text, re.MULTILINE)
+    return named[1].strip() if named else None
 
 
 def differing_arithmetic(versions: Mapping[str, str | None]) -> list[str]:

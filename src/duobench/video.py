@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -148,3 +149,20 @@ def write_video(
     with closing(VideoWriter(target, codec, rate)) as writer:
         for image in frames:
             writer.add(image)
+
+
+def last_frame(path: Path) -> Image:
+    """The last frame (height, width, 3) of a video.
+
+    Raises:
+        VideoError: It cannot be decoded.
+    """
+    try:
+        with av.open(path) as container:
+            container.seek(container.duration or 0)  # to the last key frame
+            frames = deque(container.decode(video=0), maxlen=1)
+    except (FFmpegError, OSError, IndexError) as error:
+        raise VideoError(f"{path} cannot be decoded: {error}.") from error
+    if not frames:
+        raise VideoError(f"{path} has no frame.")
+    return np.asarray(frames[0].to_ndarray(format="rgb24"), dtype=np.uint8)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,11 +22,13 @@ from duobench.cli import main
 from duobench.cli.display.console import command_line, console
 from duobench.cli.evaluate import evaluate as eval_verb
 from duobench.data import DataSet
-from duobench.files import locked
+from duobench.files import decode, encode, locked
+from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.tasks import catalog
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.processes import wait_until, workers
 from tests.policy.serving.serving import Serve
+from tests.results.samples import without_times
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
@@ -93,6 +96,34 @@ def test_report_builds_the_page_anew(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert (tmp_path / "run" / "index.html").read_bytes() == before
 
 
+def test_report_makes_videos_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = tmp_path / "run"
+    evaluate(run, "--episodes", "2", "--videos", "0")
+    main(["report", str(run), "--import-tasks", "--videos", "nod:1"])
+    assert "1 video made\n" in capsys.readouterr().out
+    assert 'src="videos/nod/00001.webm"' in (run / "index.html").read_text()
+    main(["report", str(run), "--import-tasks", "--videos", "all"])
+    out = capsys.readouterr().out
+    assert "4 of 4 videos" in out
+    assert "3 videos made, 1 there before" in out
+
+
+def test_video_that_cannot_be_made_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    evaluate(run, "--episodes", "1", "--videos", "0")
+    path = run / "records" / "nod" / "00000.json"
+    record = decode(path.read_bytes(), EpisodeRecord, RECORD_SCHEMA)
+    path.write_text(encode(replace(record, sent=None), RECORD_SCHEMA))
+    with pytest.raises(SystemExit, match="1"):
+        main(["report", str(run), "--import-tasks", "--videos", "all"])
+    out = capsys.readouterr().out
+    assert "No video of nod, episode 0: Its record does not have what was sent." in out
+    assert "1 video made" in out
+    assert 'src="videos/wave/00000.webm"' in (run / "index.html").read_text()
+
+
 def test_command_of_the_report_makes_the_same_report(tmp_path: Path) -> None:
     evaluate(tmp_path / "one", "--episodes", "1", "--videos", "0", "--look", "dark")
     command = json.loads((tmp_path / "one" / "run.json").read_text())["command"]
@@ -100,8 +131,10 @@ def test_command_of_the_report_makes_the_same_report(tmp_path: Path) -> None:
     program, *words = shlex.split(command)
     assert program == "duobench"
     main([str(tmp_path / "two") if word == "DIR" else word for word in words])
-    for name in ("index.html", "summary.json", "run.json"):
+    for name in ("summary.json", "run.json"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    pages = [(tmp_path / name / "index.html").read_text() for name in ("one", "two")]
+    assert without_times(pages[0]) == without_times(pages[1])
 
 
 def test_command_has_every_option_that_a_result_may_depend_on() -> None:

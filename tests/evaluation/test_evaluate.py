@@ -17,6 +17,7 @@ from duobench.evaluation.evaluate import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
+from duobench.results.reporting.times import PARTS, read_notes
 from duobench.results.run import Run
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks
@@ -229,7 +230,7 @@ def test_look_is_that_of_environment_video_and_record(play: Play, workers: int) 
 
 def test_first_episodes_have_videos_the_same_in_any_process(play: Play) -> None:
     folder, results = play("random", videos=1, episodes=2)
-    videos = sorted(folder.path.glob("videos/*/*"))
+    videos = sorted(folder.path.glob("videos/*/*.webm"))
     assert videos == [folder.video("nod", 0), folder.video("wave", 0)]
     page = folder.page.read_text()
     for one in results.tasks:
@@ -241,6 +242,20 @@ def test_first_episodes_have_videos_the_same_in_any_process(play: Play) -> None:
     other, _ = play("random", "other", videos=1, episodes=2, workers=1)
     for path in videos:
         assert (other.path / path.relative_to(folder.path)).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_time_is_noted_with_what_it_was_spent_on(play: Play, workers: int) -> None:
+    folder, _ = play("Glances", videos=1, episodes=2, workers=workers)
+    notes = read_notes(folder.timing)
+    assert set(notes) == {(task, episode) for task in ("wave", "nod") for episode in (0, 1)}
+    for (_, episode), note in notes.items():
+        parts = [getattr(note, name) for name in PARTS]
+        assert note.seconds is not None
+        assert sum(parts) < note.seconds + 0.01
+        assert all(part > 0 for part in parts[:3])
+        assert (parts[3] > 0) == (episode == 0)
+        assert note.workers == workers
 
 
 class Counts:

@@ -10,6 +10,7 @@ import pytest
 
 from duobench.results.folder import RunFolder
 from tests.evaluation import toy_tasks
+from tests.evaluation.conftest import compared
 from tests.evaluation.processes import children, is_running, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -73,8 +74,7 @@ def test_killed_run_goes_on_to_the_same_table(script: Path, tmp_path: Path) -> N
     assert table == expected
     assert "All tasks" in table
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    for name in ("summary.json", "index.html", "run.json", "figures/stages.svg"):
-        assert (killed / name).read_bytes() == (whole / name).read_bytes()
+    assert compared(RunFolder(killed)) == compared(RunFolder(whole))
     names = [
         sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
         for folder in (whole, killed)

@@ -28,7 +28,7 @@ VERSIONS = record_versions(None)
 
 def test_record_says_what_the_environment_said() -> None:
     env = duobench.make(toy_tasks.WAVE, cameras=False)
-    reached = set()
+    reached, clipped = set(), set()
     for index in range(6):
         episode = Episode(task=WAVE, index=index)
         recorder = EpisodeRecorder(episode)
@@ -48,6 +48,7 @@ def test_record_says_what_the_environment_said() -> None:
         assert record.success == infos[-1]["success"] == record.terminated
         assert record.truncated == (not record.terminated)
         assert record.success_at_end == infos[-1]["success_at_end"]
+        assert record.clipped == sum(info["clipped"].any() for info in infos)
         assert record.unmet == infos[-1]["unmet"]
         assert bool(record.unmet) == bool(record.missing) == (not record.success)
         assert record.state_hash == env.get_wrapper_attr("state_hash")()
@@ -56,8 +57,10 @@ def test_record_says_what_the_environment_said() -> None:
         assert record.instruction == "Do the wave."
         assert set(record.layout["poses"]) == {"cube"}
         reached.add(record.final_stage)
+        clipped.add(bool(record.clipped))
     env.close()
     assert len(reached) > 1
+    assert clipped == {False, True}
 
 
 def test_episode_that_never_began_still_has_a_record() -> None:

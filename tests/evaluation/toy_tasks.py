@@ -308,6 +308,15 @@ class Sees(HoldPolicy):
         return np.repeat(super().act(observation), 5, axis=0)
 
 
+class Glances(RandomPolicy):
+    """Asks for a small image and acts in chunks of seven, which it announces."""
+
+    metadata = PolicyMetadata(name="glances", cameras=("head",), image_size=(24, 32), horizon=7)
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        return np.concatenate([super(Glances, self).act(observation) for _ in range(7)])
+
+
 class Reads(HoldPolicy):
     """Asks for the state of the objects, no images, and moves by where the cube is."""
 

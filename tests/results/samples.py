@@ -1,6 +1,7 @@
 """Made-up runs and records, for what is computed from records alone."""
 
 import random
+import re
 from pathlib import Path
 from typing import Any
 
@@ -123,3 +124,10 @@ def sample_folder(path: Path, run: Run, records: list[EpisodeRecord]) -> RunFold
     for record in records:
         folder.write(record, None)
     return folder
+
+
+def without_times(page: str) -> str:
+    """Text of a report without its block of times, of which it has one."""
+    rest, count = re.subn(r'<section id="times">.*?</section>', "", page, flags=re.DOTALL)
+    assert count == 1
+    return rest

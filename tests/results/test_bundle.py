@@ -26,7 +26,7 @@ RECORD = "records/lift/00000.json"
 def folder(tmp_path: Path) -> RunFolder:
     run = sample_run()
     folder = sample_folder(tmp_path / "run", run, sample_records(run))
-    folder.note_timing(sample_records(run)[0], 1.0)
+    folder.note_timing(sample_records(run)[0], None, workers=1)
     folder.video(LIFT.id, 0).parent.mkdir(parents=True)
     folder.video(LIFT.id, 0).write_bytes(b"video")
     write_report(folder)

@@ -8,14 +8,17 @@ import pytest
 
 from duobench.policy import PolicyMetadata
 from duobench.results.report import write_report
+from duobench.results.reporting.times import PARTS, EpisodeTimes
 from tests.results.samples import (
     LIFT,
     SORT,
+    TASKS,
     TURN,
     sample_folder,
     sample_record,
     sample_records,
     sample_run,
+    without_times,
 )
 
 OUTPUTS = ("index.html", "summary.json", "figures/stages.svg", "figures/progress.svg")
@@ -24,7 +27,7 @@ OUTPUTS = ("index.html", "summary.json", "figures/stages.svg", "figures/progress
 class Page(HTMLParser):
     """Collects what the tests ask about, and checks that every element is closed."""
 
-    VOID = frozenset({"meta", "path", "circle", "br", "use"})
+    VOID = frozenset({"meta", "path", "circle", "br", "use", "input"})
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -113,11 +116,13 @@ def test_page_tells_policy_stages_seeds_and_command(tmp_path: Path) -> None:
     write_report(folder)
     words = Page(folder.page).words
     assert f"come from: {run.command}" in words
+    for fact in ("Policy mine", "Its version 1", "Look default", "Action mode joint", "split eval"):
+        assert fact in words
     for task in run.suite.tasks:
         assert task.title in words
         assert all(stage in words for stage in task.stages)
     assert {str(episode.seed) for episode in run.episodes()} <= set(words.split())
-    assert "mujoco 4.0.0" in words
+    assert "Software duobench 0, mujoco 4.0.0" in words
     assert "not finished" not in words
 
 
@@ -151,10 +156,68 @@ def test_whatever_is_wider_than_a_phone_scrolls_and_says_so(tmp_path: Path) -> N
     write_report(folder)
     html = folder.page.read_text()
     assert "Scroll sideways" in html
-    tables = 1 + len(run.suite.tasks)
-    assert html.count("<table>") == html.count('<div class="wide"><table>') == tables
+    wide = r'<div class="wide" role="region" tabindex="0" aria-label="[^"]+">'
+    assert html.count("<table") == len(re.findall(rf"{wide}<table", html)) >= 1 + len(TASKS)
+    assert html.count("<table") == html.count("<caption>")
     for figure in re.findall(r"<figure>.*?</figure>", html, re.DOTALL):
-        assert figure.startswith('<figure><div class="wide"')
+        assert re.match(rf"<figure>{wide}", figure)
+
+
+def test_rate_of_success_comes_first(tmp_path: Path) -> None:
+    run = sample_run(policy="expert")
+    records = [replace(record, policy="expert") for record in sample_records(run)]
+    folder = sample_folder(tmp_path / "run", run, records)
+    write_report(folder)
+    words = Page(folder.page).words
+    assert words.index("of 12 episodes") < words.index("Privileged:") < words.index("This run")
+
+
+def test_failed_episodes_lead_to_a_video_or_to_the_command_that_makes_it(tmp_path: Path) -> None:
+    run = sample_run(tasks=(SORT,), episodes=4, command="duobench eval --policy mine")
+    records = [sample_record(SORT, episode, (5,)) for episode in range(3)]
+    folder = sample_folder(tmp_path / "run", run, [*records, sample_record(SORT, 3)])
+    video = folder.video(SORT.id, 1)
+    video.parent.mkdir(parents=True)
+    video.write_bytes(b"video")
+    write_report(folder)
+    page = Page(folder.page)
+    assert {"#sort-0", "#sort-2", "videos/sort/00001.webm"} <= set(page.links)
+    assert not {"#sort-1", "#sort-3"} & set(page.links)
+    for episode, told in enumerate((True, False, True, False)):
+        command = f"duobench report DIR --videos sort:{episode} --import-tasks"
+        assert (command in page.words) == told
+    assert folder.page.read_text().count('<tr id="sort-3" class="success">') == 1
+
+
+def test_times_are_shown_and_nothing_else_depends_on_them(tmp_path: Path) -> None:
+    run = sample_run()
+    records = sample_records(run)
+    pages = []
+    for name, seconds in (("none", None), ("slow", 70.0)):
+        folder = sample_folder(tmp_path / name, run, records)
+        for record in records if seconds else ():
+            parts = dict.fromkeys(PARTS, 1.0)
+            folder.note_timing(record, EpisodeTimes(total=seconds or 0, **parts), workers=2)
+        write_report(folder)
+        pages.append(folder.page.read_text())
+    assert "is not known" in pages[0]
+    assert "2 workers side by side" in pages[1]
+    assert "1 min 10 s" in pages[1]
+    assert without_times(pages[0]) == without_times(pages[1])
+
+
+def test_clipped_commands_are_counted_task_by_task(tmp_path: Path) -> None:
+    run = sample_run(tasks=(SORT, TURN), episodes=2)
+    records = [
+        sample_record(SORT, 0, (5,), clipped=9),
+        sample_record(SORT, 1, (5,), clipped=0),
+        *(sample_record(TURN, episode, ()) for episode in range(2)),
+    ]
+    folder = sample_folder(tmp_path / "run", run, records)
+    write_report(folder)
+    words = Page(folder.page).words
+    assert "in 9 of 180 control steps (5.0 %), in 1 of 2 episodes" in words
+    assert words.count("Limits of the arms") == 1
 
 
 def test_text_from_outside_is_escaped(tmp_path: Path) -> None:
@@ -214,4 +277,4 @@ def test_mixed_software_stacks_are_pointed_out(tmp_path: Path) -> None:
     write_report(folder)
     words = Page(folder.page).words
     assert "2 different software stacks" in words
-    assert "python 3.13" in words
+    assert "Software python 3.13" in words

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
@@ -16,7 +15,6 @@ from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Reco
 from duobench.data.stream import INTERRUPTED
 from duobench.envs.config import FIXED, IMAGE_SIZE, EnvConfig
 from duobench.envs.registration import make
-from duobench.envs.sim_env import sim_of
 from duobench.errors import (
     DataError,
     DuoBenchError,
@@ -28,10 +26,13 @@ from duobench.errors import (
     escaped,
     traceback_text,
 )
+from duobench.evaluation.overview import Overview
+from duobench.evaluation.picture import Picture
 from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.evaluation.processes.clock import EpisodeClock
 from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
 from duobench.evaluation.rollout import Watcher, rollout
+from duobench.evaluation.stopwatch import Stopwatch
 from duobench.policy import Policy
 from duobench.policy.compatibility import check_fits
 from duobench.policy.policy import as_chunk
@@ -39,16 +40,13 @@ from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, episode_seed
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
+from duobench.results.reporting.times import EpisodeTimes
 from duobench.results.run import Run
 from duobench.results.suite import Episode, Suite, TaskInfo
-from duobench.robot.cameras import OVERVIEW
-from duobench.sim.rendering import Renderer, describe
+from duobench.sim.rendering import describe
 from duobench.versions import package_versions, record_versions
 
 _log = logging.getLogger(__name__)
-
-VIDEO_SIZE = (480, 640)
-"""Height and width of a video in pixels."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -106,8 +104,8 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """Its video as a WebM file, if there is one."""
     recording: bytes | None = None
     """Its recording as a Parquet file, if there is one that is kept."""
-    seconds: float | None = None
-    """How long it took, video included; None if unknown."""
+    times: EpisodeTimes | None = None
+    """How long it took, and what with; None if unknown."""
 
     def objection(self, episode: Episode, run: Run, plan: RecordingPlan | None) -> str | None:
         """Why this is not what was asked for; None if it is.
@@ -176,7 +174,7 @@ class EpisodeRunner:
         self._task: TaskInfo | None = None
         self._env: gym.Env | None = None
         self._policy: Policy | None = None
-        self._renderer: Renderer | None = None
+        self._overview: Overview | None = None
         self._recorder: Recorder | None = None
         metadata = source.metadata
         config = EnvConfig(
@@ -218,7 +216,7 @@ class EpisodeRunner:
             MachineryError: If the episode could not be played through no fault of the policy.
             DuoBenchError: If environment and policy cannot be made, or do not fit.
         """
-        start = time.perf_counter()
+        watch = Stopwatch()
         env, policy = self._prepare(episode.task)
         recording = self._recorder
         if recording is not None:
@@ -227,16 +225,16 @@ class EpisodeRunner:
             episode, lambda: self._tell(recorder.record(self.run, self.versions))
         )
         watchers: list[Watcher] = [recorder]
-        video = self._video_recorder(env) if episode.has_video else None
+        video = self._video_recorder(env, episode.task) if episode.has_video else None
         if video is not None:
             watchers.append(video)
 
         def busy() -> AbstractContextManager[None]:
-            return self._clock.timed(self._limits, recorder.steps)
+            return watch.policy(self._clock.timed(self._limits, recorder.steps))
 
         error = None
         try:
-            with self._clock.playing():
+            with self._clock.playing(), watch.rollout(env):
                 rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)
         except (RenderingError, MachineryError, VideoError) as fault:
             if recording is not None:
@@ -256,7 +254,7 @@ class EpisodeRunner:
             record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
             recording=recording and recording.content,
-            seconds=time.perf_counter() - start,
+            times=watch.times(0.0 if video is None else video.seconds),
         )
 
     def rehearse(self, episode: Episode) -> None:
@@ -313,20 +311,14 @@ class EpisodeRunner:
             self._task = task
         return self._env, self._policy
 
-    def _video_recorder(self, env: gym.Env) -> VideoRecorder:
+    def _video_recorder(self, env: gym.Env, task: TaskInfo) -> VideoRecorder:
         """A video of the simulation that is being played, from the camera for people."""
-        base = sim_of(env)
-        simulation = base.simulation
-        if self._renderer is None:
-            height, width = VIDEO_SIZE
-            self._renderer = Renderer(simulation.model, height=height, width=width)
-        renderer = self._renderer
-        renderer.set_look(base.look)
-        return VideoRecorder(lambda: renderer.render(simulation.data, OVERVIEW))
+        self._overview = self._overview or Overview(env)
+        return VideoRecorder(self._overview.image, Picture(task))
 
     def _close_environment(self) -> None:
-        if self._renderer is not None:
-            self._renderer.close()
+        if self._overview is not None:
+            self._overview.close()
         if self._env is not None:
             self._env.close()
-        self._renderer = self._env = self._policy = self._task = self._recorder = None
+        self._overview = self._env = self._policy = self._task = self._recorder = None

@@ -88,11 +88,11 @@ def evaluate(  # noqa: PLR0913
         done = {(record.task, record.episode) for record in finished}
         missing = [each for each in run.episodes() if (each.task.id, each.index) not in done]
         for result in executor.play(missing):
-            _write(folder, result, observers)
+            _write(folder, result, observers, workers)
         unplayed = executor.unplayed
         if unplayed_count_as_failures:
             for result in executor.failures():
-                _write(folder, result, observers)
+                _write(folder, result, observers, workers)
             unplayed = {}
         results = write_report(folder)
         _check_complete(folder, suite, results, unplayed)
@@ -111,10 +111,13 @@ def _finished(folder: RunFolder, run: Run, *, retry_broken: bool) -> list[Episod
 
 
 def _write(
-    folder: RunFolder, result: EpisodeResult, observers: Sequence[Observer[EpisodeRecord]]
+    folder: RunFolder,
+    result: EpisodeResult,
+    observers: Sequence[Observer[EpisodeRecord]],
+    workers: int,
 ) -> None:
     folder.write(result.record, result.video)
-    folder.note_timing(result.record, result.seconds)
+    folder.note_timing(result.record, result.times, workers)
     for observer in observers:
         observer.on_episode(result.record)
 

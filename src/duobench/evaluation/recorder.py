@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ import gymnasium as gym
 
 from duobench.backend import Image
 from duobench.envs.episode_state import EpisodeState
+from duobench.envs.wrappers.cameras import PIXELS
 from duobench.errors import escaped
 from duobench.randomness import SUITE_VERSION
 from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes
@@ -21,6 +23,7 @@ from duobench.types import CONTROL_HZ, Array
 from duobench.video import VP9, VideoWriter
 
 if TYPE_CHECKING:
+    from duobench.evaluation.picture import Picture
     from duobench.evaluation.rollout import Info, Observation, Step
 
 FRAME_EVERY = 2
@@ -47,6 +50,7 @@ class EpisodeRecorder:
         self._stage_changes: list[tuple[int, int]] = []
         self._last: Step | None = None
         self._sent: list[Array] = []
+        self._clipped = 0
         self._start: EpisodeState | None = None
         self._end: EpisodeState | None = None
 
@@ -70,6 +74,7 @@ class EpisodeRecorder:
             return
         self._last = step
         self._sent.append(step.info["sent"])
+        self._clipped += bool(step.info["clipped"].any())
         if (stage := step.info["stage"]) > self.stage:
             self._stage_changes.append((step.number, stage))
             self._on_stage()
@@ -123,6 +128,7 @@ class EpisodeRecorder:
             start=_hashes(self._start),
             end=_hashes(self._end),
             sent=pack_targets(self._sent),
+            clipped=self._clipped,
             versions=dict(versions),
         )
 
@@ -133,24 +139,31 @@ class VideoRecorder:
     A video of an episode is half a megabyte, so it needs no file until it is complete.
     """
 
-    def __init__(self, render: Callable[[], Image]) -> None:
+    def __init__(self, render: Callable[[], Image], picture: Picture | None = None) -> None:
         """Remember what to show; encoding begins with the first frame.
 
         Args:
             render: Gives the current image, (height, width, 3), both even.
+            picture: Adds stage, time and the images of observations; None shows the image alone.
         """
         self._render = render
+        self._picture = picture
+        self.seconds = 0.0
+        """Seconds that the video has taken so far."""
         self._file = io.BytesIO()
         self._writer = VideoWriter(self._file, VP9, FRAME_RATE)
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Show the reset."""
-        self._writer.add(self._render())
+        self._look(0, observation)
+        self._show(0, info)
 
     def on_step(self, step: Step) -> None:
         """Show every other step, and the last."""
-        if step.number % FRAME_EVERY == 0 or step.terminated or step.truncated:
-            self._writer.add(self._render())
+        if not step.is_last:  # after which no policy acts
+            self._look(step.number, step.observation)
+        if step.number % FRAME_EVERY == 0 or step.is_last:
+            self._show(step.number, step.info)
 
     def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - what there was is shown
         """Finish the video, whatever the end was."""
@@ -159,6 +172,18 @@ class VideoRecorder:
     def video(self) -> bytes | None:
         """The video as a WebM file, once the episode has ended; None if nothing was shown."""
         return self._file.getvalue() or None
+
+    def _look(self, number: int, observation: Observation) -> None:
+        if self._picture is not None and PIXELS in observation:
+            self._picture.look(number, observation[PIXELS])
+
+    def _show(self, number: int, info: Info) -> None:
+        start = time.perf_counter()
+        image = self._render()
+        if self._picture is not None:
+            image = self._picture.draw(image, number, info["stage"])
+        self._writer.add(image)
+        self.seconds += time.perf_counter() - start
 
 
 def _state(env: gym.Env) -> EpisodeState | None:

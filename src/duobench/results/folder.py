@@ -6,16 +6,19 @@ import json
 import shutil
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 
 from duobench.errors import EvaluationError
 from duobench.files import begin_or_continue, encode, remove_temporary, write, writing
 from duobench.results.reader import DESCRIPTION, RunReader, record_name
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.results.reporting.times import EpisodeTimes, TimeNote
 from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
 
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
+POSTER_SUFFIX = ".jpg"
 
 
 class RunFolder(RunReader):
@@ -29,7 +32,7 @@ class RunFolder(RunReader):
         self.description = self.file(DESCRIPTION)
         """What was run."""
         self.timing = self.path / "timing.jsonl"
-        """How long each episode took: one JSON object a line, read by nobody but people."""
+        """How long each episode took: one JSON object a line, see `TimeNote`."""
         self.summary = self.path / "summary.json"
         """The results as JSON."""
         self.page = self.path / "index.html"
@@ -54,6 +57,10 @@ class RunFolder(RunReader):
     def video(self, task_id: str, episode: int) -> Path:
         """Video of an episode, if it has one."""
         return self.path / "videos" / task_id / f"{episode:05d}{VIDEO_SUFFIX}"
+
+    def poster(self, task_id: str, episode: int) -> Path:
+        """Image that stands for a video where none is played, if there is one."""
+        return self.video(task_id, episode).with_suffix(POSTER_SUFFIX)
 
     @property
     def has_records(self) -> bool:
@@ -130,14 +137,19 @@ class RunFolder(RunReader):
 
     def discard(self, record: EpisodeRecord) -> None:
         """Remove record and video of an episode, which makes it one that is still to be played."""
-        for name in (self.video, self.record):
+        for name in (self.poster, self.video, self.record):
             path = name(record.task, record.episode)
             with writing(path):
                 path.unlink(missing_ok=True)
 
-    def note_timing(self, record: EpisodeRecord, seconds: float | None) -> None:
-        """Append one line to the timing notes."""
-        note = {"task": record.task, "episode": record.episode, "steps": record.steps}
-        note["seconds"] = seconds and round(seconds, 3)
+    def note_timing(self, record: EpisodeRecord, times: EpisodeTimes | None, workers: int) -> None:
+        """Append one line to the timing notes.
+
+        Args:
+            record: The episode.
+            times: How long it took; None if its policy had to be stopped.
+            workers: How many processes play side by side.
+        """
+        note = asdict(TimeNote.of(record, times, workers))
         with writing(self.timing), self.timing.open("a", encoding="utf-8") as file:
             file.write(json.dumps(note) + "\n")

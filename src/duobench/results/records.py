@@ -106,6 +106,9 @@ class EpisodeRecord:
     sent: bytes | None = None
     """Joint targets that were sent, one command a step, see `targets`; None before schema 4, and
     where a policy was stopped that took too long."""
+    clipped: int | None = None
+    """Control steps at which limits of the arms changed what was to be sent; None where `sent` is,
+    and in records that do not have it."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
 
@@ -164,13 +167,19 @@ class EpisodeRecord:
 
     def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
         """The record of the episode if it failed with an error, so many steps after its start."""
-        sent = self.sent
+        sent, clipped = self.sent, self.clipped
         if isinstance(error, PolicyTimeoutError):  # where it was stuck is unknown
-            text, sent = f"{type(error).__name__}: {error}\n", None
+            text, sent, clipped = f"{type(error).__name__}: {error}\n", None, None
         elif isinstance(error, PolicyFailedError):
             text = f"{error}\n"
         else:
             text = traceback_text(error)
         return replace(
-            self, success=False, success_at_end=False, steps=steps, error=text, sent=sent
+            self,
+            success=False,
+            success_at_end=False,
+            steps=steps,
+            error=text,
+            sent=sent,
+            clipped=clipped,
         )

@@ -1,13 +1,13 @@
-"""The report of a run: one page, its figures and a summary, computed from the records alone.
+"""The report of a run: one page, its figures and a summary, computed from the records.
 
-No file written here depends on a clock, a folder or an order: the same records give the same bytes.
+No file written here depends on a clock, a folder or an order: the same records and videos give the
+same bytes. The one exception is the block of times on the page, which is about nothing else.
 """
 
 from __future__ import annotations
 
 import json
 from typing import Any
-from urllib.parse import quote
 
 from markupsafe import Markup
 
@@ -18,12 +18,18 @@ from duobench.results import figures, metrics
 from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results, Score, summarize
 from duobench.results.reader import RunReader
-from duobench.results.records import EpisodeRecord
+from duobench.results.reporting.clipping import clipping
+from duobench.results.reporting.failures import failed_stages
+from duobench.results.reporting.identity import identity, stacks
+from duobench.results.reporting.times import duration, read_notes, run_times, side_by_side
+from duobench.results.reporting.videos import PageVideos
 from duobench.results.run import Run
 from duobench.types import CONTROL_HZ
 
 SUMMARY_SCHEMA = 2
 """Version of the summary's fields."""
+_MOST_UNMET = 6
+"""Constraints that did not hold of one stage that the page shows; others are folded away."""
 
 
 def read_results(source: RunReader) -> tuple[Run, Results]:
@@ -113,22 +119,28 @@ def _score(score: Score) -> dict[str, Any]:
 
 def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -> str:
     """The page as HTML text."""
-
-    def video(record: EpisodeRecord) -> str | None:
-        path = folder.video(record.task, record.episode)
-        return quote(path.relative_to(folder.path).as_posix()) if path.exists() else None
-
-    records = [record for one in results.tasks for record in one.records]
+    videos = PageVideos(folder, run)
+    times = run_times(results, read_notes(folder.timing))
     return render(
         "duobench.results",
         "report.html.j2",
         run=run,
         suite=run.suite,
         results=results,
-        stacks=dict.fromkeys(tuple(record.versions.items()) for record in records),
+        identity=identity(run),
+        stacks=stacks(record for one in results.tasks for record in one.records),
         svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
         control_rate_hz=CONTROL_HZ,
         figures=figures,
         metrics=metrics,
-        video=video,
+        failed_stages=failed_stages,
+        most_unmet=_MOST_UNMET,
+        clipping=clipping,
+        video=videos.video,
+        video_command=videos.command,
+        poster=videos.poster,
+        featured=videos.featured,
+        times=times,
+        side_by_side=side_by_side(times.workers),
+        duration=duration,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 from duobench.backend import DuoLimits, Image
@@ -21,6 +22,8 @@ class SimBackend:
         self._held: str | None = None
         self._look = Look()
         self._renderers: dict[tuple[int, int], Renderer] = {}
+        self.rendering_s = 0.0
+        """Seconds that rendering has taken so far."""
 
     def start(self) -> None:
         """Do nothing: simulated time stands still between commands."""
@@ -103,13 +106,16 @@ class SimBackend:
 
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
         """Render the current state; see `DuoBackend.images`."""
+        start = time.perf_counter()
         height, width = shape
         if shape not in self._renderers:
             self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
         renderer = self._renderers[shape]
         if renderer.look != self._look:
             renderer.set_look(self._look)
-        return renderer.render_all(self.simulation.data, cameras)
+        images = renderer.render_all(self.simulation.data, cameras)
+        self.rendering_s += time.perf_counter() - start
+        return images
 
     def close(self) -> None:
         """Free the renderers."""

@@ -1,22 +1,44 @@
-"""`duobench report`: write the report of a run anew."""
+"""`duobench report`: write the report of a run anew, and make videos of its episodes."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
 from duobench.cli.advice import AdvisedError, find_folder
-from duobench.cli.display.console import console
+from duobench.cli.display.console import console, counted
+from duobench.cli.doctor import load_engine
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from duobench.results.folder import RunFolder
+    from duobench.results.metrics import Results
+    from duobench.results.run import Run
 
 
-def report(source: tyro.conf.Positional[Path], out: Path | None = None) -> None:
+def report(
+    source: tyro.conf.Positional[Path],
+    out: Path | None = None,
+    videos: tuple[str, ...] = (),
+    import_tasks: bool = False,
+) -> None:
     """Compute table, figures and page from the records of a run.
+
+    The exit code is 1 if a video that was asked for cannot be made.
 
     Args:
         source: What was given to --out of duobench eval, whose run need not be finished, or a file
             that duobench bundle has written.
         out: Folder of the report of a bundle; that of a run lies in the run's own folder.
+        videos: Make videos of these finished episodes first, from what was sent in them: failures,
+            all, or TASK:EPISODE such as bin_sort:3, one or several. One that is there stays.
+        import_tasks: For videos, import tasks that are not of the benchmark. This runs the code of
+            the modules that the run names.
     """
     is_bundle = source.is_file()
     if not is_bundle:
@@ -40,4 +62,36 @@ def report(source: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     folder = out or source
     run_folder = RunFolder(folder)
     write_report(run_folder, reader if is_bundle else None)
+    impossible = 0
+    if videos:
+        impossible = _make_videos(run_folder, run, results, videos, import_tasks, screen)
+        write_report(run_folder, reader if is_bundle else None)
     screen.print(f"Report: {folder / run_folder.page.name}")
+    if impossible:
+        sys.exit(1)
+
+
+def _make_videos(
+    folder: RunFolder,
+    run: Run,
+    results: Results,
+    words: Sequence[str],
+    import_tasks: bool,
+    screen: Console,
+) -> int:
+    """Make the videos that words choose, and return how many cannot be made."""
+    load_engine()
+    from duobench.cli.display.progress import display
+    from duobench.evaluation.videos import choose, make_videos
+    from duobench.tasks import catalog
+
+    chosen = choose(run, [record for one in results.tasks for record in one.records], words)
+    with display(screen, "video") as shown:
+        videos = make_videos(folder, run, chosen, import_tasks=import_tasks, progress=shown.tell)
+    for record, reason in videos.impossible:
+        screen.print(f"No video of {record.task}, episode {record.episode}: {reason}")
+    if {record.task for record, _ in videos.impossible} - set(catalog.names()) and not import_tasks:
+        screen.print("With --import-tasks its tasks are imported; that runs the code of others.")
+    there = f", {len(videos.there)} there before" if videos.there else ""
+    screen.print(f"{counted(len(videos.made), 'video')} made{there}")
+    return len(videos.impossible)

@@ -1,0 +1,73 @@
+"""What a run is, as facts in words: what was played, by which policy, on what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.suite import Suite
+
+Facts = Mapping[str, str]
+"""Values in words by name, in the order in which they are shown."""
+
+_MACHINE = ("platform", "processor", "renderer")
+"""What a record's versions say of the machine."""
+_TOLD_BY_RUN = ("inference",)
+"""What they say that the run says too."""
+UNKNOWN = "not known"
+
+
+def identity(run: Run) -> Facts:
+    """What was run, as far as every episode has it in common."""
+    suite, policy, config = run.suite, run.metadata, run.config
+    height, width = config.image_size
+    images = f"{', '.join(config.cameras)}, {width} × {height} pixels" if config.cameras else "none"
+    objects = "positions of the objects (privileged)" if config.object_state else None
+    inference = [policy.dtype, policy.device, _batching(run)]
+    return {
+        "Policy": run.policy if policy.name == run.policy else f"{run.policy} ({policy.name})",
+        "Its version": policy.version or UNKNOWN,
+        "Suite": f"version {suite.version}, layouts of the split {config.split}",
+        "Tasks": ", ".join(task.id for task in suite.tasks),
+        "Episodes": f"{_indices(suite)}, {suite.episodes} of each task",
+        "Look": suite.look,
+        "Cameras": images,
+        "Other observations": ", ".join(filter(None, ("joints, openings, tool poses", objects))),
+        "Action mode": config.action_mode,
+        "Chunk": "of varying or unknown length"
+        if policy.horizon is None
+        else f"{policy.horizon} action{'s' if policy.horizon > 1 else ''}",
+        "Instructions": config.instructions,
+        "Inference": ", ".join(filter(None, inference)) or UNKNOWN,
+        "Time limits": f"{run.limits.act_s:g} s an answer, {run.limits.episode_s:g} s an episode",
+    }
+
+
+def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
+    """Machines and software that records come from, each combination once."""
+    found = dict.fromkeys(tuple(record.versions.items()) for record in records)
+    return [_stack(dict(versions)) for versions in found]
+
+
+def _stack(versions: Mapping[str, str | None]) -> Facts:
+    machine = {name.capitalize(): versions.get(name) or _absent(name) for name in _MACHINE}
+    software = [
+        f"{name} {version}"
+        for name, version in versions.items()
+        if version and name not in (*_MACHINE, *_TOLD_BY_RUN)
+    ]
+    return {**machine, "Software": ", ".join(software)}
+
+
+def _absent(name: str) -> str:
+    return "none: no images for the policy" if name == "renderer" else UNKNOWN
+
+
+def _indices(suite: Suite) -> str:
+    first, last = suite.indices[0], suite.indices[-1]
+    return f"number {first}" if first == last else f"numbers {first}–{last}"
+
+
+def _batching(run: Run) -> str | None:
+    return run.batching and f"{run.batching.mode} batches of {run.batching.size}"
