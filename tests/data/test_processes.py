@@ -2,6 +2,7 @@ import os
 import signal
 import time
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 
@@ -23,6 +24,9 @@ class Works:
                 os.kill(os.getpid(), signal.SIGKILL)
             case "sleep":
                 time.sleep(1000)
+            case str() if job.startswith("/") and not Path(job).exists():
+                Path(job).touch()
+                os.kill(os.getpid(), signal.SIGKILL)
         return job, os.getpid()
 
 
@@ -54,7 +58,13 @@ def test_error_of_a_job_is_raised_as_it_was() -> None:
         list(run_all(Works, ["crash", "sleep"], 2))
 
 
-def test_worker_that_dies_is_said_and_ends_the_others() -> None:
+def test_what_a_worker_was_doing_when_it_was_killed_is_done_again(tmp_path: Path) -> None:
+    jobs = ["a", str(tmp_path / "once"), "b", "c"]
+    assert sorted(job for job, _ in run_all(Works, jobs, 2)) == sorted(jobs)
+    assert (tmp_path / "once").exists()
+
+
+def test_worker_that_dies_each_time_is_said_and_ends_the_others() -> None:
     with pytest.raises(DataError, match=r"exit code -9\..*goes on from there"):
         list(run_all(Works, ["sleep", "die"], 2))
     with pytest.raises(DataError, match="exit code 3"):

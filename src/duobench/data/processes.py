@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import cache, partial
-from itertools import islice
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 
@@ -20,6 +20,8 @@ J = TypeVar("J")
 R = TypeVar("R")
 Progress = Callable[[int, int], None]
 """Told how many of how many things are done."""
+MAX_ATTEMPTS = 3
+"""How often jobs are begun whose processes end by themselves, such as for lack of memory."""
 _LOOK_S = 0.5
 """How often is looked whether all processes still live, in seconds."""
 _SAFE_PATH = "PYTHONSAFEPATH"
@@ -44,7 +46,8 @@ def run_all(
 
     Raises:
         DuoBenchError: A job raised it; the others end here.
-        DataError: A process ended by itself, or something unforeseen happened in it.
+        DataError: Processes ended by themselves, again and again, or something unforeseen happened
+            in one.
     """
     if workers < 0:
         raise DataError(
@@ -53,33 +56,61 @@ def run_all(
     if workers == 0 or not jobs:
         yield from map(make(), jobs)
         return
-    workers, waiting, context = min(workers, len(jobs)), iter(jobs), _Spawn()
+    left = deque(jobs)
+    for attempt in range(1, MAX_ATTEMPTS + 1):
+        try:
+            yield from _run(make, left, min(workers, len(left)))
+        except _DeadProcessError as death:
+            if attempt == MAX_ATTEMPTS:  # before, what was being done is done again
+                raise DataError(
+                    f"A process ended in the middle of its work, with exit code {death.code}. What "
+                    "is finished is kept; the same call goes on from there."
+                ) from death
+        else:
+            return
+
+
+class _DeadProcessError(Exception):
+    """A process ended by itself."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+def _run(
+    make: Callable[[], Callable[[J], R]], left: deque[J], workers: int
+) -> Generator[R, None, None]:
+    """Do the jobs that are left, in one pool; those that are not done when it breaks stay."""
+    context, running = _Spawn(), dict[Future[R], J]()
     with _safe_path():
         pool = ProcessPoolExecutor(
             workers, context, initializer=_begin, initargs=(os.getpid(), make)
         )
 
-    def submit(most: int) -> set[Future[R]]:
+    def submit(most: int) -> None:
         with _safe_path():
-            return {pool.submit(_do, job) for job in islice(waiting, most)}
+            for _ in range(min(most, len(left))):
+                running[pool.submit(_do, left[0])] = left[0]
+                left.popleft()
 
     try:
-        running = submit(workers)
+        submit(workers)
         while running:
-            done, running = wait(running, _LOOK_S, FIRST_COMPLETED)
+            done, _ = wait(running, _LOOK_S, FIRST_COMPLETED)
             if not done and any(process.exitcode is not None for process in context.processes):
                 raise BrokenProcessPool  # the pool misses the death of one that has just started
-            for job in done:
-                running |= submit(1)
-                yield job.result()
+            for future in done:
+                result = future.result()
+                del running[future]
+                submit(1)
+                yield result
     except BrokenProcessPool as error:
+        left.extendleft(reversed(running.values()))
         pool.shutdown()  # it terminates the others
         codes = [process.exitcode for process in context.processes]
         code = next((code for code in codes if code != -signal.SIGTERM), -signal.SIGTERM)
-        raise DataError(
-            f"A process ended in the middle of its work, with exit code {code}. What is finished "
-            "is kept; the same call goes on from there."
-        ) from error
+        raise _DeadProcessError(code or 0) from error
     finally:
         for process in context.processes:
             process.kill()  # it holds nothing that has to be put away

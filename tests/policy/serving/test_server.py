@@ -3,9 +3,12 @@
 import asyncio
 import http.client
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -259,6 +262,41 @@ def test_clients_beyond_the_limit_take_the_place_of_a_silent_one_or_are_turned_a
         with pytest.raises(InvalidStatus) as refused:
             dial(port)
         assert refused.value.response.status_code == 503
+
+
+FLOODED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
+from duobench.cli import main
+main(["serve", "--policy", "hold", "--port", sys.argv[1]])
+"""
+
+
+def test_flood_of_connections_is_told_in_a_few_lines_and_survived(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    said = tmp_path / "said.txt"
+    with said.open("w") as errors:
+        command = [sys.executable, "-c", FLOODED, str(port)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors)
+    assert process.stdout is not None
+    process.stdout.readline()
+    with ExitStack() as flood:
+        for _ in range(200):
+            flood.enter_context(socket.create_connection(("127.0.0.1", port)))
+    wait_until(lambda: healthy(port), "the server is back")
+    process.kill()
+    process.wait()
+    process.stdout.close()
+    assert 1 <= len(said.read_text().splitlines()) < 10
+
+
+def healthy(port: int) -> bool:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=1.0)
+    with closing(connection), suppress(OSError, http.client.HTTPException):
+        connection.request("GET", "/healthz")
+        return connection.getresponse().status == http.HTTPStatus.OK
+    return False
 
 
 def test_twenty_thousand_hostile_requests_change_nothing() -> None:

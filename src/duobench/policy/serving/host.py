@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import http
+import logging
 import threading
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
@@ -29,6 +30,8 @@ from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 from duobench.policy.serving.session import ClientSession
+
+_log = logging.getLogger(__name__)
 
 _GOING_AWAY, _INTERNAL_ERROR, _TRY_AGAIN = 1001, 1011, 1013
 _LONGEST_REASON = 120
@@ -102,6 +105,7 @@ class PolicyHost:
     async def _serve(
         self, host: str, port: int, listening: Future[tuple[int, asyncio.AbstractEventLoop]]
     ) -> None:
+        asyncio.get_running_loop().set_exception_handler(_Complaints())
         try:
             server = await serve(
                 self._serve_client,
@@ -115,6 +119,7 @@ class PolicyHost:
                 open_timeout=limits.HANDSHAKE_S,
                 close_timeout=limits.CLOSE_S,
                 server_header=None,
+                logger=_silent(),  # what clients do wrong is told to them
             )
         except (OSError, OverflowError, ValueError) as error:  # also ports and hosts that none are
             reason = str(getattr(error, "strerror", None) or error).rstrip(".")
@@ -184,6 +189,26 @@ def _words(error: DuoBenchError) -> str:
     if isinstance(error, PolicyTimeoutError):
         return f"{PolicyTimeoutError.__name__}: {error}"
     return str(error)
+
+
+class _Complaints:
+    """Says once what goes wrong again and again, such as that there is no file for a connection."""
+
+    def __init__(self) -> None:
+        self._told: set[str] = set()
+
+    def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:  # noqa: ARG002 - the library's signature
+        """Handle an error that nobody else does."""
+        message = str(context.get("message"))
+        if message not in self._told:
+            self._told.add(message)
+            _log.warning("The server goes on, after: %s (%s)", message, context.get("exception"))
+
+
+def _silent() -> logging.Logger:
+    logger = logging.getLogger(f"{__name__}.connections")
+    logger.setLevel(logging.CRITICAL + 1)
+    return logger
 
 
 async def _unless_gone(
