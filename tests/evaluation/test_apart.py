@@ -6,7 +6,8 @@ import pytest
 
 from duobench.errors import OtherRunError, PolicyError
 from duobench.policy import Batching
-from tests.evaluation import toy_batches
+from duobench.results.reporting.times import read_notes
+from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.evaluation.test_batches import episodes, named
 
@@ -78,3 +79,13 @@ def test_nothing_is_removed_where_there_is_no_run(play: Play, tmp_path: Path) ->
     with pytest.raises(OtherRunError, match="holds no evaluation"):
         play("random", fresh=True)
     assert mine.read_text() == "mine"
+
+
+def test_time_of_the_policy_is_known_apart_from_waiting_for_it(play: Play) -> None:
+    folder, results = play("Dawdles", workers=1, episodes=1)
+    for note in read_notes(folder.timing).values():
+        assert note.policy is not None
+        assert note.waiting is not None
+        assert note.policy >= 0.1 * (toy_tasks.HORIZON - 1)
+        assert note.waiting > 0
+    assert results.overall.errors == 0

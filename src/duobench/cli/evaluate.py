@@ -129,10 +129,13 @@ def _show(run: Run, results: Results, page: Path, screen: Console) -> None:
     screen.print(results_table(run, results))
     screen.print(f"Report: {page}")
     if results.overall.errors:
+        changed = "a policy that was changed needs another --out, or --fresh"
+        if results.overall.errors == results.overall.episodes:
+            changed = "without it they are played again too, once the policy was changed"
         screen.print(
             f"{counted(results.overall.errors, 'episode')} failed with an error; the report has "
-            "the tracebacks. To play them again, give the same command with --retry-broken; a "
-            "policy that was changed needs another --out.",
+            "the tracebacks. To play them again, give the same command with --retry-broken; "
+            f"{changed}.",
         )
         sys.exit(1)
 

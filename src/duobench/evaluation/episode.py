@@ -232,7 +232,7 @@ class EpisodeRunner:
         def busy() -> AbstractContextManager[None]:
             return watch.policy(self._clock.timed(self._limits, recorder.steps))
 
-        error = None
+        error, before = None, getattr(policy, "busy_s", None)
         try:
             with self._clock.playing(), watch.rollout(env):
                 rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)
@@ -254,7 +254,10 @@ class EpisodeRunner:
             record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
             recording=recording and recording.content,
-            times=watch.times(0.0 if video is None else video.seconds),
+            times=watch.times(
+                0.0 if video is None else video.seconds,
+                None if before is None else getattr(policy, "busy_s", before) - before,
+            ),
         )
 
     def rehearse(self, episode: Episode) -> None:

@@ -42,17 +42,21 @@ class Stopwatch:
         finally:
             self._policy += time.perf_counter() - start
 
-    def times(self, video_s: float = 0.0) -> EpisodeTimes:
+    def times(self, video_s: float = 0.0, busy_s: float | None = None) -> EpisodeTimes:
         """What was measured so far.
 
         Args:
             video_s: Seconds of the rollout that its video took.
+            busy_s: Seconds that the policy took for its answers; None if only the time until they
+                came is known.
         """
+        busy_s = self._policy if busy_s is None else min(busy_s, self._policy)
         return EpisodeTimes(
             total=time.perf_counter() - self._start,
             simulation=max(0.0, self._rollout - self._rendering - self._policy - video_s),
             rendering=self._rendering,
-            policy=self._policy,
+            policy=busy_s,
+            waiting=self._policy - busy_s,
             video=video_s,
         )
 

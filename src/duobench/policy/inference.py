@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -49,11 +50,18 @@ class _Task:
     future: Future[Any] = field(default_factory=Future)
 
 
+class Answer(Future[Chunk]):
+    """A chunk (H, n) that is still to come."""
+
+    busy_s = 0.0
+    """Seconds that the policy took for the batch that it was in, once it is there."""
+
+
 @dataclass(slots=True, eq=False)
 class _InferenceRequest:
     session: Session
     observation: Observation
-    future: Future[Chunk] = field(default_factory=Future)
+    future: Answer = field(default_factory=Answer)
 
 
 class InferenceLoop:
@@ -97,7 +105,7 @@ class InferenceLoop:
         task = _Task(lambda: begin(self._policy, instruction, seed))
         return self._queued(task, self._tasks).future
 
-    def act(self, session: Session, observation: Observation) -> Future[Chunk]:
+    def act(self, session: Session, observation: Observation) -> Answer:
         """Ask for the next actions of an episode, once its last request is answered.
 
         A future that is cancelled before its batch begins gives its place back.
@@ -162,6 +170,7 @@ class InferenceLoop:
         """Answer a batch; if that fails, each by itself, so that one of them spoils no other."""
         sessions = [request.session for request in batch]
         observations = [request.observation for request in batch]
+        start = time.perf_counter()
         try:
             with self._busy():
                 chunks = answer(self._policy, sessions, observations, self._batching)
@@ -170,7 +179,9 @@ class InferenceLoop:
                 _fail(batch[0].future, error)
                 return
         else:
+            busy_s = time.perf_counter() - start
             for request, chunk in zip(batch, chunks, strict=True):
+                request.future.busy_s = busy_s
                 request.future.set_result(chunk)
             return
         _log.warning("A batch failed; its observations are answered one by one.")

@@ -76,9 +76,9 @@ def test_session_is_that_of_the_protocol(serve: Serve) -> None:
         assert handshake["duobench"]["batch"] == "fixed"
         reply = ask(client, first | {"prompt": "Do it."})
         np.testing.assert_array_equal(reply["actions"], expected(0, first))
-        assert reply["server_timing"].keys() == {"infer_ms"}
+        assert reply["server_timing"].keys() == {"infer_ms", "policy_ms"}
         reply = ask(client, second | {"endpoint": "infer"})
-        assert reply["server_timing"].keys() == {"infer_ms", "prev_total_ms"}
+        assert reply["server_timing"].keys() == {"infer_ms", "policy_ms", "prev_total_ms"}
 
 
 def test_reset_seed_session_and_prompt_begin_episodes(serve: Serve) -> None:

@@ -13,7 +13,7 @@ from duobench.results.reporting.times import (
 )
 from tests.results.samples import LIFT, SORT, TASKS, sample_record
 
-TIMES = EpisodeTimes(total=10.0, simulation=4.0, rendering=1.0, policy=2.0, video=0.5)
+TIMES = EpisodeTimes(total=10.0, simulation=4.0, rendering=1.0, policy=1.5, waiting=0.5, video=0.5)
 
 
 def test_times_add_up_by_task_with_their_rest(tmp_path: Path) -> None:
@@ -25,7 +25,7 @@ def test_times_add_up_by_task_with_their_rest(tmp_path: Path) -> None:
     times = run_times(summarize(TASKS, records), read_notes(folder.timing))
     (row,) = times.rows
     assert (row.label, row.episodes, row.total) == ("Sort", 2, 20.0)
-    assert row.parts == pytest.approx((8.0, 2.0, 4.0, 1.0, 5.0))
+    assert row.parts == pytest.approx((8.0, 2.0, 3.0, 1.0, 1.0, 5.0))
     assert (times.unknown, times.workers) == (1, (2,))
 
 
@@ -35,7 +35,7 @@ def test_an_episode_that_was_played_again_counts_once(tmp_path: Path) -> None:
     for total in (99.0, 3.0):
         folder.note_timing(
             record,
-            EpisodeTimes(total=total, simulation=0, rendering=0, policy=0, video=0),
+            EpisodeTimes(total=total, simulation=0, rendering=0, policy=0, waiting=0, video=0),
             workers=0,
         )
     times = run_times(summarize(TASKS, [record]), read_notes(folder.timing))

@@ -118,11 +118,16 @@ def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batchi
     return metadata, batching
 
 
+_MILLI = 1e3
+
+
 class OwnPolicy(RemotePolicy):
     """A policy in a process of its own, which is told of as if it were in this one."""
 
     intended_action: Any = None
     """What it wanted its last action to be, if it has disturbed it."""
+    busy_s: float = 0.0
+    """Seconds that it took for its answers, without those for which they waited."""
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode."""
@@ -131,6 +136,8 @@ class OwnPolicy(RemotePolicy):
 
     def _request(self, *words: Any, **options: Any) -> Any:
         answer = super()._request(*words, **options)
+        if isinstance(answer, dict) and "server_timing" in answer:
+            self.busy_s += answer["server_timing"]["policy_ms"] / _MILLI
         self.intended_action = answer.get("intended") if isinstance(answer, dict) else None
         return answer
 

@@ -114,8 +114,10 @@ class ClientSession:
         if session is None or episode != self._episode:
             session = await self._begin(episode)
         start = time.monotonic()
-        chunk = await self._result(self._loop.act(session, request))
+        answer = self._loop.act(session, request)
+        chunk = await self._result(answer)
         timing = {"infer_ms": (time.monotonic() - start) * _MILLI, **self._timing}
+        timing["policy_ms"] = answer.busy_s * _MILLI
         intended = getattr(session, "intended", None)
         said = {} if intended is None else {"intended": np.asarray(intended)}
         return pack({"actions": chunk, **said, "server_timing": timing})

@@ -27,12 +27,14 @@ class EpisodeTimes:
     rendering: float
     """Images that the policy sees."""
     policy: float
-    """From asking the policy to having its answer, which may have waited for other episodes."""
+    """The policy's answers; for one at a server that somebody else runs, until they came."""
+    waiting: float
+    """For the policy's process: until it was this episode's turn, and on the way."""
     video: float
     """Images of the video, and their encoding."""
 
 
-PARTS = ("simulation", "rendering", "policy", "video")
+PARTS = ("simulation", "rendering", "policy", "waiting", "video")
 """Fields of `EpisodeTimes` that are parts of the total; the rest of it is preparation."""
 
 
@@ -52,6 +54,7 @@ class TimeNote:
     """Parts of that, as in `EpisodeTimes`; None where only the whole is known."""
     rendering: float | None = None
     policy: float | None = None
+    waiting: float | None = None
     video: float | None = None
     workers: int | None = None
     """How many processes played side by side; None if unknown."""
