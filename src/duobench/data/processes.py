@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache, partial
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
@@ -103,8 +103,11 @@ def _run(
             for future in done:
                 result = future.result()
                 del running[future]
-                submit(1)
+                with suppress(BrokenProcessPool):  # what is done already must not be lost
+                    submit(1)
                 yield result
+        if left:
+            raise BrokenProcessPool
     except BrokenProcessPool as error:
         left.extendleft(reversed(running.values()))
         pool.shutdown()  # it terminates the others
