@@ -15,7 +15,7 @@ def test_groups_stand_apart_and_letters_follow_them(tmp_path: Path) -> None:
     expert = play(tmp_path / "expert", SOME, "expert")
     entrants = read_entrants(["paper:ACT", told, sees, expert])
     assert [(one.key, one.name, one.group) for one in entrants] == [
-        ("A", "sees", Group.IMAGES),
+        ("A", "sees", Group.UNPRIVILEGED),
         ("B", "told", Group.PRIVILEGED),
         ("C", "expert", Group.PRIVILEGED),
         ("D", "ACT [paper]", Group.ELSEWHERE),

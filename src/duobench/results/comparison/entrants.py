@@ -21,14 +21,15 @@ from duobench.results.suite import TaskInfo
 class Group(StrEnum):
     """Policies that may be compared with each other; the value is a heading."""
 
-    IMAGES = "Policies that see images"
+    UNPRIVILEGED = "Policies that are not privileged"
     PRIVILEGED = "Privileged policies"
     ELSEWHERE = "Measured elsewhere, on other tasks"
 
     @property
     def note(self) -> str:
         """The same in few words."""
-        return {Group.IMAGES: "images", Group.PRIVILEGED: "privileged"}.get(self, self.lower())
+        notes = {Group.UNPRIVILEGED: "not privileged", Group.PRIVILEGED: "privileged"}
+        return notes.get(self, self.lower())
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -145,7 +146,7 @@ def _read(source: str) -> Entrant:
         raise EvaluationError(f"{path} has no finished episode to compare.")
     return Entrant(
         title=name or run.policy,
-        group=Group.PRIVILEGED if run.privileged else Group.IMAGES,
+        group=Group.PRIVILEGED if run.privileged else Group.UNPRIVILEGED,
         run=run,
         results=summarize(run.suite.tasks, records),
     )
