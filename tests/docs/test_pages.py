@@ -83,7 +83,6 @@ def described(value: Any) -> str:
 def seen() -> dict[str, dict[str, Any]]:
     """What info holds after a reset, a step, and one that held arms ended, with every wrapper."""
     env = duobench.make(TASK, cameras=False, chunk=CHUNK)
-    env.get_wrapper_attr("explain_stages")()
     _, at_reset = env.reset(seed=0)
     chunk = np.tile(HOME_JOINTS_OPEN, (CHUNK, 1))
     at_step = env.step(chunk)[4]
@@ -111,7 +110,6 @@ def test_every_key_of_info_is_in_the_table_and_no_other(
 
 def test_keys_come_from_the_wrapper_that_the_table_names() -> None:
     env: gym.Env = duobench.make(TASK, cameras=False, chunk=CHUNK)
-    env.get_wrapper_attr("explain_stages")()
     added: dict[str, str] = {}
     layers = [env]
     while layers[-1] is not env.unwrapped:

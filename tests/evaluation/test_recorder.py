@@ -36,7 +36,7 @@ def test_record_says_what_the_environment_said() -> None:
 
         class Keeps(EpisodeRecorder):
             def on_step(self, step, infos=infos) -> None:
-                infos.append(dict(step.info))
+                infos.append(dict(step.info) | {"unmet": env.get_wrapper_attr("unmet")})
 
         policy = make("hold" if index % 2 else "random")  # which reach other stages
         rollout(env, policy, seed=episode.seed, watchers=[recorder, Keeps(episode)])

@@ -25,6 +25,7 @@ from duobench.video import VP9, VideoWriter
 if TYPE_CHECKING:
     from duobench.evaluation.picture import Picture
     from duobench.evaluation.rollout import Info, Observation, Step
+    from duobench.stages.logic import Words
 
 FRAME_EVERY = 2
 """Control steps from one frame to the next."""
@@ -51,6 +52,7 @@ class EpisodeRecorder:
         self._last: Step | None = None
         self._sent: list[Array] = []
         self._clipped = 0
+        self._unmet: Words | None = None
         self._start: EpisodeState | None = None
         self._end: EpisodeState | None = None
 
@@ -77,12 +79,19 @@ class EpisodeRecorder:
         self._clipped += bool(step.info["clipped"].any())
         if (stage := step.info["stage"]) > self.stage:
             self._stage_changes.append((step.number, stage))
+            self._look()
             self._on_stage()
 
     def on_episode_end(self, error: BaseException | None) -> None:
-        """Note the final state."""
+        """Note the final state, and what the next stage lacks."""
+        self._look()
         if self._env is not None and error is None:
             self._end = _state(self._env)
+
+    def _look(self) -> None:
+        """See why the next stage is not reached."""
+        if self._env is not None:
+            self._unmet = self._env.get_wrapper_attr("unmet")
 
     @property
     def steps(self) -> int:
@@ -116,7 +125,7 @@ class EpisodeRecorder:
             success_at_end=bool(last and last.info["success_at_end"]),
             final_stage=self.stage,
             max_stage=task.max_stage,
-            unmet=last.info.get("unmet") if last else None,
+            unmet=self._unmet,
             stage_changes=tuple(self._stage_changes),
             steps=self.steps,
             horizon=task.horizon,

@@ -81,7 +81,8 @@ class EpisodeRecord:
     """The task's last stage."""
     unmet: tuple[str, ...] | None = None
     """Why the next stage was not reached: what of its constraints did not hold after the last step,
-    in words; empty after a success, None in records that do not have it."""
+    in words; empty after a success, None if the last step failed, or there is none, and in records
+    of earlier versions."""
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage): after how many steps each newly reached stage was reached."""
     steps: int

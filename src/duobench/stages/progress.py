@@ -130,19 +130,28 @@ class Progress:
         """The highest stage so far."""
         self.final_holds = False
         """Whether the last stage's constraints hold right now."""
-        self.unmet: Words = ()
-        """Why the next stage is not reached, in words, where `explain` asks for it."""
         self._explained: list[Since] | None = None
         self._past: dict[Memory, str] = {}
+        self._judged: StateView | None = None
 
     def explain(self, on: bool = True) -> None:
-        """Say at every further step in `unmet` why the next stage is not reached.
+        """Be able to say in `unmet` why the next stage is not reached.
 
         What was missing when something was let go is told of steps from here on.
         """
         constraints = [stage.holds for stage in self._stages]
         self._explained = sinces_in(constraints) if on else None
-        self._past, self.unmet = {}, ()
+        self._past, self._judged = {}, None
+
+    @property
+    def unmet(self) -> Words:
+        """Why the next stage is not reached, in words, where `explain` asks for it.
+
+        It looks at the simulation, which must still be as it was judged.
+        """
+        if self._judged is None or self.success:
+            return ()
+        return self._stages[self.stage].holds.unmet(self._judged)
 
     @property
     def max_stage(self) -> int:
@@ -167,7 +176,7 @@ class Progress:
         self._start_heights = {name: simulation.min_height(name) for name in simulation.props}
         self.stage = 0
         self.final_holds = False
-        self._past, self.unmet = {}, ()
+        self._past, self._judged = {}, None
 
     def get_state(self) -> ProgressState:
         """All that the next judgement depends on, beside the simulation and the layout."""
@@ -195,7 +204,7 @@ class Progress:
         self._start_heights = dict(state.start_heights)
         self._variants = dict(variants)
         self.stage, self.final_holds = state.stage, state.final_holds
-        self._past, self.unmet = {}, ()
+        self._past, self._judged = {}, None
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
@@ -227,4 +236,4 @@ class Progress:
                 self._past.pop(part.memory, None)
             else:
                 self._past[part.memory] = why
-        self.unmet = () if self.success else self._stages[self.stage].holds.unmet(state)
+        self._judged = state

@@ -10,14 +10,15 @@ import gymnasium as gym
 from duobench.envs.duo_env import Info, ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.wrappers.base import DuoWrapper
+from duobench.stages.logic import Words
 from duobench.stages.progress import ProgressState
 
 
 class Judge(Protocol):
     """Who says which stage an episode has reached: the simulation, or a person.
 
-    One that can say why the next stage is not reached also has `explain(on)`, which asks for it,
-    and from the next step on `unmet`, the reasons in words; see `stages.progress.Progress`.
+    One that can say why the next stage is not reached also has `explain(on)`, which prepares it,
+    and after every step `unmet`, the reasons in words; see `stages.progress.Progress`.
     """
 
     def begin(self) -> None:
@@ -53,8 +54,7 @@ class TaskStages(DuoWrapper):
     The reward is stage / last stage, and the episode terminates at the last stage. Info holds
     `stage`, `max_stage`, `success` (the same as `is_success`), `success_at_end` (whether the last
     stage's constraints hold right now), `current_subinstruction` (what to do next) and
-    `stage_to_subinstructions` (what to do at each stage to reach the next one). With
-    `explain_stages`, a step's info also holds `unmet`.
+    `stage_to_subinstructions` (what to do at each stage to reach the next one).
     """
 
     def __init__(self, env: gym.Env, judge: Judge | None = None) -> None:
@@ -74,21 +74,32 @@ class TaskStages(DuoWrapper):
         self._max_stage = self.base.definition.max_stage
         self._subinstructions: dict[int, str] = {}
         self._is_explained = False
+        self._is_judged = False
 
     def explain_stages(self, on: bool = True) -> None:
-        """Say in `info["unmet"]` at every step why the next stage is not reached.
+        """Be able to say in `unmet` why the next stage is not reached.
 
-        It is a tuple of short sentences, one for each constraint of the next stage that does not
-        hold: "block is 20 mm above mat, not at most 12 mm". A judge who gives no reasons, such as
-        a person, leaves the key out. What earlier steps tell, such as how high something was let
-        go, is known of steps from here on.
+        What earlier steps tell, such as how high something was let go, is known of steps from here
+        on.
         """
         if explain := getattr(self.judge, "explain", None):
             explain(on)
             self._is_explained = on
 
+    @property
+    def unmet(self) -> Words | None:
+        """Why the last step did not reach the next stage, where `explain_stages` prepared it.
+
+        Short sentences, one for each constraint of the next stage that does not hold: "block is
+        20 mm above mat, not at most 12 mm". None if the last step failed, or nothing was stepped
+        yet, or the judge gives no reasons, as a person does.
+        """
+        is_known = self._is_explained and self._is_judged
+        return getattr(self.judge, "unmet", None) if is_known else None
+
     def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode at stage 0."""
+        self._is_judged = False
         observation, info = self.env.reset(seed=seed, options=options)
         self.judge.begin()
         self._subinstructions = self.base.subinstructions
@@ -97,11 +108,11 @@ class TaskStages(DuoWrapper):
 
     def step(self, action: Any) -> Transition:
         """Advance one control step and have it judged."""
+        self._is_judged = False
         observation, _, terminated, truncated, info = self.env.step(action)
         self.judge.judge()
+        self._is_judged = True
         success = self._report(info)
-        if self._is_explained:
-            info["unmet"] = getattr(self.judge, "unmet", ())
         reward = self.judge.stage / self._max_stage
         return observation, reward, terminated or success, truncated, info
 
@@ -116,6 +127,7 @@ class TaskStages(DuoWrapper):
             StateError: The state was saved without stages.
         """
         progress = required(state.progress, "stages")
+        self._is_judged = False
         observation, info = super().restore_state(state)
         self.judge.set_state(progress)
         self._subinstructions = self.base.subinstructions

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,8 +49,10 @@ def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
 def differing_bits(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
     """What in a record is not equal to the bit to its replay; on other processors it need not be.
 
-    See `disagreements`.
+    See `disagreements`. Words on what the next stage lacks are none where the last step failed.
     """
+    if record.unmet is None:
+        replay = replace(replay, unmet=None)
     return _different(_bits(record), _bits(replay))
 
 
