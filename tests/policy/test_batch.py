@@ -139,6 +139,58 @@ def test_dynamic_batches_hold_what_waits_and_no_more_than_fits(
     assert [session.call for session in sessions] == [1, 0, 1, 1, 1]
 
 
+@pytest.fixture
+def pair(
+    loops: list[InferenceLoop], monkeypatch: pytest.MonkeyPatch
+) -> tuple[InferenceLoop, Network, list[Session]]:
+    """A loop that waits as long as a test may take, and two sessions that it answered together."""
+    monkeypatch.setattr(inference_module, "PATIENCE", float("inf"))
+    monkeypatch.setattr(inference_module, "LONGEST_WAIT_S", 2.0 * TIMEOUT_S)
+    policy = Network()
+    loop = InferenceLoop(policy, Batching(mode="dynamic", size=8))
+    sessions = [Session(instruction="Do it.", seed=seed) for seed in range(2)]
+    futures = [loop.act(session, OBSERVATION) for session in sessions]
+    start(loop, loops)
+    for future in futures:
+        future.result(TIMEOUT_S)
+    assert policy.sizes == [2]
+    return loop, policy, sessions
+
+
+def test_batch_waits_for_the_episodes_of_the_last_one(
+    pair: tuple[InferenceLoop, Network, list[Session]],
+) -> None:
+    loop, policy, (first, second) = pair
+    early = loop.act(first, OBSERVATION)
+    loop.begin("Begin meanwhile.", 2).result(TIMEOUT_S)
+    assert not early.done()
+    loop.act(second, OBSERVATION).result(TIMEOUT_S)
+    early.result(TIMEOUT_S)
+    assert policy.sizes == [2, 2]
+
+
+def test_nobody_waits_for_an_episode_that_is_over(
+    pair: tuple[InferenceLoop, Network, list[Session]],
+) -> None:
+    loop, policy, (first, second) = pair
+    early = loop.act(first, OBSERVATION)
+    loop.end(second)
+    early.result(TIMEOUT_S)
+    assert policy.sizes == [2, 1]
+
+
+def test_wait_for_a_silent_episode_ends(
+    pair: tuple[InferenceLoop, Network, list[Session]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop, policy, (first, second) = pair
+    monkeypatch.setattr(inference_module, "LONGEST_WAIT_S", 0.01)
+    both = [loop.act(session, OBSERVATION) for session in (first, second)]
+    for future in both:
+        future.result(TIMEOUT_S)
+    loop.act(first, OBSERVATION).result(TIMEOUT_S)
+    assert policy.sizes == [2, 2, 1]
+
+
 def test_bad_observation_fails_alone_and_changes_no_other(loops: list[InferenceLoop]) -> None:
     good = played(start(InferenceLoop(Network(), Batching(size=4)), loops), seed=1)
     loop = start(InferenceLoop(Refuses(), Batching(size=4)), loops)

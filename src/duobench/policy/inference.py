@@ -35,6 +35,11 @@ _log = logging.getLogger(__name__)
 
 MAX_WAITING = 256
 """Requests that may wait; more are refused, so that memory stays bounded."""
+PATIENCE, LONGEST_WAIT_S = 0.25, 0.25
+"""For how long a batch waits for the sessions of the last one: a part of the time that the last
+one took, and at most so many seconds. An episode is usually back within a tenth of a second, and one
+call that answers all costs little more than one that answers half; if it is not back, little is
+lost."""
 
 
 class BusyError(Exception):
@@ -67,8 +72,9 @@ class _InferenceRequest:
 class InferenceLoop:
     """Answers from one thread what other threads ask.
 
-    A batch is what waits at the moment, `batching.size` observations at most; the loop does not
-    wait for it to become full.
+    A batch is what waits at the moment, `batching.size` observations at most. For the episodes that
+    the last batch answered the loop waits a little, so that all are answered together; see
+    `PATIENCE`.
     """
 
     def __init__(
@@ -91,6 +97,10 @@ class InferenceLoop:
         self._events = threading.Condition()
         self._tasks: deque[_Task] = deque()
         self._requests: deque[_InferenceRequest] = deque()
+        self._expected: set[int] = set()
+        """Ids of the sessions of the last batch that are not back yet."""
+        self._deadline = 0.0
+        """Until when they are waited for."""
         self._is_over = False
 
     def begin(self, instruction: str, seed: int) -> Future[Session]:
@@ -116,11 +126,13 @@ class InferenceLoop:
         Raises:
             BusyError: If too many requests wait, or the loop has ended.
         """
-        return self._queued(_InferenceRequest(session, observation), self._requests).future
+        request = _InferenceRequest(session, observation)
+        return self._queued(request, self._requests, back=session).future
 
     def end(self, session: Session) -> None:
         """Tell the policy, when it has time, that an episode is over."""
         with self._events:
+            self._expected.discard(id(session))
             self._tasks.append(_Task(lambda: end(self._policy, session)))
             self._events.notify()
 
@@ -137,25 +149,36 @@ class InferenceLoop:
                 task = self._tasks.popleft()
                 if task.future.set_running_or_notify_cancel():
                     self._run_task(task)
-            if batch := self._take():
+            if self._is_due() and (batch := self._take()):
                 self._answer(batch)
         for waiting in (*self._tasks, *self._requests):
             waiting.future.cancel()
 
-    def _queued(self, request: T, queue: deque[T]) -> T:
+    def _queued(self, request: T, queue: deque[T], back: Session | None = None) -> T:
         with self._events:
             if self._is_over or len(self._requests) + len(self._tasks) >= MAX_WAITING:
                 what = "has ended" if self._is_over else f"has {MAX_WAITING} requests waiting"
                 raise BusyError(f"The policy's server {what}.")
             queue.append(request)
+            self._expected.discard(id(back))
             self._events.notify()
         return request
 
     def _wait(self) -> bool:
         """Wait for something to do; whether the loop goes on."""
         with self._events:
-            self._events.wait_for(lambda: self._is_over or self._tasks or self._requests)
+            while not (self._is_over or self._tasks or (self._requests and self._is_due())):
+                left = max(self._deadline - time.monotonic(), 0.0) if self._requests else None
+                self._events.wait(left)
             return not self._is_over
+
+    def _is_due(self) -> bool:
+        """Whether what waits is answered now, and not a little later with others."""
+        return (
+            not self._expected
+            or len(self._requests) >= self._batching.size
+            or time.monotonic() >= self._deadline
+        )
 
     def _take(self) -> list[_InferenceRequest]:
         """The oldest requests that are not cancelled, as many as a batch has."""
@@ -180,6 +203,9 @@ class InferenceLoop:
                 return
         else:
             busy_s = time.perf_counter() - start
+            with self._events:
+                self._expected = set(map(id, sessions))
+                self._deadline = time.monotonic() + min(PATIENCE * busy_s, LONGEST_WAIT_S)
             for request, chunk in zip(batch, chunks, strict=True):
                 request.future.busy_s = busy_s
                 request.future.set_result(chunk)
