@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks import environments, images, imports, recording, serving
+from benchmarks import environments, images, imports, processes, recording, serving
 from benchmarks.measure import Measurement
 from duobench.sim import rendering
 from duobench.tasks import catalog
@@ -27,6 +27,7 @@ PER_TASK: Mapping[str, Callable[[str], Iterator[Measurement]]] = {
 }
 ONCE: Mapping[str, Callable[[], Iterator[Measurement]]] = {
     "imports": imports.measure,
+    "processes": processes.measure,
     "serving": serving.measure,
 }
 KINDS = (*ONCE, *PER_TASK)
