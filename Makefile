@@ -49,8 +49,10 @@ test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $
 test-pages: setup-test $(AXE)  ## Test pages in a browser: accessibility, phone, paper.
 	DUOBENCH_AXE=$(AXE) $(BIN)/python -m pytest tests/pages
 
-screenshots: demo  ## Show the report of the demo on a desktop, a phone and paper, in renders/.
-	$(BIN)/python -m tools.pages $(DEMO_RUN)/index.html --out renders/pages
+screenshots: demo  ## Show a report and a comparison on a desktop, a phone and paper, in renders/.
+	$(BIN)/duobench eval --policy random --episodes 3 --workers 2 --videos 0 --out renders/random --fresh
+	$(BIN)/duobench compare demo=$(DEMO_RUN) random=renders/random paper:ACT --out renders/comparison
+	$(BIN)/python -m tools.pages $(DEMO_RUN)/index.html renders/comparison/index.html --out renders/pages
 
 check: setup-test  ## Check format, lint and types.
 	$(BIN)/ruff format --check .
