@@ -18,7 +18,7 @@ FLOORS = (
     ("errors",),
     (
         *("types", "randomness", "files", "processes", "references", "versions", "pages"),
-        "installing",
+        *("installing", "network"),
     ),
     ("checks", "lerobot_keys"),
     ("spatial", "backend", "video"),
@@ -29,7 +29,7 @@ FLOORS = (
     ("stages",),
     ("tasks",),
     ("envs",),
-    ("experts", "data", "policy", "hardware", "fabrication", "training"),
+    ("experts", "data", "policy", "hardware", "fabrication", "training", "web"),
     ("results",),
     ("evaluation", "teleop", "interop"),
     ("cli",),
