@@ -181,7 +181,7 @@ class Viewer:
     def _of_playback(self) -> dict[str, Any]:
         shown = self._shown
         if shown is None:
-            return {"state": "waiting" if self._loading is not None else "over"}
+            return {}
         return {
             "task": shown.task,
             "instruction": shown.instruction,
@@ -192,5 +192,5 @@ class Viewer:
             "stage_changes": shown.stage_changes,
             "step": self._step,
             "steps": self._last,
-            "state": "playing" if self._plays else "paused",
+            "state": ("playing" if self._plays else "paused") if self._last else None,
         }
