@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
-import websockets.sync.client as client
+from websockets.sync import client
 
 TIMEOUT_S = 30
 

@@ -59,11 +59,28 @@ class ImageSource:
         self.object_state: ObjectState = definition.object_state
         """Which numbers of the objects there are."""
         self.simulation = Simulation(definition.props, definition.overview)
-        """The physics, in the state that was rendered last."""
+        """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
         self._backend.set_look(as_look(look))
         self._cameras, self._size = tuple(cameras), size
         self._layout: dict[str, Any] | None = None
+
+    def show(self, recording: Recording, row: int) -> None:
+        """Bring the simulation into the state of a row of a recording.
+
+        Raises:
+            DataError: The state does not fit the task.
+        """
+        try:
+            if recording.info.layout != self._layout:
+                self._layout = None
+                self.simulation.apply(Layout.from_json(recording.info.layout))
+                self._layout = recording.info.layout
+            self.simulation.set_state(recording.state[row])
+        except DuoBenchError as error:
+            raise DataError(
+                f"Row {row} of an episode of {recording.info.task} cannot be shown: {error}"
+            ) from error
 
     def images(self, recording: Recording, row: int) -> dict[str, Image]:
         """What the cameras saw at a row of a recording.
@@ -75,7 +92,7 @@ class ImageSource:
             DataError: The state does not fit the task.
             RenderingError: Nothing can be rendered.
         """
-        self._show(recording, row)
+        self.show(recording, row)
         return self._backend.images(self._cameras, self._size)
 
     def objects(self, recording: Recording, row: int) -> NDArray[np.float32]:
@@ -87,25 +104,12 @@ class ImageSource:
         Raises:
             DataError: The state does not fit the task.
         """
-        self._show(recording, row)
+        self.show(recording, row)
         return self.object_state.read(self.simulation)
 
     def close(self) -> None:
         """Free the renderer."""
         self._backend.close()
-
-    def _show(self, recording: Recording, row: int) -> None:
-        """Bring the simulation into the state of a row."""
-        try:
-            if recording.info.layout != self._layout:
-                self._layout = None
-                self.simulation.apply(Layout.from_json(recording.info.layout))
-                self._layout = recording.info.layout
-            self.simulation.set_state(recording.state[row])
-        except DuoBenchError as error:
-            raise DataError(
-                f"Row {row} of an episode of {recording.info.task} cannot be shown: {error}"
-            ) from error
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -16,13 +16,11 @@ from functools import partial
 from duobench.data.processes import Progress, run_all
 from duobench.errors import DuoBenchError, ImportPathError, UnknownNameError, escaped
 from duobench.evaluation.verification.claims import differing_bits, disagreements
-from duobench.evaluation.verification.player import TargetPlayer
-from duobench.randomness import SUITE_VERSION
+from duobench.evaluation.verification.player import TargetPlayer, actual_task, obstacle
 from duobench.results.reader import RunReader
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
-from duobench.results.suite import TaskInfo, find_tasks
-from duobench.tasks import catalog
+from duobench.results.suite import TaskInfo
 from duobench.versions import differing_arithmetic
 
 
@@ -123,7 +121,7 @@ def verify(
             continue
         if wrong := _other_versions(run, record):
             findings[key] = _finding(*key, Verdict.CONTRADICTED, wrong)
-        elif reason := unknown.get(record.task) or _obstacle(record):
+        elif reason := unknown.get(record.task) or obstacle(record):
             findings[key] = _finding(*key, Verdict.UNVERIFIABLE, reason)
         else:
             jobs.append(record)
@@ -158,12 +156,8 @@ def _tasks(run: Run, import_tasks: bool) -> tuple[Tasks, Mapping[str, str], list
     unknown: dict[str, str] = {}
     objections: list[str] = []
     for claimed in run.suite.tasks:
-        reference = claimed.id if claimed.id in catalog.names() else claimed.reference
-        if reference != claimed.id and not import_tasks:
-            unknown[claimed.id] = f"The task {reference!r} is none of the benchmark."
-            continue
         try:
-            (actual,) = find_tasks((reference,))
+            actual = actual_task(claimed, import_tasks=import_tasks)
         except (UnknownNameError, ImportPathError) as error:
             unknown[claimed.id] = str(error)
             continue
@@ -184,22 +178,6 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
         for name, version in run.versions.items()
         if record.versions.get(name) != version
     )
-
-
-def _obstacle(record: EpisodeRecord) -> str:
-    """Why a record of a known task cannot be played again; empty if it can."""
-    if record.suite_version != SUITE_VERSION:
-        return (
-            f"It is an episode of suite {record.suite_version}; this version plays suite "
-            f"{SUITE_VERSION}."
-        )
-    if record.error is not None and record.start is None:
-        return "Its policy failed before the episode began."
-    if record.sent is None and record.error is not None:
-        return "Its policy was stopped, so that its joint targets are not known."
-    if record.sent is None:
-        return "It has no joint targets, as records before schema 4."
-    return ""
 
 
 def _checker(run: Run, tasks: Tasks) -> Callable[[EpisodeRecord], Finding]:

@@ -274,7 +274,7 @@ class PageServer:
     def _lose_driver(self) -> None:
         try:
             self.on_driver_lost()
-        except Exception:
+        except Exception:  # noqa: BLE001 - whatever fails there, the session goes on
             _log.exception("The loss of the driver made something fail; the session goes on.")
 
     def _pass_on(self, peer: Peer, data: str | bytes) -> None:
@@ -283,7 +283,7 @@ class PageServer:
             reason = self.on_message(peer is self._peers.driver, content)
         except DuoBenchError as error:
             reason = str(error)
-        except Exception:
+        except Exception:  # noqa: BLE001 - whatever fails there, the session goes on
             _log.exception("A message from a page made something fail; the session goes on.")
             reason = "Something failed here."
         if reason is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 
 import gymnasium as gym
@@ -10,11 +11,14 @@ from duobench.data.replay import command_config
 from duobench.envs.config import EnvConfig
 from duobench.envs.execution import execute
 from duobench.envs.make import make_env
-from duobench.errors import EvaluationError
+from duobench.errors import EvaluationError, UnknownNameError
 from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.evaluation.rollout import Watcher
+from duobench.randomness import SUITE_VERSION
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
-from duobench.results.suite import Episode, TaskInfo
+from duobench.results.suite import Episode, TaskInfo, find_tasks
+from duobench.tasks import catalog
 from duobench.types import Array
 
 
@@ -27,8 +31,15 @@ class TargetPlayer:
         self._env: gym.Env | None = None
         self._config: EnvConfig | None = None
 
-    def play(self, run: Run, record: EpisodeRecord) -> EpisodeRecord:
+    def play(
+        self, run: Run, record: EpisodeRecord, watchers: Sequence[Watcher] = ()
+    ) -> EpisodeRecord:
         """Play the targets of a record of a run from the episode's own seed on.
+
+        Args:
+            run: The run.
+            record: The record.
+            watchers: Who watches the replay; called in this order.
 
         Returns:
             The record of that, with the error of the given one.
@@ -43,12 +54,16 @@ class TargetPlayer:
         recorder = EpisodeRecorder(episode)
         env = self._environment(record.config)
         observation, info = env.reset(seed=episode.seed)
-        recorder.on_episode_start(env, observation, info)
+        watching = (recorder, *watchers)
+        for watcher in watching:
+            watcher.on_episode_start(env, observation, info)
         for step, target in zip(execute(env, targets), targets, strict=False):
             if not (step.info["sent"] == target).all():
                 raise EvaluationError(f"The joint targets of step {step.number} exceed a limit.")
-            recorder.on_step(step)
-        recorder.on_episode_end(None)
+            for watcher in watching:
+                watcher.on_step(step)
+        for watcher in watching:
+            watcher.on_episode_end(None)
         replay = recorder.record(run, record.versions)
         if record.error is None:
             return replay
@@ -83,3 +98,38 @@ class TargetPlayer:
             self.close()
             self._env, self._config = make_env(self._task.reference, **asdict(config)), config
         return self._env
+
+
+def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
+    """A task of a run as it is, whatever the run says about it.
+
+    Args:
+        claimed: What the run says.
+        import_tasks: Whether to import a task that is not of the benchmark, which runs the code of
+            the module that the run names.
+
+    Raises:
+        UnknownNameError: It is none of the benchmark, and is not to be imported, or there is none.
+        ImportPathError: It cannot be imported.
+    """
+    reference = claimed.id if claimed.id in catalog.names() else claimed.reference
+    if reference != claimed.id and not import_tasks:
+        raise UnknownNameError(f"The task {reference!r} is none of the benchmark.")
+    (actual,) = find_tasks((reference,))
+    return actual
+
+
+def obstacle(record: EpisodeRecord) -> str:
+    """Why a record of a known task cannot be played again; empty if it can."""
+    if record.suite_version != SUITE_VERSION:
+        return (
+            f"It is an episode of suite {record.suite_version}; this version plays suite "
+            f"{SUITE_VERSION}."
+        )
+    if record.error is not None and record.start is None:
+        return "Its policy failed before the episode began."
+    if record.sent is None and record.error is not None:
+        return "Its policy was stopped, so that its joint targets are not known."
+    if record.sent is None:
+        return "It has no joint targets, as records before schema 4."
+    return ""
