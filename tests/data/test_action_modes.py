@@ -88,7 +88,7 @@ def test_older_data_sets_are_read_and_continued(tmp_path: Path, mode: str, schem
     (path,) = data.episodes()
     table = pq.read_table(path)
     said = json.loads(table.schema.metadata[INFO_KEY])
-    assert (said.pop("schema"), said["action_mode"]) == (3, mode)
+    assert (said.pop("schema"), said["action_mode"]) == (4, mode)
     assert (said.pop("after_success"), said["outcome"].pop("success_step")) == (0.0, None)
     assert said.pop("cameras") == describe_cameras()
     if schema == 1:
