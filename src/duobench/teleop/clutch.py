@@ -38,6 +38,19 @@ class Clutch:
         """Let go; it takes a release and a new squeeze to close again."""
         self._is_armed, self._anchor = False, None
 
+    def wants(self, hand: Hand | None) -> bool:
+        """Whether a hand keeps the clutch closed, or would close it; a release arms it.
+
+        Args:
+            hand: The hand now; None where it is lost.
+        """
+        if hand is None or not hand.sure:
+            self.open()
+            return False
+        if hand.squeeze < OPENS:
+            self._is_armed, self._anchor = True, None
+        return self.is_closed or (self._is_armed and hand.squeeze >= CLOSES)
+
     def follow(self, hand: Hand | None, tool: SE3) -> SE3 | None:
         """Where the hand leads the tool.
 
@@ -48,17 +61,12 @@ class Clutch:
         Returns:
             The tool's pose in the table frame; None while the clutch is open.
         """
-        if hand is None or not hand.sure:
-            self.open()
+        if hand is None or not self.wants(hand):
             return None
-        if hand.squeeze < OPENS:
-            self._is_armed, self._anchor = True, None
-        elif self._anchor is None and self._is_armed and hand.squeeze >= CLOSES:
-            self._anchor = hand.world_from_hand, tool
-        if self._anchor is None:
-            return None
-        hand_then, tool_then = self._anchor
         now = hand.world_from_hand
+        if self._anchor is None:
+            self._anchor = now, tool
+        hand_then, tool_then = self._anchor
         shift = now.translation - hand_then.translation
         turn = product(now.rotation, hand_then.rotation.T)
         if self._turn_scale != 1.0:

@@ -163,18 +163,13 @@ class HandDevice:
             return "Waiting for the operator's hands."
         if all(hand.squeeze < OPENS and hand.trigger < OPEN_TRIGGER for hand in present):
             self._has_seen_open = True
+        for side, hand in hands.items():
+            if hand is not None and hand.sure:
+                self._arms[side].gripper.follow(hand.trigger)
         if not self._has_seen_open:
             return "Open both hands: release the clutches and the grippers."
-        for side, hand in hands.items():
-            arm = self._arms[side]
-            arm.clutch.follow(hand, SE3())
-            if hand is not None and hand.sure:
-                arm.gripper.follow(hand.trigger)
-        if not any(self.clutch):
-            return "Squeeze a clutch to begin."
-        for arm in self._arms.values():  # it closes anew, at the tool, with the first step
-            arm.clutch.rearm()
-        return None
+        squeezes = [self._arms[side].clutch.wants(hand) for side, hand in hands.items()]
+        return None if any(squeezes) else "Squeeze a clutch to begin."
 
     def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
         """Where the hands lead the tools."""
