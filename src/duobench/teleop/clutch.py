@@ -61,7 +61,7 @@ class Clutch:
         Returns:
             The tool's pose in the table frame; None while the clutch is open.
         """
-        if hand is None or not self.wants(hand):
+        if not self.wants(hand) or hand is None:
             return None
         now = hand.world_from_hand
         if self._anchor is None:

@@ -26,6 +26,8 @@ STATUS_BYTES = 11 + POSITION_BYTES
 """Length of a servo's answer [DYNAMIXEL protocol 2.0]."""
 ANSWER_S = 0.1
 """Seconds after which servos that have not answered are asked again."""
+PINGS = 10
+"""How often a servo is asked whether it is there, for 34 ms each, before it is given up."""
 POLL_S = 0.001
 """Seconds between two looks at what has arrived."""
 _MIDDLES = np.mean(JOINT_RANGES, axis=1)
@@ -54,8 +56,8 @@ class _Bus:
         self._ids = (*arm.ids, arm.gripper_id)
         self._query = sdk.GroupSyncRead(self._port, packets, PRESENT_POSITION, POSITION_BYTES)
         for each in self._ids:
-            _, result, _ = packets.ping(self._port, each)
-            if result != sdk.COMM_SUCCESS:
+            pings = (packets.ping(self._port, each)[1] for _ in range(PINGS))
+            if sdk.COMM_SUCCESS not in pings:
                 self._port.closePort()
                 raise LeaderError(
                     f"Servo {each} at {arm.port} does not answer; look at its power, its id and "

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from duobench.data import DataSet, Recorder
+from duobench.data import Recorder, Recording
 from duobench.envs.duo_env import Info
 from duobench.envs.reset_options import INSTRUCTION, SPLIT
 from duobench.errors import BackendError, OptionError
@@ -163,7 +163,16 @@ class Session:
         return True
 
     def close(self) -> None:
-        """End the session; an episode that nobody decided about is kept as such a one."""
+        """End the session.
+
+        An episode that has begun is written as one that is not meant to be used; one that waits
+        for the operator is forgotten.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        if self.state is State.WAITING:
+            self.env.discard()
         self.env.close()
 
     @property
@@ -295,10 +304,13 @@ class Session:
 
 def _so_far(env: Recorder) -> tuple[int, int]:
     """Episodes of the task that are kept in the data set, and the number of the next one."""
-    if env.data is None:
+    data = env.data
+    if data is None:
         return 0, 0
-    data: DataSet = env.data
-    names = [path.stem for path in data.episodes(env.task)]
-    begun = [path.stem for path in data.partials() if path.parent.name == env.task]
-    numbers = [int(name) for name in (*names, *begun) if re.fullmatch(r"[0-9]+", name)]
-    return len(names), max(numbers, default=-1) + 1
+    episodes = data.episodes(env.task)
+    outcomes = [Recording.read_info(path).outcome for path in episodes]
+    begun = [path for path in data.partials() if path.parent.name == env.task]
+    names = [path.stem for path in (*episodes, *begun)]
+    numbers = [int(name) for name in names if re.fullmatch(r"[0-9]+", name)]
+    kept = sum(outcome is not None and outcome.kept for outcome in outcomes)
+    return kept, max(numbers, default=-1) + 1
