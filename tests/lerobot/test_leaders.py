@@ -17,7 +17,7 @@ from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError, UnknownNameError
-from duobench.teleop.lerobot_source import LeRobotSource
+from duobench.teleop.leaders.lerobot_source import LeRobotSource
 
 
 @TeleoperatorConfig.register_subclass("sixteen_numbers")
@@ -41,7 +41,7 @@ class SixteenNumbers(Teleoperator):
     def action_features(self) -> dict[str, type]:
         return {f"{name}.pos": float for name in JOINT_NAMES}
 
-    def connect(self, calibrate: bool = True) -> None:
+    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002
         self.is_connected = True
 
     def calibrate(self) -> None: ...

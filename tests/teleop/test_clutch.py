@@ -52,8 +52,8 @@ def test_the_tool_turns_about_the_axes_of_the_room(axis: tuple[float, ...]) -> N
 def test_scales_shorten_movements_and_turns() -> None:
     clutch = closed(scale=0.4, turn_scale=0.25)
     turn, quarter = SE3.about((0, 0, 1), 0.8), SE3.about((0, 0, 1), 0.2)
-    moved = SE3((turn @ HELD).rotation, HELD.translation + [0.1, 0.0, 0.0])
-    expected = SE3((quarter @ TOOL).rotation, TOOL.translation + [0.04, 0.0, 0.0])
+    moved = SE3((turn @ HELD).rotation, HELD.moved(x=0.1).translation)
+    expected = SE3((quarter @ TOOL).rotation, TOOL.moved(x=0.04).translation)
     same(clutch.follow(sample(moved, 1.0), TOOL), expected)
 
 

@@ -22,7 +22,7 @@ def test_noise_of_a_hand_at_rest_is_smoothed() -> None:
     before, after = [], []
     for _ in range(300):
         shake, turn = rng.normal(scale=0.001, size=3), rng.normal(scale=0.005, size=3)
-        noisy = SE3(rotation_by(turn) @ DOWN.rotation, [0.5, 0.2, 0.3] + shake)
+        noisy = SE3(rotation_by(turn) @ DOWN.rotation, shake + 0.3)
         before.append(noisy.translation)
         after.append(smooth(noisy).translation)
     steps = [np.linalg.norm(np.diff(each[30:], axis=0), axis=1).mean() for each in (before, after)]

@@ -45,10 +45,7 @@ class _Head:
 
     def row_type(self) -> np.dtype[Any]:
         """How a row lies in memory and in the file."""
-        fields = [
-            (column.name, column.dtype, self._row_shape(column))
-            for column in COLUMNS
-        ]
+        fields = [(column.name, column.dtype, self._row_shape(column)) for column in COLUMNS]
         return np.dtype(fields, align=True)
 
     def _row_shape(self, column: Column) -> tuple[int, ...]:

@@ -71,6 +71,4 @@ class Clutch:
         turn = product(now.rotation, hand_then.rotation.T)
         if self._turn_scale != 1.0:
             turn = rotation_by(self._turn_scale * rotation_vector(turn))
-        return SE3(
-            product(turn, tool_then.rotation), tool_then.translation + self._scale * shift
-        )
+        return SE3(product(turn, tool_then.rotation), tool_then.translation + self._scale * shift)

@@ -133,14 +133,12 @@ class HandDevice:
         """Take over a fresh sample; `recentre` lets both hands go."""
         if isinstance(message, Recentre):
             self._let_go()
-        elif isinstance(message, Hands):
-            if self._lockstep or self._freshness.accepts(message.sent, arrival_s):
-                if self.is_lost(arrival_s):
-                    self._let_go()
-                self._hands, self.sampled_s = message, arrival_s
-                hands = (message.left, message.right)
-                if any(hand is not None and hand.buttons.recentre for hand in hands):
-                    self._let_go()
+        elif isinstance(message, Hands) and self._is_fresh(message, arrival_s):
+            hands = (message.left, message.right)
+            is_moving = any(hand is not None and hand.buttons.recentre for hand in hands)
+            if is_moving or self.is_lost(arrival_s):
+                self._let_go()
+            self._hands, self.sampled_s = message, arrival_s
 
     def lose(self) -> None:
         """The operator has gone; the next one has another clock."""
@@ -185,6 +183,9 @@ class HandDevice:
             clutch=self.clutch,
             limited=cast("tuple[bool, bool]", tuple(limited)),
         )
+
+    def _is_fresh(self, message: Hands, arrival_s: float) -> bool:
+        return self._lockstep or self._freshness.accepts(message.sent, arrival_s)
 
     def _let_go(self) -> None:
         for arm in self._arms.values():

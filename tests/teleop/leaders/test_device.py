@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from duobench.data import Actor, ActorKind, DataSet
+from duobench.envs.sim_env import sim_of
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError
 from duobench.experts.expert import Expert, find_script
-from duobench.envs.sim_env import sim_of
 from duobench.robot.joints import HOME_JOINTS
-from duobench.teleop.leaders import LeaderDevice
-from duobench.teleop.lerobot_source import LeRobotSource
+from duobench.teleop.leaders.device import LeaderDevice
+from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.teleop.recorder import make_recorder
 from duobench.teleop.session import Session, State
 from duobench.types import CONTROL_HZ, DuoCommand

@@ -1,8 +1,8 @@
 """Teleoperators of LeRobot as leader arms.
 
-Any teleoperator will do whose actions are our 16 numbers: `left_joint_1` to `right_gripper`, with or
-without LeRobot's ending `.pos`; joints in radians, grippers 0 closed to 1 open. LeRobot is imported
-where one is made by name, and nowhere else.
+Any teleoperator will do whose actions are our 16 numbers: `left_joint_1` to `right_gripper`, with
+LeRobot's ending `.pos` or without; joints in radians, grippers 0 closed to 1 open. LeRobot is
+imported where one is made by name, and nowhere else.
 """
 
 from __future__ import annotations
@@ -85,9 +85,13 @@ class LeRobotSource:
             UnknownNameError: There is no such teleoperator.
         """
         try:
-            from lerobot.teleoperators.config import TeleoperatorConfig
-            from lerobot.teleoperators.utils import make_teleoperator_from_config
-            from lerobot.utils.import_utils import register_third_party_plugins
+            from lerobot.teleoperators import (  # pyright: ignore[reportMissingImports]
+                TeleoperatorConfig,
+                make_teleoperator_from_config,
+            )
+            from lerobot.utils.import_utils import (  # pyright: ignore[reportMissingImports]
+                register_third_party_plugins,
+            )
         except ImportError as error:
             raise LeaderError(
                 "Teleoperators of LeRobot need LeRobot: pip install 'duobench-fr3[lerobot]'."

@@ -11,9 +11,9 @@ import pytest
 
 from duobench.errors import LeaderError, UnknownNameError
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
-from duobench.teleop.gello_config import GelloArm, GelloConfig
-from duobench.teleop.gello_source import COUNTS_A_TURN, GelloSource, joints_of
-from tests.teleop.servos import Servos
+from duobench.teleop.leaders.gello_config import GelloArm, GelloConfig
+from duobench.teleop.leaders.gello_source import COUNTS_A_TURN, GelloSource, joints_of
+from tests.teleop.leaders.servos import Servos
 
 COUNT = 2 * math.pi / COUNTS_A_TURN
 OFFSETS = (1.0, -2.0, 3.0, 0.5, -0.5, 6.5, 0.0)
@@ -23,9 +23,7 @@ Pair = tuple[Servos, Servos]
 
 
 def arm(port: str) -> GelloArm:
-    return GelloArm(
-        port=port, offsets=OFFSETS, signs=SIGNS, gripper_open=3.4, gripper_closed=2.6
-    )
+    return GelloArm(port=port, offsets=OFFSETS, signs=SIGNS, gripper_open=3.4, gripper_closed=2.6)
 
 
 def shown(joints: np.ndarray, opening: float) -> dict[int, int]:

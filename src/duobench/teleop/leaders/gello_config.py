@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import msgspec
@@ -90,11 +90,15 @@ class GelloConfig:
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise LeaderError(f"Cannot read {path}: {error}") from error
         for name in document:
-            check_known("key of a GELLO file", name, GelloConfig.__slots__)
+            check_known("key of a GELLO file", name, _names(GelloConfig))
         for side in SIDES:
             for name in document.get(side, {}) if isinstance(document.get(side), dict) else ():
-                check_known(f"key of the {side} GELLO arm", name, GelloArm.__slots__)
+                check_known(f"key of the {side} GELLO arm", name, _names(GelloArm))
         try:
             return msgspec.convert(document, GelloConfig)
         except msgspec.ValidationError as error:
             raise LeaderError(f"{path} is invalid: {error}.".replace("`$.", "`")) from error
+
+
+def _names(kind: type[GelloArm] | type[GelloConfig]) -> list[str]:
+    return [each.name for each in fields(kind)]

@@ -15,7 +15,7 @@ import numpy as np
 from duobench.errors import LeaderError
 from duobench.robot.joints import JOINT_RANGES
 from duobench.teleop.freshness import MAX_AGE_S
-from duobench.teleop.gello_config import GelloArm, GelloConfig
+from duobench.teleop.leaders.gello_config import GelloArm, GelloConfig
 from duobench.types import SIDES, Array, DuoCommand, Side
 
 PROTOCOL = 2.0
@@ -102,9 +102,7 @@ class _Bus:
             time.sleep(POLL_S)
         if self._query.rxPacket() != self._success:
             return None
-        return [
-            self._query.getData(each, PRESENT_POSITION, POSITION_BYTES) for each in self._ids
-        ]
+        return [self._query.getData(each, PRESENT_POSITION, POSITION_BYTES) for each in self._ids]
 
 
 class GelloSource:

@@ -1,4 +1,4 @@
-"""Servos on a pseudo-terminal: they answer `ping` and `sync read` as DYNAMIXEL protocol 2.0 says."""
+"""Servos on a pseudo-terminal that answer `ping` and `sync read` [DYNAMIXEL protocol 2.0]."""
 
 from __future__ import annotations
 
