@@ -46,6 +46,7 @@ EVERYWHERE = (
 # Rooms inside rooms that exist for the sake of one of them; they are imported when it is asked for.
 AT_HOME = {
     "duobench.policy.lerobot": ("torch", "lerobot"),
+    "duobench.teleop.leaders.lerobot_source": ("lerobot",),
     "duobench.interop.vla_eval": ("vla_eval",),
     "duobench.interop.vlagents": ("vlagents", "rpyc"),
 }

@@ -117,6 +117,10 @@ class PolicyTimeoutError(PolicyError):
         )
 
 
+class LeaderError(DuoBenchError):
+    """Leader arms cannot be reached, or do not give what is needed of them."""
+
+
 class ServingError(DuoBenchError):
     """A policy or a page cannot be served as wanted, or a server cannot be used as described."""
 

@@ -81,16 +81,19 @@ def test_a_recording_of_a_mode_that_is_not_here_says_so(tmp_path: Path, degrees:
 
 
 @pytest.mark.parametrize("mode", [*action_modes.ACTION_MODES])
-@pytest.mark.parametrize("schema", [1, 2])
+@pytest.mark.parametrize("schema", [1, 2, 3])
 def test_older_data_sets_are_read_and_continued(tmp_path: Path, mode: str, schema: int) -> None:
     now = recorded(tmp_path, steps=0, action_mode=mode)
     data = DataSet.open(tmp_path)
     (path,) = data.episodes()
     table = pq.read_table(path)
     said = json.loads(table.schema.metadata[INFO_KEY])
-    assert (said.pop("schema"), said["action_mode"]) == (3, mode)
-    assert (said.pop("after_success"), said["outcome"].pop("success_step")) == (0.0, None)
-    assert said.pop("cameras") == describe_cameras()
+    assert (said.pop("schema"), said["action_mode"]) == (4, mode)
+    assert said.pop("task_instruction") == said["instruction"]
+    assert said.pop("has_clutch") is False
+    if schema < 3:
+        assert (said.pop("after_success"), said["outcome"].pop("success_step")) == (0.0, None)
+        assert said.pop("cameras") == describe_cameras()
     if schema == 1:
         del said["action_mode"]
     described = json.loads(data.description.read_text()) | {"schema": schema}
@@ -101,7 +104,9 @@ def test_older_data_sets_are_read_and_continued(tmp_path: Path, mode: str, schem
     recorder(tmp_path, action_mode=mode).close()
     read = Recording.read(path)
     assert read.info.action_mode == (None if schema == 1 else mode)
-    assert (read.info.cameras, read.info.after_success) == ({}, 0.0)
+    assert bool(read.info.cameras) == (schema == 3)
+    assert (read.info.after_success, read.info.task_instruction) == (0.0, None)
+    assert read.clutch.shape == (0, 0)
     assert [problem.what for problem in find_problems(data)] == ["It has no actions."]
     assert action_mode(read.info).name == mode
     assert np.array_equal(read.state, now.state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from duobench.data import DataSet
-    from duobench.data.summary import Summary
+    from duobench.data.summary import Summary, TaskSummary
 
 
 def opened(folder: Path) -> DataSet:
@@ -65,7 +66,23 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
     screen = console()
     screen.print(table)
     screen.print(_chatter(summary))
+    for line in _actors(summary):
+        screen.print(line)
     screen.print(f"Page: {write_page(source, summary, images=images)}")
+
+
+def _actors(summary: Summary) -> Iterator[str]:
+    """Who acted, with the tasks where it was not the same in all."""
+    actors: dict[str, list[TaskSummary]] = {}
+    for task in summary.tasks:
+        for actor in task.actors:
+            actors.setdefault(actor, []).append(task)
+    for actor, tasks in actors.items():
+        where = "" if len(tasks) == len(summary.tasks) else f" ({', '.join(t.task for t in tasks)})"
+        yield f"Recorded by {actor}{where}"
+    for task in summary.tasks:
+        if task.led is not None:
+            yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
 
 
 def _chatter(summary: Summary) -> Table:

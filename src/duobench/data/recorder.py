@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 OBSERVED = ("agent_pos", "tcp_pose")
 """What of the observation is recorded as it is."""
+UNDECIDED = "Nobody said whether to keep it."
+"""Why an episode is not meant to be used that was left while it waited."""
 
 
 class Recorder(DuoWrapper):
@@ -63,6 +65,8 @@ class Recorder(DuoWrapper):
         *,
         after_success: float = 0.0,
         keep: Callable[[Outcome], bool] = lambda _outcome: True,
+        is_reviewed: bool = False,
+        has_clutch: bool = False,
     ) -> None:
         """Wrap an environment.
 
@@ -73,6 +77,9 @@ class Recorder(DuoWrapper):
             actor: Who or what acts.
             after_success: Seconds that an episode goes on after success, rounded to control steps.
             keep: Whether a finished episode is written at all; by default every one is.
+            is_reviewed: Whether a finished episode waits for `keep` or `discard`; one that is left
+                without is written, and says that it is not meant to be used.
+            has_clutch: Whether every row says which hands led their arms; see `clutch`.
 
         Raises:
             DataError: The environment takes chunks of actions, or actions of no known mode, or its
@@ -90,6 +97,11 @@ class Recorder(DuoWrapper):
         """Who or what acts, from the next episode on."""
         self.next_name: str | None = None
         """Name of the next episode's file; without one it is the next free number."""
+        self.clutch: tuple[bool, bool] = (False, False)
+        """Whether each hand, left then right, leads its arm in the next action."""
+        self._has_clutch = has_clutch
+        self._is_reviewed = is_reviewed
+        self._pending: tuple[EpisodeRows, Outcome, str | None] | None = None
         self._intended: Array | None = None
         self._steps_after_success = steps_after_success(after_success)
         self._steps_left: int | None = None  # None before success
@@ -109,7 +121,7 @@ class Recorder(DuoWrapper):
         Raises:
             OutputError: The recording cannot be written.
         """
-        self.finish(reason="The environment was reset.")
+        self._leave(reason="The environment was reset.")
         observation, info = self.env.reset(seed=seed, options=options)
         state = None if self._sim is None else self.save_state()
         config = self.base.config
@@ -132,6 +144,8 @@ class Recorder(DuoWrapper):
             action_mode=self._mode.name,
             after_success=self._steps_after_success / CONTROL_HZ,
             cameras={} if self._sim is None else describe_cameras(),
+            task_instruction=self._own_instruction(),
+            has_clutch=self._has_clutch,
         )
         sizes = {"action": len(self._mode.names), "state": len(self._physics())}
         if self.data is None:
@@ -161,13 +175,9 @@ class Recorder(DuoWrapper):
             self.finish(reason=str(error))
             raise
         if self._stream is not None:
-            self._stream.act(
-                {
-                    "action": given if wanted is None else wanted,
-                    "sent": info["sent"],
-                    "reward": reward,
-                }
-            )
+            row = {"action": given if wanted is None else wanted, "sent": info["sent"]}
+            row |= {"clutch": self.clutch} if self._has_clutch else {}
+            self._stream.act(row | {"reward": reward})
             self._see(self._stream, observation, info)
             reason = info.get(TRUNCATION_REASON)
             if terminated and info["success"] and reason is None and self._steps_after_success:
@@ -193,7 +203,7 @@ class Recorder(DuoWrapper):
         Raises:
             OutputError: The recording cannot be written.
         """
-        self.finish(reason="Another state was restored.")
+        self._leave(reason="Another state was restored.")
         return super().restore_state(state)
 
     def finish(self, *, kept: bool = True, reason: str | None = None) -> None:
@@ -205,15 +215,31 @@ class Recorder(DuoWrapper):
         """
         self._end(cut=True, kept=kept, reason=reason)
 
+    @property
+    def pending(self) -> Outcome | None:
+        """How the episode ended that waits for `keep` or `discard`; None while none does."""
+        return self._pending and self._pending[1]
+
+    def keep(self) -> None:
+        """Write the episode that waits for it, if one does.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            self._write(*pending)
+
     def discard(self) -> None:
-        """Forget the running episode; nothing of it is kept."""
-        if self._stream is not None:
-            self._stream.discard()
-            self._stream = None
+        """Forget the running episode, or the one that waits; nothing of it is kept."""
+        for stream in (self._stream, self._pending and self._pending[0]):
+            if stream is not None:
+                stream.discard()
+        self._stream = self._pending = None
 
     def close(self) -> None:
         """End the running episode, marked as cut, and close the environment."""
-        self.finish(reason="The environment was closed.")
+        self._leave(reason="The environment was closed.")
         super().close()
 
     def _is_enough_after_success(self) -> bool:
@@ -237,6 +263,7 @@ class Recorder(DuoWrapper):
         )
 
     def _end(self, *, cut: bool, kept: bool = True, reason: str | None = None) -> None:
+        self._leave_pending()
         stream, self._stream = self._stream, None
         if stream is None:
             return
@@ -250,9 +277,33 @@ class Recorder(DuoWrapper):
         # A step that was broken off has left another state than that of the last row.
         is_last = np.array_equal(self._physics(), stream.rows[-1]["state"])
         last_hash = self.state_hash() if self._sim is not None and is_last else None
+        if self._is_reviewed:
+            self._pending = stream, outcome, last_hash
+            stream.flush()
+        else:
+            self._write(stream, outcome, last_hash)
+
+    def _write(self, stream: EpisodeRows, outcome: Outcome, last_hash: str | None) -> None:
         recording = stream.finish(outcome, last_hash)
         if self.data is None:
             self.content = recording.to_bytes()
+
+    def _leave(self, reason: str) -> None:
+        """Write the running episode as cut, and one that waits as it is."""
+        self.finish(reason=reason)
+        self._leave_pending()
+
+    def _leave_pending(self) -> None:
+        """Write an episode that nobody has decided about, as one that is not meant to be used."""
+        if self._pending is not None:
+            stream, outcome, last_hash = self._pending
+            self._pending = stream, replace(outcome, kept=False, reason=UNDECIDED), last_hash
+            self.keep()
+
+    def _own_instruction(self) -> str:
+        """The task's own instruction, whatever this episode's is."""
+        task = self.base.definition
+        return task.instruction if self._sim is None else task.instruct(self._sim.layout)
 
     def _physics(self) -> Array:
         """The state of the simulation; no numbers where there is none."""

@@ -73,14 +73,19 @@ class Recording:
     """
     reward: Array
     """Rewards (T,)."""
+    clutch: NDArray[np.bool_]
+    """Whether each hand of the operator led its arm (T, 2), left then right; without a clutch
+    (T, 0)."""
 
     def __post_init__(self) -> None:
         """Reject columns that do not belong together."""
         for column in COLUMNS:
             array = getattr(self, column.name)
             rows = len(self) if column.of_action else len(self) + 1
-            least = 0 if column.of_simulation and self.info.is_real else 1
-            width = tuple(n or max((least, *array.shape[1:])) for n in column.shape)
+            is_here = column.is_in(self.info)
+            width = tuple(n or max((int(is_here), *array.shape[1:])) for n in column.shape)
+            if column.of_clutch and not is_here:
+                width = (0,)
             if array.shape != (rows, *width) or array.dtype != column.dtype:
                 raise DataError(
                     f"Column {column.name!r} has shape {array.shape} of {array.dtype}, expected "
@@ -168,7 +173,7 @@ def _to_table(recording: Recording) -> pa.Table:
     arrays = {
         column: to_arrow(getattr(recording, column.name), int(column.of_action))
         for column in COLUMNS
-        if not (column.of_simulation and recording.info.is_real)
+        if column.is_in(recording.info)
     }
     schema = pa.schema(
         [
@@ -183,12 +188,15 @@ def _to_table(recording: Recording) -> pa.Table:
 def _from_table(table: pa.Table) -> Recording:
     info = _info_of(table.schema)
     absent = [column for column in COLUMNS if column.name not in table.column_names]
-    missing = [c.name for c in absent if not (info.is_real and c.of_simulation)]
+    missing = [column.name for column in absent if column.is_in(info)]
     if missing:
         raise DataError(f"Columns are missing: {', '.join(missing)}.")
     if not table.num_rows:
         raise DataError("It holds no rows.")
-    arrays = {column.name: np.empty((table.num_rows, 0), column.dtype) for column in absent}
+    arrays = {
+        column.name: np.empty((table.num_rows - column.of_action, 0), column.dtype)
+        for column in absent
+    }
     for column in COLUMNS:
         if column in absent:
             continue

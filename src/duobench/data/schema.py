@@ -21,11 +21,12 @@ from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError
 from duobench.types import CONTROL_HZ
 
-SCHEMA = 3
+SCHEMA = 4
 """Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
 OLDEST_SCHEMA = 1
 """First version that is read too: schema 1 did not say the action mode, 1 and 2 neither the step of
-success nor the cameras, and ended with success."""
+success nor the cameras, and ended with success, and 1 to 3 neither the task's own instruction nor a
+clutch."""
 INFO_KEY = b"duobench.episode"
 """Key of the file's metadata under which `EpisodeInfo` stands as JSON."""
 
@@ -44,6 +45,14 @@ class Column:
     """Whether it belongs to the action of its row, so that the last row has none."""
     of_simulation: bool = False
     """Whether only simulated episodes have it; the rows of others hold no numbers (T + 1, 0)."""
+    of_clutch: bool = False
+    """Whether only episodes that were led with a clutch have it; those of others hold no numbers
+    (T, 0)."""
+
+    def is_in(self, info: EpisodeInfo) -> bool:
+        """Whether an episode has it."""
+        is_missing = self.of_simulation and info.is_real
+        return not (is_missing or (self.of_clutch and not info.has_clutch))
 
 
 COLUMNS = (
@@ -58,6 +67,7 @@ COLUMNS = (
     Column(name="action", dtype=np.float64, shape=(0,), of_action=True),
     Column(name="sent", dtype=np.float64, shape=(16,), of_action=True),
     Column(name="reward", dtype=np.float64, shape=(), of_action=True),
+    Column(name="clutch", dtype=np.bool_, shape=(2,), of_action=True, of_clutch=True),
 )
 """Every column of a recording; `Recording` says what they hold."""
 
@@ -69,6 +79,8 @@ class ActorKind(StrEnum):
     POLICY = "policy"
     PERSON = "person"
     PROGRAM = "program"
+    SCRIPTED_OPERATOR = "scripted operator"
+    """A program in the place of a person, which moves hands as an expert moves tools."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -82,7 +94,7 @@ class Actor:
     version: str | None = None
     """Version of the policy, if it has one."""
     device: str | None = None
-    """What a person used."""
+    """What a person used, or a scripted operator imitated."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -113,7 +125,7 @@ class EpisodeInfo:
     task: str
     """Id of the task."""
     instruction: str
-    """Instruction of the policy."""
+    """Instruction of the policy, or what an operator typed."""
     subinstructions: tuple[str, ...]
     """What to do at stage 0, 1, ... to reach the next one."""
     layout: dict[str, Any]
@@ -149,6 +161,11 @@ class EpisodeInfo:
     cameras: dict[str, Any] = field(default_factory=dict)
     """Lenses and mounts of the cameras, as `robot.cameras.describe_cameras` gives them; empty on
     real arms, and in schemas 1 and 2. A look that moves cameras is in `config`."""
+    task_instruction: str | None = None
+    """The task's own instruction in this layout, whatever `instruction` is; None before schema
+    4."""
+    has_clutch: bool = False
+    """Whether rows say which hands led their arms."""
 
     @property
     def is_real(self) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.data.recording import Recording, first_success
-from duobench.data.schema import COLUMNS, OLDEST_SCHEMA, SCHEMA, EpisodeInfo, Outcome
+from duobench.data.schema import COLUMNS, OLDEST_SCHEMA, SCHEMA, Column, EpisodeInfo, Outcome
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
 
@@ -45,11 +45,13 @@ class _Head:
 
     def row_type(self) -> np.dtype[Any]:
         """How a row lies in memory and in the file."""
-        fields = [
-            (column.name, column.dtype, tuple(n or self.sizes[column.name] for n in column.shape))
-            for column in COLUMNS
-        ]
+        fields = [(column.name, column.dtype, self._row_shape(column)) for column in COLUMNS]
         return np.dtype(fields, align=True)
+
+    def _row_shape(self, column: Column) -> tuple[int, ...]:
+        if column.of_clutch and not column.is_in(self.info):
+            return (0,)
+        return tuple(n or self.sizes[column.name] for n in column.shape)
 
 
 class EpisodeRows:
@@ -101,6 +103,9 @@ class EpisodeRows:
         """The whole episode, which ends here."""
         return _recording(replace(self.info, outcome=outcome, last_hash=last_hash), self.rows)
 
+    def flush(self) -> None:
+        """Write every row, the last one too, which no action follows any more."""
+
     def discard(self) -> None:
         """Forget the episode if it was not finished."""
 
@@ -146,6 +151,14 @@ class EpisodeStream(EpisodeRows):
         super().append(row)
         if self._count - self._written > BATCH_ROWS:
             self._flush(self._count - 1)  # all but the last row, whose action is still to come
+
+    def flush(self) -> None:
+        """Write every row, the last one too.
+
+        Raises:
+            OutputError: They cannot be written.
+        """
+        self._flush(self._count)
 
     def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
         """Write the whole episode as Parquet and remove the stream.

@@ -55,6 +55,8 @@ class TaskSummary:
     """Episodes with a layout of the evaluation's split."""
     chatter: Chatter
     """What their joint targets do that is hard to learn."""
+    led: float | None
+    """Share of steps in which a hand of an operator led an arm; None where nothing says it."""
 
     @property
     def median_length(self) -> float:
@@ -160,7 +162,15 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         repeated_layouts=len(infos) - len({repr(info.layout) for info in infos}),
         eval_layouts=sum(info.split == "eval" for info in infos),
         chatter=measure(recordings),
+        led=_led(recordings),
     )
+
+
+def _led(recordings: Sequence[Recording]) -> float | None:
+    """The share of steps in which a hand led an arm, of the episodes that say it."""
+    clutches = [each.clutch for each in recordings if each.info.has_clutch]
+    steps = sum(map(len, clutches))
+    return sum(int(each.any(axis=1).sum()) for each in clutches) / steps if steps else None
 
 
 def _steps(recording: Recording) -> int:
@@ -171,7 +181,8 @@ def _steps(recording: Recording) -> int:
 def _who(actor: Actor) -> str:
     """An actor in words: its kind and name, where the name does not say its kind already."""
     says_kind = actor.name.partition(":")[0] == actor.kind
-    return actor.name if says_kind else f"{actor.kind} {actor.name}".strip()
+    who = actor.name if says_kind else f"{actor.kind} {actor.name}".strip()
+    return who if actor.device is None else f"{who} with {actor.device}"
 
 
 def _summarize_joints(

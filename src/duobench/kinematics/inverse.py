@@ -135,6 +135,7 @@ class ArmKinematics:
     ) -> Array:
         """Joint targets (7,) for the step towards a tool pose; see `Kinematics.step`."""
         import mink
+        from qpsolvers import exceptions
 
         start = np.clip(joints, self._low, self._high)
         goal = within_reach(self._side, target)
@@ -150,7 +151,7 @@ class ArmKinematics:
             velocity = mink.solve_ik(
                 self._configuration, tasks, dt, SOLVER, damping=DAMPING, limits=[self._limit]
             )
-        except mink.NoSolutionFound:
+        except (mink.NoSolutionFound, exceptions.QPError):
             return start
         change = velocity * dt
         if last is not None:  # the arm moves on, and cannot stop at once

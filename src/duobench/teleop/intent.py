@@ -1,0 +1,73 @@
+"""What a session asks of a device, whatever it is: hands over a network, or leader arms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from duobench.teleop.messages import Message
+from duobench.types import Array, DuoCommand, DuoState
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Intent:
+    """What the operator wants of one control step."""
+
+    action: Array
+    """The action (16,), in the action mode of the device."""
+    clutch: tuple[bool, bool]
+    """Whether the left and the right hand lead their arm."""
+    limited: tuple[bool, bool] = (False, False)
+    """Whether an arm was kept from where its hand wants it."""
+
+
+class Device(Protocol):
+    """Something that an operator leads both arms with."""
+
+    action_mode: str
+    """Name of what the numbers of its actions mean."""
+
+    def begin(self, command: DuoCommand) -> None:
+        """A new episode waits for the operator.
+
+        Args:
+            command: Where the arms are.
+        """
+        ...
+
+    def take(self, message: Message, arrival_s: float) -> None:
+        """A message of the operator has arrived; the device may have no use for it."""
+        ...
+
+    def lose(self) -> None:
+        """The operator has gone: everything is let go."""
+        ...
+
+    def prompt(self, now_s: float) -> str | None:
+        """What the operator has to do before the episode begins; None once it has begun."""
+        ...
+
+    def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
+        """The next action.
+
+        Args:
+            now_s: The time on the clock of `take`, in seconds.
+            state: Where the arms are.
+            command: Where they were commanded to be last.
+        """
+        ...
+
+    @property
+    def clutch(self) -> tuple[bool, bool]:
+        """Whether the left and the right hand lead their arm."""
+        ...
+
+    @property
+    def dropped(self) -> int:
+        """Samples that arrived too late."""
+        ...
+
+    @property
+    def sampled_s(self) -> float | None:
+        """When the newest sample arrived, in seconds; None before the first one."""
+        ...

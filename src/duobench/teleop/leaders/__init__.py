@@ -1,0 +1,1 @@
+"""Leader arms: their joints are those of the robot."""

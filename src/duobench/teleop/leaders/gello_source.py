@@ -1,0 +1,169 @@
+"""GELLO arms as leaders: DYNAMIXEL servos, read over two serial ports.
+
+Tried against servos that were imitated on a pseudo-terminal, and on no hardware.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any
+
+import numpy as np
+
+from duobench.errors import LeaderError
+from duobench.robot.joints import JOINT_RANGES
+from duobench.teleop.freshness import MAX_AGE_S
+from duobench.teleop.leaders.gello_config import GelloArm, GelloConfig
+from duobench.types import SIDES, Array, DuoCommand, Side
+
+PROTOCOL = 2.0
+PRESENT_POSITION, POSITION_BYTES = 132, 4
+"""Where a servo of the X series says where it is [DYNAMIXEL X control table]."""
+COUNTS_A_TURN = 4096
+STATUS_BYTES = 11 + POSITION_BYTES
+"""Length of a servo's answer [DYNAMIXEL protocol 2.0]."""
+ANSWER_S = 0.1
+"""Seconds after which servos that have not answered are asked again."""
+PINGS = 10
+"""How often a servo is asked whether it is there, for 34 ms each, before it is given up."""
+POLL_S = 0.001
+"""Seconds between two looks at what has arrived."""
+_MIDDLES = np.mean(JOINT_RANGES, axis=1)
+
+
+class _Bus:
+    """The servos of one arm, which a thread of its own asks again and again."""
+
+    def __init__(self, arm: GelloArm, baud: int) -> None:
+        """Open the port and ask every servo whether it is there.
+
+        Raises:
+            LeaderError: The port cannot be opened, or a servo does not answer.
+        """
+        import dynamixel_sdk as sdk  # pyright: ignore[reportMissingImports]
+
+        self._arm, self._success = arm, sdk.COMM_SUCCESS
+        self._port: Any = sdk.PortHandler(arm.port)
+        packets = sdk.PacketHandler(PROTOCOL)
+        try:
+            is_open = self._port.setBaudRate(baud)
+        except OSError as error:
+            raise LeaderError(f"Cannot open {arm.port}: {error}") from error
+        if not is_open:
+            raise LeaderError(f"{arm.port} knows no {baud} bits a second; 57600 is usual.")
+        self._ids = (*arm.ids, arm.gripper_id)
+        self._query = sdk.GroupSyncRead(self._port, packets, PRESENT_POSITION, POSITION_BYTES)
+        for each in self._ids:
+            pings = (packets.ping(self._port, each)[1] for _ in range(PINGS))
+            if sdk.COMM_SUCCESS not in pings:
+                self._port.closePort()
+                raise LeaderError(
+                    f"Servo {each} at {arm.port} does not answer; look at its power, its id and "
+                    f"the {baud} bits a second."
+                )
+            self._query.addParam(each)
+        self._newest: tuple[float, Array] | None = None
+        self._is_closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"gello {arm.port}", daemon=True)
+        self._thread.start()
+
+    def read(self) -> Array | None:
+        """Joints in radians and the opening (8,); None without young ones."""
+        newest = self._newest
+        if newest is None or time.monotonic() - newest[0] > MAX_AGE_S:
+            return None
+        return newest[1]
+
+    def close(self) -> None:
+        """Stop asking, and close the port."""
+        self._is_closing.set()
+        self._thread.join()
+        self._port.closePort()
+
+    def _run(self) -> None:
+        while not self._is_closing.is_set():
+            try:
+                if (counts := self._ask()) is not None:
+                    self._newest = time.monotonic(), joints_of(self._arm, counts)
+            except OSError:  # the cable was pulled: what was read last grows old
+                return
+
+    def _ask(self) -> list[int] | None:
+        """What the servos show (8,), in counts; None where one did not answer well."""
+        if self._query.txPacket() != self._success:
+            return None
+        end = time.monotonic() + ANSWER_S
+        # The library would look without a pause, and keep all other threads from running.
+        while self._port.getBytesAvailable() < STATUS_BYTES * len(self._ids):
+            if time.monotonic() > end or self._is_closing.is_set():
+                break
+            time.sleep(POLL_S)
+        if self._query.rxPacket() != self._success:
+            return None
+        return [self._query.getData(each, PRESENT_POSITION, POSITION_BYTES) for each in self._ids]
+
+
+class GelloSource:
+    """Two GELLO arms; Franka's GELLO Duo is such a pair."""
+
+    device = "gello"
+    """What they are called in recordings."""
+
+    def __init__(self, config: GelloConfig) -> None:
+        """Know two arms, without opening a port."""
+        self._config = config
+        self._buses: dict[Side, _Bus] = {}
+
+    def connect(self) -> None:
+        """Open both ports, and begin to read.
+
+        Raises:
+            LeaderError: dynamixel-sdk is not installed, a port cannot be opened, or a servo does
+                not answer.
+        """
+        try:
+            import dynamixel_sdk  # noqa: F401  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise LeaderError(
+                "GELLO arms need dynamixel-sdk: pip install 'duobench-fr3[teleop]'."
+            ) from error
+        try:
+            for side in SIDES:
+                arm = self._config.left if side is Side.LEFT else self._config.right
+                if side not in self._buses:
+                    self._buses[side] = _Bus(arm, self._config.baud)
+        except LeaderError:
+            self.close()
+            raise
+
+    def read(self) -> Array | None:
+        """Where they are now (16,); None where one of them has not answered for too long."""
+        rows = [self._buses[side].read() for side in SIDES if side in self._buses]
+        if len(rows) < len(SIDES) or any(row is None for row in rows):
+            return None
+        both = np.array(rows)
+        return DuoCommand(joints=both[:, :-1], openings=both[:, -1]).flat
+
+    def close(self) -> None:
+        """Stop reading and close the ports; closing twice is harmless."""
+        for bus in self._buses.values():
+            bus.close()
+        self._buses.clear()
+
+
+def joints_of(arm: GelloArm, counts: list[int]) -> Array:
+    """Joints in radians and the opening, 0 to 1, (8,) of what the servos show.
+
+    Args:
+        arm: Whose servos.
+        counts: What they show (8,), as numbers of 32 bits, with or without a sign; the trigger's
+            comes last.
+    """
+    signed = [(count + 2**31) % 2**32 - 2**31 for count in counts]
+    *servos, trigger = (count * 2.0 * math.pi / COUNTS_A_TURN for count in signed)
+    joints = np.array(arm.signs) * (np.array(servos) - np.array(arm.offsets))
+    turns = np.rint((joints - _MIDDLES) / (2.0 * math.pi))
+    opening = (trigger - arm.gripper_closed) / (arm.gripper_open - arm.gripper_closed)
+    return np.append(joints - 2.0 * math.pi * turns, min(max(opening, 0.0), 1.0))

@@ -1,0 +1,134 @@
+"""Teleoperators of LeRobot as leader arms.
+
+Any teleoperator will do whose actions are our 16 numbers: `left_joint_1` to `right_gripper`, with
+LeRobot's ending `.pos` or without; joints in radians, grippers 0 closed to 1 open. LeRobot is
+imported where one is made by name, and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from duobench.envs.spaces import JOINT_NAMES
+from duobench.errors import LeaderError, UnknownNameError
+from duobench.types import Array
+
+ENDING = ".pos"
+"""What LeRobot appends to the name of a joint for its position."""
+
+
+class Teleoperator(Protocol):
+    """What is used of LeRobot's class of this name."""
+
+    @property
+    def action_features(self) -> Mapping[str, Any]:
+        """Names of the numbers of an action."""
+        ...
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it can be read."""
+        ...
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Reach the hardware."""
+        ...
+
+    def get_action(self) -> Mapping[str, Any]:
+        """The numbers now, by name."""
+        ...
+
+    def disconnect(self) -> None:
+        """Let go of the hardware."""
+        ...
+
+
+class LeRobotSource:
+    """A teleoperator of LeRobot with our 16 numbers."""
+
+    def __init__(self, teleoperator: Teleoperator, device: str | None = None) -> None:
+        """Take a teleoperator.
+
+        Args:
+            teleoperator: It is connected by `connect`, and need not be before.
+            device: What it is called in recordings; LeRobot's name for it if not given.
+
+        Raises:
+            LeaderError: Its actions lack one of our numbers, or have others.
+        """
+        self._teleoperator = teleoperator
+        self.device = device or f"lerobot {getattr(teleoperator, 'name', 'teleoperator')}"
+        """What it is called in recordings."""
+        plain = {key.removesuffix(ENDING): key for key in teleoperator.action_features}
+        if set(plain) != set(JOINT_NAMES) or len(plain) != len(teleoperator.action_features):
+            raise LeaderError(
+                f"{self.device} gives {', '.join(teleoperator.action_features) or 'nothing'}; two "
+                f"leader arms give exactly {JOINT_NAMES[0]}{ENDING} to {JOINT_NAMES[-1]}{ENDING}, "
+                "seven joints in radians and a gripper on each side."
+            )
+        self._keys = [plain[name] for name in JOINT_NAMES]
+
+    @staticmethod
+    def make(kind: str, **options: Any) -> LeRobotSource:
+        """A teleoperator by LeRobot's name for its kind, also one of an installed plugin.
+
+        Args:
+            kind: The name, as `lerobot-teleoperate --teleop.type` takes it.
+            options: Fields of its configuration, such as `port`.
+
+        Raises:
+            LeaderError: LeRobot is not installed, an option is wrong, or the actions are not ours.
+            UnknownNameError: There is no such teleoperator.
+        """
+        try:
+            from lerobot.teleoperators import (  # pyright: ignore[reportMissingImports]
+                TeleoperatorConfig,
+                make_teleoperator_from_config,
+            )
+            from lerobot.utils.import_utils import (  # pyright: ignore[reportMissingImports]
+                register_third_party_plugins,
+            )
+        except ImportError as error:
+            raise LeaderError(
+                "Teleoperators of LeRobot need LeRobot: pip install 'duobench-fr3[lerobot]'."
+            ) from error
+        register_third_party_plugins()
+        kinds = TeleoperatorConfig.get_known_choices()
+        if kind not in kinds:
+            raise UnknownNameError("teleoperator of LeRobot", kind, kinds)
+        try:
+            config = kinds[kind](**options)
+        except (TypeError, ValueError) as error:
+            raise LeaderError(f"The teleoperator {kind!r} cannot be made: {error}") from error
+        return LeRobotSource(make_teleoperator_from_config(config), f"lerobot {kind}")
+
+    def connect(self) -> None:
+        """Reach the leaders.
+
+        Raises:
+            LeaderError: They cannot be reached.
+        """
+        if self._teleoperator.is_connected:
+            return
+        try:
+            self._teleoperator.connect()
+        except (OSError, RuntimeError) as error:
+            raise LeaderError(f"{self.device} cannot be reached: {error}") from error
+
+    def read(self) -> Array | None:
+        """Where they are now (16,); None where they cannot be read, or give no numbers."""
+        try:
+            action = self._teleoperator.get_action()
+            numbers = [float(action[key]) for key in self._keys]
+        except (OSError, RuntimeError, KeyError, TypeError, ValueError):
+            return None
+        return np.array(numbers) if math.isfinite(sum(numbers)) else None
+
+    def close(self) -> None:
+        """Let go of them; closing twice is harmless."""
+        if self._teleoperator.is_connected:
+            self._teleoperator.disconnect()

@@ -1,0 +1,142 @@
+"""What a page sends: where the operator's hands are, and what the operator asks for.
+
+Text as JSON. Nothing in it is trusted: a message that is not exactly of its kind is refused with a
+sentence, and changes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+
+from duobench.errors import MessageError, escaped
+from duobench.spatial import SE3, length
+
+FARTHEST = 100.0
+"""Largest coordinate of a hand in metres; only differences of poses matter."""
+NORM_TOLERANCE = 1e-3
+"""How far the length of a quaternion may be from one."""
+LONGEST_INSTRUCTION = 300
+"""Characters of an instruction that an operator types."""
+LONGEST_MESSAGE = 4096
+"""Bytes of a message."""
+
+Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+"""How far something is pressed, 0 to 1."""
+Pose = tuple[float, float, float, float, float, float, float]
+"""x y z in metres, then the quaternion w x y z."""
+
+
+class Buttons(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The buttons on a hand that are pressed."""
+
+    keep: bool = False
+    """Keep the episode."""
+    discard: bool = False
+    """Discard it."""
+    recentre: bool = False
+    """The operator moves to another place: both hands let go."""
+
+
+class Hand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One hand at one moment."""
+
+    pose: Pose
+    """Where it is, in the world frame or in any other that stands upright beside it."""
+    sure: bool
+    """Whether the device tracks it."""
+    squeeze: Share
+    """The clutch: how far it is squeezed."""
+    trigger: Share
+    """The gripper: 0 open, 1 closed."""
+    buttons: Buttons = Buttons()
+    """Its buttons."""
+
+    def __post_init__(self) -> None:
+        """Reject positions beyond all rooms, and quaternions that are no rotation."""
+        if not all(abs(number) <= FARTHEST for number in self.pose[:3]):
+            raise ValueError(f"a hand is at most {FARTHEST:g} m away, got {list(self.pose[:3])}")
+        norm = length(self.pose[3:])
+        if not abs(norm - 1.0) <= NORM_TOLERANCE:
+            raise ValueError(f"a quaternion (w x y z) has length one, got {norm:g}")
+
+    @property
+    def world_from_hand(self) -> SE3:
+        """Where it is."""
+        return SE3.from_wxyz(self.pose[3:], self.pose[:3])
+
+
+class Hands(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind",
+    tag="hands",
+):  # fmt: skip
+    """Both hands at one moment."""
+
+    sent: float
+    """When it was sent, in ms of the sender's clock."""
+    seq: Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
+    """Number of the message; it grows."""
+    left: Hand | None
+    """The left hand; None where the device has none."""
+    right: Hand | None
+    """The right hand; None where the device has none."""
+
+    def __post_init__(self) -> None:
+        """Reject a clock that is none."""
+        if not (math.isfinite(self.sent) and self.sent >= 0.0):
+            raise ValueError(f"`sent` is a time in ms from 0 on, got {self.sent}")
+
+
+class Keep(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="keep"):
+    """Keep the episode."""
+
+
+class Discard(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="discard"
+):
+    """Discard the episode, and begin the next one."""
+
+
+class Recentre(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="recentre"
+):
+    """The operator moves to another place: both hands let go."""
+
+
+class Instruction(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="instruction"
+):
+    """What the operator says that the arms will do; empty for the task's own words."""
+
+    text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)]
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        """Reject what cannot be printed in one line."""
+        if self.text != escaped(self.text) or len(self.text.splitlines()) > 1:
+            raise ValueError("an instruction is one line that can be printed")
+
+
+Message = Hands | Keep | Discard | Recentre | Instruction
+"""Everything that an operator may send."""
+
+_decoder = msgspec.json.Decoder(Message)
+
+
+def read(data: bytes | str) -> Message:
+    """A message from what anybody may have sent.
+
+    Raises:
+        MessageError: It is none: no JSON, too long, of no known kind, with a field too many or too
+            few, of a wrong type, or out of range.
+    """
+    if len(data) > LONGEST_MESSAGE:
+        raise MessageError(
+            f"A message has at most {LONGEST_MESSAGE} bytes, this one has {len(data)}."
+        )
+    try:
+        return _decoder.decode(data)
+    except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
+        raise MessageError(f"This message is refused: {error}.".replace("`$.", "`")) from error

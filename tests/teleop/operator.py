@@ -1,0 +1,73 @@
+"""A scripted operator: hands that follow the tool poses of an expert, as messages of a page.
+
+It looks at the same simulation as an expert does, and sends what a page would: poses of two hands
+in a frame of the operator's own, squeezes and triggers.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from duobench.envs.sim_env import sim_of
+from duobench.experts.expert import find_script
+from duobench.experts.motion import Arms
+from duobench.spatial import SE3
+from duobench.teleop.session import Session, State
+from duobench.types import CONTROL_HZ, SIDES
+
+ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)
+"""The operator stands somewhere else; the axes are those of the room."""
+HELD = {side: SE3.about((0.2, 1.0, 0.3), 0.7 + side.index) for side in SIDES}
+"""Nobody holds a controller as the robot holds its tool."""
+
+
+def hand(pose: SE3, *, squeeze: float = 0.0, trigger: float = 0.0, **more: Any) -> dict[str, Any]:
+    """A hand of a message."""
+    numbers = [*pose.translation.tolist(), *pose.wxyz.tolist()]
+    return {"pose": numbers, "sure": True, "squeeze": squeeze, "trigger": trigger, **more}
+
+
+def message(number: int, left: Any, right: Any, sent: float | None = None) -> bytes:
+    """A message, by default one of thirty a second."""
+    when = 1000.0 * number / CONTROL_HZ if sent is None else sent
+    said = {"kind": "hands", "sent": when, "seq": number, "left": left, "right": right}
+    return json.dumps(said).encode()
+
+
+class Operator:
+    """Leads one episode of a session after the other."""
+
+    def __init__(self, session: Session) -> None:
+        """Take a place in front of a session."""
+        self._session = session
+        self._number = 0
+        self._arms: Arms | None = None
+
+    def next_message(self) -> bytes:
+        """What the page would send now."""
+        state = self._session.state
+        if state is State.DECIDE:
+            self._arms = None
+            return b'{"kind": "keep"}'
+        squeeze = 1.0 if self._arms is not None else 0.0
+        if self._arms is None and state is State.WAITING:
+            self._begin()
+        elif self._arms is not None:
+            next(self._script, None)
+        self._number += 1
+        return message(self._number, *(self._hand(side, squeeze) for side in SIDES))
+
+    def _begin(self) -> None:
+        env = sim_of(self._session.env)
+        self._arms = Arms(env.simulation)
+        self._script = find_script(env.definition)(self._arms)
+        self._started = False
+
+    def _hand(self, side: Any, squeeze: float) -> dict[str, Any]:
+        assert self._arms is not None
+        pose = ROOM_FROM_WORLD @ self._arms.targets[side] @ HELD[side]
+        trigger = float(np.clip(1.0 - self._arms.openings[side.index], 0.0, 1.0))
+        return hand(pose, squeeze=squeeze, trigger=trigger)

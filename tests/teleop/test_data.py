@@ -1,0 +1,57 @@
+"""What is recorded in a session is data: checked, shown, replayed, exported as that of experts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from duobench.cli import main
+from duobench.data import Actor, ActorKind, DataSet, ExportOptions, export_lerobot, replay_all
+from duobench.teleop.hands import HandDevice
+from duobench.teleop.recorder import make_recorder
+from duobench.teleop.session import Session, State
+from duobench.types import CONTROL_HZ
+from tests.teleop.operator import Operator
+
+TASKS = ("bin_sort", "carry_pot")
+OPERATOR = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
+    found = DataSet.open(tmp_path_factory.mktemp("people") / "data")
+    for task in TASKS:
+        session = Session(make_recorder(task, found, OPERATOR), HandDevice(), episodes=1)
+        operator, turn = Operator(session), 0
+        while session.state is not State.OVER:
+            session.receive(operator.next_message(), turn / CONTROL_HZ)
+            session.advance(turn / CONTROL_HZ)
+            turn += 1
+        session.close()
+    return found
+
+
+def test_the_page_and_the_terminal_say_who_recorded(
+    data: DataSet, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["data", "info", str(data.path), "--no-images"])
+    said = capsys.readouterr().out
+    page = (data.path / "index.html").read_text(encoding="utf-8")
+    assert "Recorded by scripted operator follower with hands" in said
+    assert "bin_sort: a hand led an arm in 100% of the steps" in said
+    assert "scripted operator follower with hands, whose hands led in 100 % of the steps" in page
+    assert "person" not in page
+
+
+def test_every_episode_is_replayed_to_the_last_bit(data: DataSet) -> None:
+    for task in TASKS:
+        assert all(each.is_exact for each in replay_all(task, data.recordings(task)))
+
+
+@pytest.mark.parametrize("action", ["joint", "cartesian_relative"])
+def test_it_is_exported_in_every_mode(data: DataSet, tmp_path: Path, action: str) -> None:
+    options = ExportOptions(cameras=(), action=action)
+    exported = export_lerobot(data, tmp_path / "out", options, workers=0)
+    assert exported.episodes == len(TASKS)
+    assert exported.frames == sum(map(len, data.recordings()))

@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from duobench.data import Actor
+from duobench.spatial import SE3
+from duobench.teleop.hands import HandDevice
+from duobench.teleop.pacing import PERIOD_S, Timings, run
+from duobench.teleop.recorder import make_recorder
+from duobench.teleop.session import Session, State
+from tests.teleop.operator import hand, message
+
+STEPS = 15
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    env = make_recorder("bin_sort", None, Actor(), time_limit_s=STEPS * PERIOD_S)
+    made = Session(env, HandDevice(), episodes=1)
+    yield made
+    made.close()
+
+
+def squeeze(session: Session, stop: threading.Event) -> None:
+    """Send hands sixty times a second, as a page does: open first, then squeezed."""
+    number = 0
+    while not stop.is_set():
+        one = hand(SE3(), squeeze=float(number > 3))
+        now = time.monotonic()
+        session.receive(message(number, one, one, sent=1000.0 * now), now)
+        number += 1
+        time.sleep(1 / 60)
+
+
+@pytest.mark.parametrize("work_s", [0.0, 2 * PERIOD_S])
+def test_a_late_loop_slows_simulated_time_and_leaves_no_step_out(
+    session: Session, work_s: float
+) -> None:
+    stop, steps = threading.Event(), []
+    sender = threading.Thread(target=squeeze, args=(session, stop))
+    sender.start()
+
+    def look() -> None:
+        steps.append(session.status()["step"])
+        time.sleep(work_s)
+
+    def is_stopped() -> bool:
+        return session.state is State.DECIDE
+
+    timings = run(session, look, is_stopped=is_stopped)
+    stop.set()
+    sender.join()
+    recorded = [step for step in steps if step]
+    assert recorded == list(range(1, STEPS + 1))
+    assert min(timings.periods) >= 1000 * max(PERIOD_S, work_s) - 5
+    assert len(timings.periods) == STEPS
+    assert timings.latencies
+    said = timings.summary()
+    assert 0 < said["latency_ms"]["p50"] <= said["latency_ms"]["max"]
+    assert timings.latency_ms is not None
+    backend = session.env.base.backend
+    assert backend.time == pytest.approx(STEPS * PERIOD_S)
+
+
+def test_in_lockstep_a_session_waits_for_its_messages() -> None:
+    env = make_recorder("bin_sort", None, Actor(), time_limit_s=STEPS * PERIOD_S)
+    session = Session(env, HandDevice(lockstep=True), episodes=1, lockstep=True)
+    steps = []
+
+    def send() -> None:
+        """The next message comes when the page has seen what the last one did."""
+        steps.append(session.status()["step"])
+        one = hand(SE3(), squeeze=float(len(steps) > 1))
+        session.receive(message(len(steps), one, one), time.monotonic())
+
+    send()
+    run(session, send, is_stopped=lambda: session.state is State.DECIDE)
+    assert steps[-1] == STEPS
+    assert sorted(set(steps)) == list(range(STEPS + 1))
+    session.close()
+
+
+def test_times_are_none_before_the_first_step() -> None:
+    timings = Timings()
+    assert timings.summary() == {}
+    assert timings.latency_ms is None
