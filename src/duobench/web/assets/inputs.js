@@ -51,7 +51,7 @@ function help() {
   const parts = Object.entries(CONTROLS).map(([device, rows]) => {
     const list = build("dl");
     for (const [what, does] of rows) list.append(build("dt", {}, what), build("dd", {}, does));
-    return build("section", {}, build("h3", {}, device), list);
+    return build("section", {}, build("h2", {}, device), list);
   });
   return build("details", { class: "help" }, build("summary", {}, "Controls"), ...parts);
 }
