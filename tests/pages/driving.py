@@ -22,7 +22,7 @@ from tools.pages import browser
 ASSETS = files("duobench.web") / "assets"
 STAND = Path(__file__).with_name("driving.html")
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-WAIT_S = 60
+WAIT_S = 20
 
 
 class Operated:

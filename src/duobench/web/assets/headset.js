@@ -63,7 +63,7 @@ export class Headset {
   #isSeeThrough = false;
   #room = null; // where the person is
   #world = null; // the same, measured in the frame of the table
-  #placing = null; // in AR: {height, origin or null, heading}
+  #placing = null; // in AR: {height, origin or null, heading, side that points}
   #isUnsettled = true; // until the viewer was put where the robot's head is
   #mustRelease = { left: true, right: true };
   #clicked = { left: false, right: false };
@@ -125,7 +125,7 @@ export class Headset {
   #unsettle() {
     this.#isUnsettled = true;
     this.#mustRelease = { left: true, right: true };
-    const placing = { height: TABLE_HEIGHT, origin: null, heading: 0 };
+    const placing = { height: TABLE_HEIGHT, origin: null, heading: 0, side: null };
     this.#placing = this.#isSeeThrough ? placing : null;
   }
 
@@ -166,7 +166,10 @@ export class Headset {
     const placing = this.#placing;
     const sources = [...frame.session.inputSources].filter((source) => source.gamepad);
     const value = (source) => source.gamepad.buttons[BUTTON.trigger].value;
-    const source = sources.sort((one, other) => value(other) - value(one))[0];
+    const points = placing.origin
+      ? (source) => source.handedness === placing.side
+      : (source) => value(source) > PRESSED;
+    const source = sources.find(points) ?? sources.at(-1);
     const pose = source && frame.getPose(source.targetRaySpace, this.#room);
     if (!pose) return this.#settle([0, placing.height, -0.5], headingOf(viewer.transform));
     const lift = source.gamepad.axes[3] ?? 0;
@@ -174,7 +177,9 @@ export class Headset {
     const [x, z] = this.#pointed(pose.transform, placing.height);
     const isPressed = value(source) > PRESSED;
     if (!placing.origin) placing.heading = headingOf(viewer.transform);
-    if (isPressed) placing.origin ??= [x, z];
+    if (isPressed && !placing.origin) {
+      Object.assign(placing, { origin: [x, z], side: source.handedness });
+    }
     const origin = placing.origin ?? [x, z];
     const away = [x - origin[0], z - origin[1]];
     if (Math.hypot(...away) > LEAST_TURN) placing.heading = Math.atan2(-away[0], -away[1]);
