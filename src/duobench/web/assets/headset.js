@@ -169,9 +169,12 @@ export class Headset {
     const points = placing.origin
       ? (source) => source.handedness === placing.side
       : (source) => value(source) > PRESSED;
-    const source = sources.find(points) ?? sources.at(-1);
+    const source = sources.find(points) ?? (placing.origin ? null : sources.at(-1));
     const pose = source && frame.getPose(source.targetRaySpace, this.#room);
-    if (!pose) return this.#settle([0, placing.height, -0.5], headingOf(viewer.transform));
+    if (!pose) {
+      if (!placing.origin) this.#settle([0, placing.height, -0.5], headingOf(viewer.transform));
+      return;
+    }
     const lift = source.gamepad.axes[3] ?? 0;
     if (Math.abs(lift) > 0.2) placing.height -= lift * LIFT * seconds;
     const [x, z] = this.#pointed(pose.transform, placing.height);
