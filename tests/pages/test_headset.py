@@ -132,7 +132,12 @@ def test_buttons_are_those_of_the_standard_mapping(page: Operated) -> None:
 def test_a_click_of_the_stick_puts_the_view_anew_and_opens_the_clutch(page: Operated) -> None:
     enter(page)
     press(page, "right", "squeeze", 1)
-    place(page, "worn", ROOM_HEAD + [0.3, -0.2, 0.5], Rotation.from_euler("YX", [1.0, -HEAD_PITCH]))
+    place(
+        page,
+        "worn",
+        ROOM_HEAD + np.array([0.3, -0.2, 0.5]),
+        Rotation.from_euler("YX", [1.0, -HEAD_PITCH]),
+    )
     left, right = matrices(page)
     assert np.linalg.norm((left + right)[:3, 3] / 2 - TABLE_FROM_HEAD.translation) > 0.5
     now = press(page, "right", "thumbstick", 1)

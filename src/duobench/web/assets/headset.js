@@ -242,6 +242,7 @@ export class Headset {
     for (const eye of pose?.views ?? []) {
       const { x, y, width, height } = layer.getViewport(eye);
       const view = eye.transform.inverse.matrix;
+      gl.viewport(x, y, width, height);
       this.#scene.draw(view, eye.projectionMatrix, [x, y, width, height]);
       this.#board.draw(view, eye.projectionMatrix);
     }
