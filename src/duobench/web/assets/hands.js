@@ -143,6 +143,7 @@ export class Hands {
   }
 
   set isDriving(value) {
+    if (value === this.#isDriving) return;
     this.#isDriving = value;
     this.letGo();
   }

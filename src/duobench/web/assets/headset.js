@@ -55,6 +55,8 @@ function worldInRoom([x, y, z], heading) {
 export class Headset {
   /** Called when a session has begun or ended. */
   onChange = () => {};
+  /** What the board in the scene says; the first line is the largest. */
+  lines = [];
   #gl;
   #scene;
   #hands;
@@ -79,11 +81,6 @@ export class Headset {
     return this.#session !== null;
   }
 
-  /** Lines on the board in the scene; the first is the largest. */
-  show(lines) {
-    this.#board?.show(this.#placing ? PLACING : lines);
-  }
-
   /** Begin a session, "immersive-vr" or "immersive-ar"; only a click of the user may ask for it. */
   async enter(mode) {
     this.#isSeeThrough = mode === "immersive-ar";
@@ -91,6 +88,16 @@ export class Headset {
     const session = await navigator.xr.requestSession(mode, { requiredFeatures: [space] });
     this.#session = session;
     session.addEventListener("end", () => this.#ended());
+    try {
+      await this.#begin(session, space);
+    } catch (error) {
+      session.end();
+      throw error;
+    }
+    this.onChange();
+  }
+
+  async #begin(session, space) {
     await this.#gl.makeXRCompatible();
     const baseLayer = new XRWebGLLayer(session, this.#gl);
     session.updateRenderState({ baseLayer, depthNear: 0.05, depthFar: 20 });
@@ -99,7 +106,6 @@ export class Headset {
     this.#room.addEventListener("reset", () => this.#unsettle());
     this.#unsettle();
     session.requestAnimationFrame((time, frame) => this.#frame(time, frame));
-    this.onChange();
   }
 
   leave() {
@@ -236,6 +242,7 @@ export class Headset {
     const gl = this.#gl;
     const layer = frame.session.renderState.baseLayer;
     const pose = frame.getViewerPose(this.#world);
+    this.#board.show(this.#placing ? PLACING : this.lines);
     gl.bindFramebuffer(gl.FRAMEBUFFER, layer.framebuffer);
     gl.clearColor(...(this.#isSeeThrough ? [0, 0, 0, 0] : [0.85, 0.87, 0.89, 1]));
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);

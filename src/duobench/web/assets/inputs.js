@@ -56,8 +56,13 @@ function help() {
   return build("details", { class: "help" }, build("summary", {}, "Controls"), ...parts);
 }
 
+const HINTS = {
+  waiting: "Hold a grip: its arm follows your hand. The trigger closes the gripper.",
+  decide: "A or X keeps the episode, B or Y discards it.",
+};
+
 /** What the board in the scene says of a status of the server. */
-export function lines({ instruction, next, stage, max_stage, state, kept, wanted, latency_ms }) {
+function lines({ instruction, next, stage, max_stage, state, kept, wanted, latency_ms }) {
   const said = (value) => value !== undefined && value !== null;
   const facts = [
     said(stage) && said(max_stage) && `stage ${stage} of ${max_stage}`,
@@ -65,7 +70,8 @@ export function lines({ instruction, next, stage, max_stage, state, kept, wanted
     said(kept) && (said(wanted) ? `${kept} of ${wanted} kept` : `${kept} kept`),
     said(latency_ms) && `${Math.round(latency_ms)} ms`,
   ];
-  return [instruction, next && `Next: ${next}`, facts.filter(Boolean).join(" · ")].filter(Boolean);
+  const line = facts.filter(Boolean).join(" · ");
+  return [instruction, next && `Next: ${next}`, line, HINTS[state]].filter(Boolean);
 }
 
 /**
@@ -84,22 +90,24 @@ export function startInputs({ scene, orbit, socket, status, element }) {
   const panel = new Panel({ hands, headset });
   status.append(panel.element);
 
+  const role = element.getAttribute("role");
+  const drive = (isDriving) => {
+    hands.isDriving = isDriving;
+    panel.show(isDriving);
+    element.setAttribute("role", isDriving ? "application" : (role ?? "img"));
+  };
   const receive = {
-    role({ role }) {
-      hands.isDriving = role === "driver";
-      panel.show(hands.isDriving);
-      if (hands.isDriving) element.setAttribute("role", "application");
-      else element.removeAttribute("role");
-    },
+    role: (message) => drive(message.role === "driver"),
     status(message) {
       mouse.tools = message.tools ?? mouse.tools;
-      headset.show(lines(message));
+      headset.lines = lines(message);
     },
     pulse({ side, strength, ms }) {
       headset.pulse(side, strength, ms);
       gamepads.pulse(strength, ms);
     },
   };
+  socket.addEventListener("close", () => drive(false));
   socket.addEventListener("message", ({ data }) => {
     if (typeof data !== "string") return;
     const message = JSON.parse(data);
