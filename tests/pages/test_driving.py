@@ -154,10 +154,8 @@ def test_keys_choose_the_arm_and_the_grippers(page: Operated, canvas: tuple[floa
     assert page.settle()["left"]["trigger"] == 0
     page.page.keyboard.press("f")
     now = page.settle()
-    assert (now["left"]["trigger"], now["left"]["squeeze"]) == (1, 1)
-    assert (now["right"]["trigger"], now["right"]["squeeze"]) == (0, 0)
-    page.wait(lambda: page.settle()["left"]["squeeze"] == 0)
-    assert page.settle()["left"]["trigger"] == 1
+    assert (now["left"]["trigger"], now["right"]["trigger"]) == (1, 0)
+    assert (now["left"]["squeeze"], now["right"]["squeeze"]) == (0, 0)
     page.page.keyboard.press("f")
     assert page.settle()["left"]["trigger"] == 0
     page.page.keyboard.down("j")
@@ -165,6 +163,17 @@ def test_keys_choose_the_arm_and_the_grippers(page: Operated, canvas: tuple[floa
     assert page.settle()["right"]["trigger"] == 1
     page.page.keyboard.up("j")
     assert page.settle()["right"]["trigger"] == 0
+
+
+def test_grippers_are_open_when_an_episode_waits(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    page.page.mouse.click(*canvas)
+    page.page.keyboard.press("j")
+    page.tell(kind="status", state="success")
+    assert page.settle()["right"]["trigger"] == 1
+    page.tell(kind="status", state="waiting")
+    page.wait(lambda: page.settle()["right"]["trigger"] == 0)
 
 
 def test_keys_move_by_a_step_and_go_on_while_held(

@@ -25,7 +25,7 @@ export class Gamepads {
     this.#hands = hands;
   }
 
-  update(seconds, now) {
+  update(seconds) {
     const hands = this.#hands;
     const pad = this.#pad;
     if (!pad) {
@@ -37,7 +37,7 @@ export class Gamepads {
     const isNew = (name) => pad.buttons[BUTTON[name]]?.pressed && !was[BUTTON[name]];
     for (const side of ["left", "right"]) {
       if (isNew(side)) hands.active = side;
-      hands[side].press("gamepad", pad.buttons[BUTTON[`${side}Trigger`]]?.value ?? 0, now);
+      hands[side].press("gamepad", pad.buttons[BUTTON[`${side}Trigger`]]?.value ?? 0);
     }
     for (const word of ["keep", "discard"]) if (isNew(word)) hands.say(word);
     this.#steer(pad, seconds);

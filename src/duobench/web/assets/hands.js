@@ -6,7 +6,6 @@
 const PERIOD_MS = 1000 / 60; // between two messages
 const STALL_MS = 250; // a page that stood still for longer lets go: nobody steered meanwhile
 const BACKLOG_BYTES = 1024; // what may wait in the socket; more would arrive stale
-const GRIPPER_MS = 400; // how long a gripper's command squeezes its hand by itself
 
 const multiply = ([a, b, c, d], [w, x, y, z]) => [
   a * w - b * x - c * y - d * z,
@@ -64,11 +63,15 @@ export class Hand {
     return Math.max(0, ...this.#triggers.values());
   }
 
-  /** Close the gripper by a device's share, 0 open to 1 closed; a change squeezes the hand. */
-  press(device, value, now) {
-    if (Math.abs(value - (this.#triggers.get(device) ?? 0)) < 0.005) return;
+  /** Close the gripper by a device's share, 0 open to 1 closed; the device that says most wins. */
+  press(device, value) {
     this.#triggers.set(device, value);
-    this.hold("gripper", now + GRIPPER_MS);
+  }
+
+  /** Let go, with an open gripper. */
+  open() {
+    this.letGo();
+    this.#triggers.clear();
   }
 
   /**
@@ -151,6 +154,12 @@ export class Hands {
   letGo() {
     this.left.letGo();
     this.right.letGo();
+  }
+
+  /** Both hands let go and their grippers open, as an episode begins. */
+  open() {
+    this.left.open();
+    this.right.open();
   }
 
   /** Send a message without a hand in it, such as "keep". */

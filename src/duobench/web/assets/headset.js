@@ -7,6 +7,7 @@ const TABLE_HEIGHT = 0.8095; // of the table top above the floor, in m
 const LIFT = 0.1; // m/s, of a real table's height by a stick
 const LEAST_TURN = 0.05; // metres to point away before that turns the table
 const PRESSED = 0.5;
+const RELEASED = 0.3; // a grip, before it may squeeze again
 const BUTTON = { trigger: 0, squeeze: 1, stick: 3, keep: 4, discard: 5 }; // mapping xr-standard
 const PLACING = [
   "Place the table",
@@ -223,7 +224,7 @@ export class Headset {
   #hand(side, pose, buttons) {
     const isPressed = (name) => buttons[BUTTON[name]]?.pressed ?? false;
     const squeeze = buttons[BUTTON.squeeze]?.value ?? 0;
-    if (squeeze < PRESSED) this.#mustRelease[side] = false;
+    if (squeeze < RELEASED) this.#mustRelease[side] = false;
     const recentre = isPressed("stick");
     if (recentre && !this.#clicked[side]) this.#unsettle();
     this.#clicked[side] = recentre;

@@ -96,11 +96,14 @@ export function startInputs({ scene, orbit, socket, status, element }) {
     panel.show(isDriving);
     element.setAttribute("role", isDriving ? "application" : (role ?? "img"));
   };
+  let state = null;
   const receive = {
     role: (message) => drive(message.role === "driver"),
     status(message) {
       mouse.tools = message.tools ?? mouse.tools;
       headset.lines = lines(message);
+      if (message.state === "waiting" && state !== "waiting") hands.open();
+      state = message.state ?? state;
     },
     pulse({ side, strength, ms }) {
       headset.pulse(side, strength, ms);

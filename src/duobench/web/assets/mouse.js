@@ -158,7 +158,7 @@ export class Mouse {
 
   #toggle(letter, now, isDown = true) {
     const hand = this.#hands[GRIPPERS[letter]];
-    hand.press("keys", hand.trigger > 0.5 ? 0 : 1, now);
+    hand.press("keys", hand.trigger > 0.5 ? 0 : 1);
     if (isDown) this.#grippers.set(letter, now);
   }
 
