@@ -7,8 +7,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from http import HTTPStatus
-from importlib.resources import files
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from websockets.sync.server import ServerConnection, serve
 
 from tools.pages import browser
 
-ASSETS = files("duobench.web") / "assets"
+ASSETS = resources.files("duobench.web") / "assets"
 STAND = Path(__file__).with_name("driving.html")
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WAIT_S = 20
@@ -85,8 +86,9 @@ class Operated:
 
 
 @contextmanager
-def operated(*scripts: Path | str) -> Iterator[Operated]:
-    """A page in a browser, with scripts that run before its own."""
+def operated(*scripts: Path | str, files: dict[str, bytes] | None = None) -> Iterator[Operated]:
+    """A page in a browser, with scripts that run before its own, and files beside its own."""
+    answer = partial(_answer, files or {})
     served: dict[str, Operated] = {}
 
     def talk(socket: ServerConnection) -> None:
@@ -98,7 +100,7 @@ def operated(*scripts: Path | str) -> Iterator[Operated]:
         except ConnectionClosed:
             pass
 
-    with serve(talk, "127.0.0.1", 0, process_request=_answer) as server:
+    with serve(talk, "127.0.0.1", 0, process_request=answer) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:
@@ -118,7 +120,9 @@ def operated(*scripts: Path | str) -> Iterator[Operated]:
             thread.join()
 
 
-def _answer(_connection: ServerConnection, request: Request) -> Response | None:
+def _answer(
+    own: dict[str, bytes], _connection: ServerConnection, request: Request
+) -> Response | None:
     path = request.path
     if path == "/ws":
         return None
@@ -129,7 +133,8 @@ def _answer(_connection: ServerConnection, request: Request) -> Response | None:
         body = (ASSETS / path[1:]).read_bytes()
         kind = mimetypes.guess_type(path)[0] or "application/octet-stream"
     else:
-        return Response(HTTPStatus.NO_CONTENT, "", Headers())
+        body = own.get(path, b"")
+        kind = "application/octet-stream"
     headers = Headers({"Content-Type": f"{kind}; charset=utf-8", "Content-Length": str(len(body))})
     return Response(HTTPStatus.OK, "OK", headers, body)
 

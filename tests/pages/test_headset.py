@@ -3,15 +3,20 @@
 import math
 import os
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
+import duobench
+from duobench.envs.duo_env import base_of
 from duobench.robot.cameras import HEAD_PITCH, TABLE_FROM_HEAD
 from duobench.robot.workcell import FLOOR_Z
+from duobench.web.geometry import Geometry
 from tests.pages.driving import Operated, operated
 
 IWER = Path(os.environ["DUOBENCH_IWER"])
@@ -176,6 +181,36 @@ def test_a_session_that_is_hidden_or_over_moves_nothing(page: Operated) -> None:
     now = page.settle()
     assert (now["left"]["squeeze"], now["right"]["squeeze"]) == (0, 0)
     assert page.page.get_by_role("button", name="Enter VR").is_enabled()
+
+
+@pytest.fixture(scope="module")
+def scene() -> dict[str, bytes]:
+    """A task as it begins, as the server gives it to a page."""
+    with closing(duobench.make("transfer_cube")) as env:
+        env.reset(seed=0)
+        simulation = base_of(env).simulation
+        geometry = Geometry(simulation.model)
+        poses = geometry.poses(simulation.data)
+    return {"/scene.bin": geometry.data, "/poses.bin": poses.tobytes()}
+
+
+@pytest.mark.parametrize(("name", "behind"), [("VR", 0), ("AR", 0.1)])
+def test_the_eyes_see_the_scene(
+    scene: dict[str, bytes], name: str, behind: float, tmp_path: Path
+) -> None:
+    """In AR there is no room, so that what is behind the page is seen: here a grey canvas."""
+    with operated(IWER, WEAR, files=scene) as page:
+        page.open()
+        place(page, "worn", ROOM_HEAD, LOOK)
+        page.drive()
+        enter(page, name)
+        page.page.screenshot(path=tmp_path / "eyes.png")
+        assert page.complaints == []
+    with Image.open(tmp_path / "eyes.png") as image:
+        seen = np.asarray(image.convert("RGB"), int)[110:690, 110:890].reshape(-1, 3)
+    is_table = (np.abs(seen - [190, 170, 145]) < 20).all(axis=1).mean()
+    assert is_table > 0.1
+    assert ((seen == 0xDD).all(axis=1).mean() > behind) == (behind > 0)
 
 
 def test_a_table_is_placed_by_pointing_pressing_and_turning(page: Operated) -> None:

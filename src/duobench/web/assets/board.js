@@ -1,7 +1,7 @@
 // A board of text that stands in the scene, behind the table, for somebody who wears a headset.
 
-const [WIDTH, HEIGHT] = [1024, 384]; // pixels of the text
-const PLACE = { x: 1.25, halfWidth: 0.5, low: 0.35, high: 0.725 }; // in the world, in m
+const [WIDTH, HEIGHT] = [1024, 448]; // pixels of the text
+const PLACE = { x: 1.25, halfWidth: 0.36, low: 0.45, high: 0.765 }; // in the world, in m
 const INK = "#e8e6e1";
 const PAPER = "#1b1f23";
 
@@ -57,9 +57,11 @@ export class Board {
     gl.generateMipmap(gl.TEXTURE_2D);
   }
 
-  /** Draw it for one eye, by matrices column by column, where the scene was drawn before. */
-  draw(view, projection) {
+  /** Draw it for one eye, after the scene, by what `Scene.draw` takes. */
+  draw(view, projection, port) {
     const gl = this.#gl;
+    gl.viewport(...port);
+    gl.enable(gl.DEPTH_TEST);
     gl.useProgram(this.#program);
     gl.bindVertexArray(this.#corners);
     gl.activeTexture(gl.TEXTURE0);

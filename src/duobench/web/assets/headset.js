@@ -76,6 +76,7 @@ export class Headset {
     this.#gl = canvas.getContext("webgl2");
     this.#scene = scene;
     this.#hands = hands;
+    canvas.addEventListener("webglcontextrestored", () => (this.#board = null));
   }
 
   get isWorn() {
@@ -99,10 +100,10 @@ export class Headset {
   }
 
   async #begin(session, space) {
+    this.#scene.showsRoom = !this.#isSeeThrough;
     await this.#gl.makeXRCompatible();
     const baseLayer = new XRWebGLLayer(session, this.#gl);
     session.updateRenderState({ baseLayer, depthNear: 0.05, depthFar: 20 });
-    this.#board ??= new Board(this.#gl);
     this.#room = await session.requestReferenceSpace(space);
     this.#room.addEventListener("reset", () => this.#unsettle());
     this.#unsettle();
@@ -124,6 +125,7 @@ export class Headset {
     this.#session = null;
     this.#hands.tracked = null;
     this.#hands.letGo();
+    this.#scene.showsRoom = true;
     this.#gl.bindFramebuffer(this.#gl.FRAMEBUFFER, null);
     this.onChange();
   }
@@ -241,8 +243,10 @@ export class Headset {
 
   #draw(frame) {
     const gl = this.#gl;
+    if (gl.isContextLost()) return;
     const layer = frame.session.renderState.baseLayer;
     const pose = frame.getViewerPose(this.#world);
+    this.#board ??= new Board(gl);
     this.#board.show(this.#placing ? PLACING : this.lines);
     gl.bindFramebuffer(gl.FRAMEBUFFER, layer.framebuffer);
     gl.clearColor(...(this.#isSeeThrough ? [0, 0, 0, 0] : [0.85, 0.87, 0.89, 1]));
@@ -250,9 +254,8 @@ export class Headset {
     for (const eye of pose?.views ?? []) {
       const { x, y, width, height } = layer.getViewport(eye);
       const view = eye.transform.inverse.matrix;
-      gl.viewport(x, y, width, height);
       this.#scene.draw(view, eye.projectionMatrix, [x, y, width, height]);
-      this.#board.draw(view, eye.projectionMatrix);
+      this.#board.draw(view, eye.projectionMatrix, [x, y, width, height]);
     }
   }
 }
