@@ -194,11 +194,9 @@ def scene() -> dict[str, bytes]:
     return {"/scene.bin": geometry.data, "/poses.bin": poses.tobytes()}
 
 
-@pytest.mark.parametrize(("name", "behind"), [("VR", 0), ("AR", 0.1)])
-def test_the_eyes_see_the_scene(
-    scene: dict[str, bytes], name: str, behind: float, tmp_path: Path
-) -> None:
-    """In AR there is no room, so that what is behind the page is seen: here a grey canvas."""
+@pytest.mark.parametrize("name", ["VR", "AR"])
+def test_the_eyes_see_the_scene(scene: dict[str, bytes], name: str, tmp_path: Path) -> None:
+    """In AR there is no room, so that what is behind the picture is seen."""
     with operated(IWER, WEAR, files=scene) as page:
         page.open()
         place(page, "worn", ROOM_HEAD, LOOK)
@@ -210,7 +208,8 @@ def test_the_eyes_see_the_scene(
         seen = np.asarray(image.convert("RGB"), int)[110:690, 110:890].reshape(-1, 3)
     is_table = (np.abs(seen - [190, 170, 145]) < 20).all(axis=1).mean()
     assert is_table > 0.1
-    assert ((seen == 0xDD).all(axis=1).mean() > behind) == (behind > 0)
+    is_behind = (seen == 0xDD).all(axis=1).mean()  # the canvas is grey
+    assert is_behind > 0.1 if name == "AR" else is_behind < 0.001
 
 
 def test_a_table_is_placed_by_pointing_pressing_and_turning(page: Operated) -> None:
