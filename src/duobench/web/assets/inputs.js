@@ -18,6 +18,7 @@ const CONTROLS = {
     ["Shift and these", "turn it"],
     ["F, J", "left, right gripper: tap to close or open, hold for as long as you hold"],
     ["K, D", "keep or discard the episode"],
+    ["+, -, 0", "camera nearer, farther, or as at first"],
     ["Escape, or Shift and Tab", "leave the scene, to reach the rest of the page"],
   ],
   Gamepad: [

@@ -3,6 +3,7 @@
 import { turnInView, viewAxes } from "./directions.js";
 
 const TABLE = [0.45, 0, 0.1]; // what a pixel is measured at while no tool's place is known
+const LEAST_DEPTH = 0.1; // metres, of a tool right before the camera or behind it
 const RADIANS_A_PIXEL = 0.005;
 const WHEEL = 0.0002; // metres a pixel of the wheel: 2 cm a notch
 const WHEEL_MS = 250; // how long a turn of the wheel keeps the hand squeezed
@@ -52,6 +53,7 @@ export class Mouse {
     listen(element, "pointerup", this.#release);
     listen(element, "pointercancel", this.#release);
     listen(element, "wheel", this.#wheel);
+    listen(element, "dblclick", () => true);
     listen(window, "keydown", this.#keydown);
     listen(window, "keyup", this.#keyup);
   }
@@ -70,7 +72,7 @@ export class Mouse {
     const [x, y, z] = this.tools[this.#hands.active] ?? TABLE;
     const view = this.#orbit.view;
     const depth = -(view[2] * x + view[6] * y + view[10] * z + view[14]);
-    return (2 * depth) / (this.#orbit.projection[5] * this.#element.clientHeight);
+    return (2 * Math.max(depth, LEAST_DEPTH)) / (this.#orbit.projection[5] * this.#element.clientHeight);
   }
 
   #press(event) {
@@ -109,6 +111,7 @@ export class Mouse {
 
   #wheel(event) {
     if (event.ctrlKey) return false; // the camera's: also what a pinch on a touchpad gives
+    if (document.activeElement !== this.#element) return false; // scrolls the page
     const hand = this.#hands.hand;
     const pixels = event.deltaY * (event.deltaMode ? 33 : 1); // from lines
     hand.hold("wheel", performance.now() + WHEEL_MS);
