@@ -127,6 +127,7 @@ export class Headset {
     this.#hands.letGo();
     this.#scene.showsRoom = true;
     this.#gl.bindFramebuffer(this.#gl.FRAMEBUFFER, null);
+    this.#scene.onChange();
     this.onChange();
   }
 
