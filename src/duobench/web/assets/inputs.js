@@ -36,6 +36,10 @@ const CONTROLS = {
     ["Click a stick", "put the view, or the table, anew"],
   ],
 };
+const DRIVING = {
+  role: "application",
+  ariaLabel: "The table and the robot in 3D. Keys move the arms; Controls lists them.",
+};
 const SIDES = ["left", "right"];
 const WORN = { "immersive-vr": "Enter VR", "immersive-ar": "Enter AR" };
 
@@ -91,11 +95,11 @@ export function startInputs({ scene, orbit, socket, status, element }) {
   const panel = new Panel({ hands, headset });
   status.append(panel.element);
 
-  const role = element.getAttribute("role");
+  const watching = { role: element.role, ariaLabel: element.ariaLabel };
   const drive = (isDriving) => {
     hands.isDriving = isDriving;
     panel.show(isDriving);
-    element.setAttribute("role", isDriving ? "application" : (role ?? "img"));
+    Object.assign(element, isDriving ? DRIVING : watching);
   };
   let state = null;
   const receive = {
