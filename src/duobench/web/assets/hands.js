@@ -167,7 +167,7 @@ export class Hands {
     if (this.#isDriving) this.#socket.send(JSON.stringify({ kind }));
   }
 
-  /** Ask the devices and send a message where one is due; call it on every frame. */
+  /** Ask the devices and send a message where one is due; to be called all the time. */
   tick(now = performance.now()) {
     const elapsed = now - this.#ticked;
     this.#ticked = now;

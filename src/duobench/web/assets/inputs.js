@@ -40,6 +40,7 @@ const DRIVING = {
   role: "application",
   ariaLabel: "The table and the robot in 3D. Keys move the arms; Controls lists them.",
 };
+const TICK_MS = 8; // how often it is asked whether a message is due
 const SIDES = ["left", "right"];
 const WORN = { "immersive-vr": "Enter VR", "immersive-ar": "Enter AR" };
 
@@ -121,11 +122,8 @@ export function startInputs({ scene, orbit, socket, status, element }) {
     const message = JSON.parse(data);
     receive[message.kind]?.(message);
   });
-  const frame = () => {
-    requestAnimationFrame(frame);
-    if (!headset.isWorn) hands.tick();
-  };
-  frame();
+  // Not with the browser's images, which may come slowly where no graphics card draws them.
+  setInterval(() => headset.isWorn || hands.tick(), TICK_MS);
   return { hands, headset };
 }
 
