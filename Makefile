@@ -14,6 +14,7 @@ OPENPI_VENV := .venv-openpi
 VLA_EVAL_VENV := .venv-vla-eval
 VLAGENTS_VENV := .venv-vlagents
 AXE := .axe/node_modules/axe-core/axe.min.js
+IWER := .iwer/node_modules/iwer/build/iwer.min.js
 STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
 TEST_WORKERS ?= 2
@@ -46,8 +47,8 @@ test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $
 		$(BIN)/python -m pytest tests/interop
 
 # Needs npm, and Chromium as `chromium`, `chromium-browser` or `google-chrome`.
-test-pages: setup-test $(AXE)  ## Test pages in a browser: accessibility, phone, paper.
-	DUOBENCH_AXE=$(AXE) $(BIN)/python -m pytest tests/pages
+test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER)  ## Test pages in a browser: accessibility, phone, paper, driving.
+	DUOBENCH_AXE=$(AXE) DUOBENCH_IWER=$(IWER) $(BIN)/python -m pytest tests/pages
 
 screenshots: demo  ## Show a report and a comparison on a desktop, a phone and paper, in renders/.
 	$(BIN)/duobench eval --policy random --episodes 3 --workers 2 --videos 0 --out renders/random --fresh
@@ -101,6 +102,10 @@ $(VENV)/.installed-test: $(VENV)/.installed
 	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[test]'
 	@touch $@
 
+$(VENV)/.installed-browser: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[browser]'
+	@touch $@
+
 $(LEROBOT_VENV)/.installed: pyproject.toml lerobot_env_duobench/pyproject.toml
 	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
 	$(LEROBOT_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[lerobot]' \
@@ -127,6 +132,10 @@ $(VLAGENTS_VENV)/.installed: pyproject.toml
 # Pinned, so that the same page breaks the same rules.
 $(AXE):
 	npm install --no-save --no-audit --no-fund --prefix .axe axe-core@4.14.1
+
+# An imitated headset, for tests alone.
+$(IWER):
+	npm install --no-save --no-audit --no-fund --prefix .iwer iwer@2.5.0
 
 # Their types are those of the installed version, which only the two files above can change.
 $(STUBS): $(VENV)/.installed-test tools/mujoco_stubs.py

@@ -1,8 +1,15 @@
-"""These tests need a browser, and axe-core; `make test-pages` installs the latter."""
+"""These tests need a browser and axe-core, those that drive a page an imitated headset as well.
+
+`make test-pages` installs both.
+"""
 
 import os
 
 AXE = "DUOBENCH_AXE"
 """Environment variable: the script of axe-core."""
+IWER = "DUOBENCH_IWER"
+"""Environment variable: the script of iwer, which imitates a headset."""
 
 collect_ignore_glob = [] if AXE in os.environ else ["test_*.py"]
+if IWER not in os.environ:
+    collect_ignore_glob += ["test_driving.py", "test_headset.py"]

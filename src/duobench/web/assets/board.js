@@ -1,0 +1,119 @@
+// A board of text that stands in the scene, behind the table, for somebody who wears a headset.
+
+const [WIDTH, HEIGHT] = [1024, 448]; // pixels of the text
+const PLACE = { x: 1.25, halfWidth: 0.36, low: 0.45, high: 0.765 }; // in the world, in m
+const INK = "#e8e6e1";
+const PAPER = "#1b1f23";
+
+const VERTEX = `#version 300 es
+in vec3 place;
+in vec2 pixel;
+uniform mat4 view;
+uniform mat4 projection;
+out vec2 at;
+void main() { at = pixel; gl_Position = projection * view * vec4(place, 1.0); }`;
+const FRAGMENT = `#version 300 es
+precision mediump float;
+in vec2 at;
+uniform sampler2D text;
+out vec4 colour;
+void main() { colour = texture(text, at); }`;
+
+/** A context of WebGL2 and lines of text in it. */
+export class Board {
+  #gl;
+  #program;
+  #corners;
+  #texture;
+  #paper = new OffscreenCanvas(WIDTH, HEIGHT);
+  #shown = null;
+
+  constructor(gl) {
+    this.#gl = gl;
+    this.#program = this.#link();
+    this.#corners = this.#build();
+    this.#texture = gl.createTexture();
+    this.show([]);
+  }
+
+  /** Write lines on the board, the first in large letters; long ones are wrapped. */
+  show(lines) {
+    const text = lines.join("\n");
+    if (text === this.#shown) return;
+    this.#shown = text;
+    const pen = this.#paper.getContext("2d");
+    pen.fillStyle = PAPER;
+    pen.fillRect(0, 0, WIDTH, HEIGHT);
+    pen.fillStyle = INK;
+    let y = 20;
+    lines.forEach((line, number) => {
+      const size = number ? 40 : 54;
+      pen.font = `${number ? "" : "600 "}${size}px system-ui, sans-serif`;
+      for (const row of wrapped(pen, line)) pen.fillText(row, 32, (y += size * 1.25));
+    });
+    const gl = this.#gl;
+    gl.bindTexture(gl.TEXTURE_2D, this.#texture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, this.#paper);
+    gl.generateMipmap(gl.TEXTURE_2D);
+  }
+
+  /** Draw it for one eye, after the scene, by what `Scene.draw` takes. */
+  draw(view, projection, port) {
+    const gl = this.#gl;
+    gl.viewport(...port);
+    gl.enable(gl.DEPTH_TEST);
+    gl.useProgram(this.#program);
+    gl.bindVertexArray(this.#corners);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.#texture);
+    gl.uniformMatrix4fv(gl.getUniformLocation(this.#program, "view"), false, view);
+    gl.uniformMatrix4fv(gl.getUniformLocation(this.#program, "projection"), false, projection);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    gl.bindVertexArray(null);
+  }
+
+  #link() {
+    const gl = this.#gl;
+    const program = gl.createProgram();
+    for (const [type, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+      const shader = gl.createShader(type);
+      gl.shaderSource(shader, source);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    return program;
+  }
+
+  #build() {
+    const gl = this.#gl;
+    const { x, halfWidth: half, low, high } = PLACE;
+    const corners = [
+      ...[x, half, low, 0, 1],
+      ...[x, -half, low, 1, 1],
+      ...[x, half, high, 0, 0],
+      ...[x, -half, high, 1, 0],
+    ];
+    const array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(corners), gl.STATIC_DRAW);
+    for (const [name, size, offset] of [["place", 3, 0], ["pixel", 2, 12]]) {
+      const at = gl.getAttribLocation(this.#program, name);
+      gl.enableVertexAttribArray(at);
+      gl.vertexAttribPointer(at, size, gl.FLOAT, false, 20, offset);
+    }
+    gl.bindVertexArray(null);
+    return array;
+  }
+}
+
+function wrapped(pen, line) {
+  const rows = [""];
+  for (const word of line.split(/\s+/)) {
+    const longer = rows.at(-1) ? `${rows.at(-1)} ${word}` : word;
+    if (pen.measureText(longer).width <= WIDTH - 64) rows[rows.length - 1] = longer;
+    else rows.push(word);
+  }
+  return rows;
+}

@@ -1,0 +1,189 @@
+// Mouse and keys: a drag is a hand that is squeezed while the button is down.
+
+import { turnInView, viewAxes } from "./directions.js";
+
+const TABLE = [0.45, 0, 0.1]; // what a pixel is measured at while no tool's place is known
+const LEAST_DEPTH = 0.1; // metres, of a tool right before the camera or behind it
+const RADIANS_A_PIXEL = 0.005;
+const WHEEL = 0.0002; // metres a pixel of the wheel: 2 cm a notch
+const WHEEL_MS = 250; // how long a turn of the wheel keeps the hand squeezed
+const STEP = { move: 0.005, turn: 0.05 }; // a tap of a key, in m and rad
+const SPEED = { move: 0.15, turn: 0.8 }; // a key held down, in m/s and rad/s
+const TAP_MS = 300; // what is pressed for longer is held
+const ARROWS = {
+  ArrowRight: ["right", 1],
+  ArrowLeft: ["right", -1],
+  ArrowUp: ["away", 1],
+  ArrowDown: ["away", -1],
+  PageUp: ["up", 1],
+  PageDown: ["up", -1],
+};
+const GRIPPERS = { f: "left", j: "right" };
+const ARMS = { 1: "left", 2: "right" };
+const SAYS = { k: "keep", d: "discard" };
+
+/** Moves the active hand by mouse and keys, on an element that shows what `orbit` sees. */
+export class Mouse {
+  /** Places of both tools in the world, `{left: [x, y, z], right: …}`, where they are known. */
+  tools = {};
+  #element;
+  #orbit;
+  #hands;
+  #drag = null;
+  #keys = new Map(); // arrow key held down → when it was pressed
+  #grippers = new Map(); // gripper's key held down → when it was pressed
+
+  constructor({ element, orbit, hands }) {
+    this.#element = element;
+    this.#orbit = orbit;
+    this.#hands = hands;
+    // Captured, so that a camera on the same element gets only what is left over.
+    const listen = (target, type, method) =>
+      target.addEventListener(
+        type,
+        (event) => {
+          if (!hands.isDriving || !method.call(this, event)) return;
+          event.preventDefault();
+          event.stopImmediatePropagation();
+        },
+        { capture: true, passive: false },
+      );
+    listen(element, "pointerdown", this.#press);
+    listen(element, "pointermove", this.#move);
+    listen(element, "pointerup", this.#release);
+    listen(element, "pointercancel", this.#release);
+    listen(element, "wheel", this.#wheel);
+    listen(element, "dblclick", () => true);
+    listen(window, "keydown", this.#keydown);
+    listen(window, "keyup", this.#keyup);
+  }
+
+  /** Go on moving for the keys that are held down. */
+  update(seconds, now) {
+    const hand = this.#hands.hand;
+    for (const [key, since] of this.#keys) {
+      if (!hand.isHeldBy(key)) this.#keys.delete(key);
+      else if (now - since > TAP_MS) this.#step(key, SPEED, seconds);
+    }
+  }
+
+  /** Metres in the plane of the view, at the depth of the active tool, that a pixel shows. */
+  get #metresAPixel() {
+    const [x, y, z] = this.tools[this.#hands.active] ?? TABLE;
+    const view = this.#orbit.view;
+    const depth = -(view[2] * x + view[6] * y + view[10] * z + view[14]);
+    return (2 * Math.max(depth, LEAST_DEPTH)) / (this.#orbit.projection[5] * this.#element.clientHeight);
+  }
+
+  #press(event) {
+    this.#element.focus({ preventScroll: true });
+    if (event.pointerType !== "mouse" || event.button !== 0) return false;
+    this.#element.setPointerCapture(event.pointerId);
+    this.#drag = { x: event.clientX, y: event.clientY, scale: this.#metresAPixel };
+    this.#hands.hand.hold("mouse");
+    return true;
+  }
+
+  #move(event) {
+    const drag = this.#drag;
+    const hand = this.#hands.hand;
+    if (!drag || !hand.isHeldBy("mouse")) return false;
+    const across = event.clientX - drag.x;
+    const down = event.clientY - drag.y;
+    Object.assign(drag, { x: event.clientX, y: event.clientY });
+    const { right, up, forward } = this.#orbit;
+    if (event.shiftKey) {
+      turnInView(hand, this.#orbit, across * RADIANS_A_PIXEL, down * RADIANS_A_PIXEL);
+    } else if (event.ctrlKey) {
+      hand.move(forward.map((value) => -value * down * drag.scale));
+    } else {
+      hand.move(right.map((value, i) => (value * across - up[i] * down) * drag.scale));
+    }
+    return true;
+  }
+
+  #release() {
+    if (!this.#drag) return false;
+    this.#drag = null;
+    this.#hands.hand.release("mouse");
+    return true;
+  }
+
+  #wheel(event) {
+    if (event.ctrlKey) return false; // the camera's: also what a pinch on a touchpad gives
+    if (document.activeElement !== this.#element) return false; // scrolls the page
+    const hand = this.#hands.hand;
+    const pixels = event.deltaY * (event.deltaMode ? 33 : 1); // from lines
+    hand.hold("wheel", performance.now() + WHEEL_MS);
+    hand.move(this.#orbit.forward.map((value) => -value * pixels * WHEEL));
+    return true;
+  }
+
+  #keydown(event) {
+    if (!this.#isMine(event)) return false;
+    const { key } = event;
+    const letter = key.toLowerCase();
+    const now = performance.now();
+    if (key === "Escape") {
+      this.#element.blur();
+    } else if (key === "Tab") {
+      if (event.shiftKey || event.target !== this.#element) return false; // the way out
+      this.#hands.active = this.#hands.active === "left" ? "right" : "left";
+    } else if (key in ARMS) {
+      this.#hands.active = ARMS[key];
+    } else if (letter in SAYS) {
+      if (!event.repeat) this.#hands.say(SAYS[letter]);
+    } else if (letter in GRIPPERS) {
+      if (!event.repeat) this.#toggle(letter, now);
+    } else if (key in ARROWS) {
+      if (!event.repeat) this.#arrow(event, now);
+    } else {
+      return false;
+    }
+    return true;
+  }
+
+  #keyup(event) {
+    const letter = event.key.toLowerCase();
+    if (this.#keys.delete(event.key)) this.#hands.hand.release(event.key);
+    const since = this.#grippers.get(letter);
+    this.#grippers.delete(letter);
+    const now = performance.now();
+    if (since !== undefined && now - since > TAP_MS) this.#toggle(letter, now, false);
+    return false;
+  }
+
+  /** Whether a key is meant for the arms: it is where nothing else on the page is in focus. */
+  #isMine(event) {
+    if (event.ctrlKey || event.altKey || event.metaKey) return false;
+    return event.target === this.#element || event.target === document.body;
+  }
+
+  #toggle(letter, now, isDown = true) {
+    const hand = this.#hands[GRIPPERS[letter]];
+    hand.press("keys", hand.trigger > 0.5 ? 0 : 1);
+    if (isDown) this.#grippers.set(letter, now);
+  }
+
+  #arrow(event, now) {
+    this.#hands.hand.hold(event.key);
+    this.#keys.set(event.key, now);
+    this.#isTurning = event.shiftKey;
+    this.#step(event.key, STEP, 1);
+  }
+
+  #isTurning = false;
+
+  #step(key, amount, times) {
+    const [axis, sign] = ARROWS[key];
+    const hand = this.#hands.hand;
+    if (this.#isTurning) {
+      const angle = sign * amount.turn * times;
+      const turns = { right: [angle, 0, 0], away: [0, -angle, 0], up: [0, 0, angle] };
+      turnInView(hand, this.#orbit, ...turns[axis]);
+    } else {
+      const axes = viewAxes(this.#orbit);
+      hand.move(axes[axis].map((value) => value * sign * amount.move * times));
+    }
+  }
+}

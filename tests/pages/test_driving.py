@@ -1,0 +1,267 @@
+"""Mouse, keys and gamepad: synthetic events of a real browser give the right hands."""
+
+import json
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from tests.pages.driving import Operated, axe, operated
+
+METRES_A_PIXEL = 2 * 2.0 * math.tan(0.5) / 600  # two metres away, half a radian above the middle
+MIDDLE = (400, 300)
+PAD = """
+window.pad = {mapping: "standard", axes: [0, 0, 0, 0], buttons: Array.from({length: 17},
+  () => ({pressed: false, value: 0})), vibrationActuator: {playEffect(name, effect) {
+    window.shaken = effect; return Promise.resolve("complete"); }}};
+navigator.getGamepads = () => [null, window.pad];
+window.push = (button, value) => { pad.buttons[button] = {pressed: value > 0.5, value}; };
+"""
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Operated]:
+    with operated(PAD) as page:
+        page.open()
+        yield page
+        assert page.complaints == []
+
+
+@pytest.fixture(autouse=True)
+def _driver(page: Operated) -> Iterator[None]:
+    page.drive()
+    page.page.keyboard.press("2")
+    yield
+    page.tell(kind="role", role="viewer", drivers=0, viewers=1)
+
+
+@pytest.fixture
+def canvas(page: Operated) -> tuple[float, float]:
+    """Middle of the scene on the page."""
+    box = page.page.locator("canvas").bounding_box()
+    assert box
+    return box["x"] + MIDDLE[0], box["y"] + MIDDLE[1]
+
+
+def drag(page: Operated, canvas: tuple[float, float], across: int, down: int) -> int:
+    """Drag from the middle; return the number of the first message."""
+    start = len(page.hands())
+    mouse = page.page.mouse
+    mouse.move(*canvas)
+    mouse.down()
+    mouse.move(canvas[0] + across, canvas[1] + down, steps=10)
+    page.settle()
+    mouse.up()
+    assert page.settle()["right"]["squeeze"] == 0
+    return start
+
+
+def test_a_viewer_sends_nothing(page: Operated, canvas: tuple[float, float]) -> None:
+    page.tell(kind="role", role="viewer", drivers=1, viewers=1)
+    page.page.wait_for_timeout(100)
+    count = len(page.messages)
+    page.page.mouse.click(*canvas)
+    page.page.keyboard.press("k")
+    page.page.wait_for_timeout(200)
+    assert len(page.messages) == count
+
+
+def test_messages_are_numbered_and_at_most_60_a_second(page: Operated) -> None:
+    start = len(page.hands())
+    page.page.wait_for_timeout(1500)
+    sent = [(message["seq"], message["sent"]) for message in page.hands()[start:]]
+    assert [seq for seq, _ in sent] == list(range(sent[0][0], sent[0][0] + len(sent)))
+    assert len(sent) > 10
+    assert (len(sent) - 2) / (sent[-1][1] - sent[0][1]) <= 60 / 1000
+
+
+def test_a_drag_moves_the_active_tool_in_the_plane_of_the_view(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    start = drag(page, canvas, 120, -60)
+    shift, samples = page.motion("right", start)
+    expected = [0, -120 * METRES_A_PIXEL, 60 * METRES_A_PIXEL]
+    np.testing.assert_allclose(shift, expected, atol=1e-6)
+    assert all(message["left"]["squeeze"] == 0 for message in page.hands()[start:])
+    assert {sample["squeeze"] for sample in samples} == {1}
+
+
+def test_a_drag_is_measured_at_the_depth_of_the_tool(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    page.tell(kind="status", tools={"left": [0.45, 0, 0], "right": [-0.55, 0.2, 0.3]})
+    page.settle()
+    shift, _ = page.motion("right", drag(page, canvas, 100, 0))
+    np.testing.assert_allclose(shift, [0, -100 * METRES_A_PIXEL / 2, 0], atol=1e-6)
+    page.tell(kind="status", tools={})
+
+
+def test_a_drag_too_quick_for_a_message_is_not_lost(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    start = len(page.hands())
+    page.page.evaluate(
+        """([x, y]) => {
+          const canvas = document.querySelector("canvas");
+          canvas.setPointerCapture = () => {};
+          const send = (type, more) => canvas.dispatchEvent(new PointerEvent(type,
+            {bubbles: true, pointerType: "mouse", button: 0, clientX: x, clientY: y, ...more}));
+          send("pointerdown"); send("pointermove", {clientX: x + 30}); send("pointerup");
+        }""",
+        list(canvas),
+    )
+    page.settle()
+    shift, samples = page.motion("right", start)
+    np.testing.assert_allclose(shift, [0, -30 * METRES_A_PIXEL, 0], atol=1e-6)
+    assert len(samples) == 2
+    assert page.hands()[-1]["right"]["squeeze"] == 0
+
+
+def test_ctrl_and_the_wheel_move_it_away_and_back(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    page.page.keyboard.down("Control")
+    start = drag(page, canvas, 0, -50)
+    page.page.keyboard.up("Control")
+    np.testing.assert_allclose(
+        page.motion("right", start)[0], [50 * METRES_A_PIXEL, 0, 0], atol=1e-6
+    )
+    start = len(page.hands())
+    page.page.mouse.wheel(0, 100)
+    page.wait(lambda: page.settle()["right"]["squeeze"] == 0)
+    np.testing.assert_allclose(page.motion("right", start)[0], [-0.02, 0, 0], atol=1e-6)
+
+
+def test_shift_turns_it_as_a_ball(page: Operated, canvas: tuple[float, float]) -> None:
+    page.page.keyboard.down("Shift")
+    start = drag(page, canvas, 100, 0)
+    page.page.keyboard.up("Shift")
+    shift, samples = page.motion("right", start)
+    assert shift == [0, 0, 0]
+    first, last = (np.array(samples[i]["pose"][3:]) for i in (0, -1))
+    assert np.linalg.norm(last) == pytest.approx(1)
+    assert abs(first @ last) == pytest.approx(math.cos(0.25))  # half of 100 times 0.005
+
+
+def test_keys_choose_the_arm_and_the_grippers(page: Operated, canvas: tuple[float, float]) -> None:
+    page.page.mouse.click(*canvas)
+    pressed = page.page.get_by_role("button", name="Left arm")
+    page.page.keyboard.press("Tab")
+    assert pressed.get_attribute("aria-pressed") == "true"
+    page.page.keyboard.press("2")
+    assert pressed.get_attribute("aria-pressed") == "false"
+    assert page.settle()["left"]["trigger"] == 0
+    page.page.keyboard.press("f")
+    now = page.settle()
+    assert (now["left"]["trigger"], now["right"]["trigger"]) == (1, 0)
+    assert (now["left"]["squeeze"], now["right"]["squeeze"]) == (0, 0)
+    page.page.keyboard.press("f")
+    assert page.settle()["left"]["trigger"] == 0
+    page.page.keyboard.down("j")
+    page.page.wait_for_timeout(400)
+    assert page.settle()["right"]["trigger"] == 1
+    page.page.keyboard.up("j")
+    assert page.settle()["right"]["trigger"] == 0
+
+
+def test_grippers_are_open_when_an_episode_waits(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    page.page.mouse.click(*canvas)
+    page.page.keyboard.press("j")
+    page.tell(kind="status", state="success")
+    assert page.settle()["right"]["trigger"] == 1
+    page.tell(kind="status", state="waiting")
+    page.wait(lambda: page.settle()["right"]["trigger"] == 0)
+
+
+def test_keys_move_by_a_step_and_go_on_while_held(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    page.page.mouse.click(*canvas)
+    for key, expected in (
+        *(("ArrowUp", [0.005, 0, 0]), ("ArrowLeft", [0, 0.005, 0])),
+        *(("PageUp", [0, 0, 0.005]), ("PageDown", [0, 0, -0.005])),
+    ):
+        start = len(page.hands())
+        page.page.keyboard.press(key)
+        page.settle()
+        np.testing.assert_allclose(page.motion("right", start)[0], expected, atol=1e-9)
+    start = len(page.hands())
+    page.page.keyboard.down("ArrowRight")
+    page.page.wait_for_timeout(1000)
+    page.page.keyboard.up("ArrowRight")
+    page.settle()
+    shift, _ = page.motion("right", start)
+    assert -0.3 < shift[1] < -0.05
+
+
+def test_keep_and_discard_are_said_once(page: Operated, canvas: tuple[float, float]) -> None:
+    page.page.mouse.click(*canvas)
+    before = page.said("keep"), page.said("discard")
+    page.page.keyboard.press("k")
+    page.page.keyboard.press("d")
+    page.page.evaluate("push(9, 1)")
+    page.settle()
+    page.page.evaluate("push(9, 0)")
+    page.page.evaluate("push(8, 1)")
+    page.settle()
+    page.page.evaluate("push(8, 0)")
+    page.settle()
+    assert (page.said("keep"), page.said("discard")) == (before[0] + 2, before[1] + 2)
+
+
+def test_keys_are_no_trap_and_other_parts_of_the_page_keep_theirs(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    page.page.mouse.click(*canvas)
+    page.page.keyboard.press("Escape")
+    page.page.keyboard.press("Tab")
+    assert page.page.evaluate("document.activeElement.tagName") == "BUTTON"
+    before = page.said("keep")
+    page.page.keyboard.press("k")
+    page.settle()
+    assert page.said("keep") == before
+
+
+def test_a_stalled_page_lets_go(page: Operated, canvas: tuple[float, float]) -> None:
+    page.page.mouse.move(*canvas)
+    page.page.mouse.down()
+    assert page.settle()["right"]["squeeze"] == 1
+    page.page.evaluate("const end = performance.now() + 500; while (performance.now() < end);")
+    page.page.mouse.move(canvas[0] + 50, canvas[1])
+    now = page.settle()
+    assert now["right"]["squeeze"] == 0
+    page.page.mouse.up()
+    shift, _ = page.motion("right", drag(page, canvas, 10, 0))
+    np.testing.assert_allclose(shift, [0, -10 * METRES_A_PIXEL, 0], atol=1e-6)
+
+
+def test_a_gamepad_moves_the_arm_that_its_bumpers_choose(page: Operated) -> None:
+    page.page.evaluate("push(4, 1)")
+    page.settle()
+    page.page.evaluate("push(4, 0)")
+    start = len(page.hands())
+    page.page.evaluate("pad.axes = [0, -1, 0, 0.1]")
+    page.page.wait_for_timeout(600)
+    page.page.evaluate("pad.axes = [0, 0, 0, 0]")
+    page.settle()
+    shift, samples = page.motion("left", start)
+    squeezed = [message for message in page.hands()[start:] if message["left"]["squeeze"]]
+    seconds = (squeezed[-1]["sent"] - squeezed[0]["sent"]) / 1000
+    assert shift[0] == pytest.approx(0.25 * seconds, rel=0.1)
+    assert shift[1:] == pytest.approx([0, 0])
+    assert len({json.dumps(sample["pose"][3:]) for sample in samples}) == 1
+    page.page.evaluate("push(7, 0.4)")
+    assert page.settle()["right"]["trigger"] == 0.4
+    page.page.evaluate("push(7, 0)")
+    page.tell(kind="pulse", side="left", strength=0.5, ms=80)
+    page.wait(lambda: page.page.evaluate("window.shaken?.duration") == 80)
+
+
+def test_no_rule_of_accessibility_is_broken(page: Operated) -> None:
+    page.page.evaluate("document.querySelector('details').open = true")
+    page.page.add_script_tag(path=axe())
+    broken = page.page.evaluate("axe.run(document).then((found) => found.violations)")
+    assert [(each["id"], each["nodes"]) for each in broken] == []

@@ -1,0 +1,256 @@
+"""A headset in a real browser, imitated by iwer: no real one has been tried."""
+
+import math
+import os
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+import duobench
+from duobench.envs.duo_env import base_of
+from duobench.robot.cameras import HEAD_PITCH, TABLE_FROM_HEAD
+from duobench.robot.workcell import FLOOR_Z
+from duobench.web.geometry import Geometry
+from tests.pages.driving import Operated, operated
+
+IWER = Path(os.environ["DUOBENCH_IWER"])
+# A Quest 3 whose grips are where its rays begin. Grips are measured unless a test says otherwise
+# (iwer calls all of them guessed), and a space can be moved by a transform, as in the standard
+# (iwer 2.5.0 takes its matrix).
+WEAR = """
+const layout = (side) => ({...IWER.metaQuest3.controllerConfig.layout[side],
+  gripOffsetMatrix: new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])});
+const controllerConfig = {...IWER.metaQuest3.controllerConfig,
+  layout: {left: layout("left"), right: layout("right")}};
+window.worn = new IWER.XRDevice({...IWER.metaQuest3, controllerConfig}, {stereoEnabled: true});
+worn.installRuntime({forceInstall: true});
+window.guessed = false;
+Object.defineProperty(XRPose.prototype, "emulatedPosition", {get: () => window.guessed});
+const offset = XRReferenceSpace.prototype.getOffsetReferenceSpace;
+XRReferenceSpace.prototype.getOffsetReferenceSpace = function (transform) {
+  return offset.call(this, transform.matrix);
+};
+"""
+HEADING = math.radians(30)
+ROOM_HEAD = np.array([1.0, 1.5, -2.0])
+# In the room y points up; with a heading of zero one looks along -z.
+ROOM_FROM_WORLD = Rotation.from_euler("y", HEADING) * Rotation.from_matrix(
+    [[0, -1, 0], [0, 0, 1], [-1, 0, 0]]
+)
+LOOK = Rotation.from_euler("YX", [HEADING, -HEAD_PITCH])
+
+
+@pytest.fixture
+def page() -> Iterator[Operated]:
+    with operated(IWER, WEAR) as page:
+        page.open()
+        place(page, "worn", ROOM_HEAD, LOOK)
+        page.drive()
+        yield page
+        assert page.complaints == []
+
+
+def place(page: Operated, part: str, position: np.ndarray, turn: Rotation) -> None:
+    """Put the headset or a controller at a pose in the room."""
+    page.page.evaluate(
+        f"([p, q]) => {{ {part}.position.set(...p); {part}.quaternion.set(...q); }}",
+        [[float(value) for value in position], [float(value) for value in turn.as_quat()]],
+    )
+
+
+def in_room(position: Any) -> np.ndarray:
+    """A position of the world in the room, with the viewer where the robot's head is."""
+    return ROOM_HEAD + ROOM_FROM_WORLD.apply(np.array(position) - TABLE_FROM_HEAD.translation)
+
+
+def enter(page: Operated, name: str = "VR") -> None:
+    page.page.get_by_role("button", name=f"Enter {name}").click()
+    page.wait(lambda: page.page.evaluate("eyes.length") > 2)
+    page.settle()
+
+
+def press(page: Operated, side: str, button: str, value: float) -> dict[str, Any]:
+    page.page.evaluate(
+        f"worn.controllers.{side}.updateButtonValue({button!r}, {value})",
+    )
+    return page.settle()
+
+
+def matrices(page: Operated) -> tuple[np.ndarray, np.ndarray]:
+    """Poses in the world from which the two eyes saw the scene last."""
+    page.settle()
+    views = page.page.evaluate("eyes.slice(-2).map((eye) => eye[0])")
+    left, right = (np.linalg.inv(np.array(view).reshape(4, 4).T) for view in views)
+    return left, right
+
+
+def test_the_viewer_sees_what_the_robots_head_camera_sees(page: Operated) -> None:
+    enter(page)
+    left, right = matrices(page)
+    np.testing.assert_allclose(
+        (left[:3, 3] + right[:3, 3]) / 2, TABLE_FROM_HEAD.translation, atol=1e-5
+    )
+    np.testing.assert_allclose(left[:3, :3], TABLE_FROM_HEAD.rotation, atol=1e-5)
+    assert left[1, 3] - right[1, 3] == pytest.approx(0.063, abs=0.005)  # between the eyes
+    ports = page.page.evaluate("eyes.slice(-2).map((eye) => eye[2])")
+    assert ports == [[0, 0, 500, 800], [500, 0, 500, 800]]
+
+
+def test_controllers_are_hands_in_the_frame_of_the_table(page: Operated) -> None:
+    turns = {"left": Rotation.identity(), "right": Rotation.from_rotvec([0, 0, 0.7])}
+    places = {"left": [0.4, 0.25, 0.3], "right": [0.5, -0.2, 0.15]}
+    for side, turn in turns.items():
+        place(page, f"worn.controllers.{side}", in_room(places[side]), ROOM_FROM_WORLD * turn)
+    enter(page)
+    now = page.settle()
+    for side, turn in turns.items():
+        np.testing.assert_allclose(now[side]["pose"][:3], places[side], atol=1e-5)
+        w, x, y, z = now[side]["pose"][3:]
+        assert (Rotation.from_quat([x, y, z, w]) * turn.inv()).magnitude() < 1e-4
+        assert now[side]["sure"]
+    page.page.evaluate("window.guessed = true")
+    assert not page.settle()["left"]["sure"]
+    page.page.evaluate("worn.controllers.left.connected = false")
+    page.wait(lambda: page.settle()["left"] is None)
+    assert page.settle()["right"] is not None
+
+
+def test_buttons_are_those_of_the_standard_mapping(page: Operated) -> None:
+    enter(page)
+    assert press(page, "left", "squeeze", 1)["left"]["squeeze"] == 1
+    assert press(page, "left", "trigger", 0.3)["left"]["trigger"] == pytest.approx(0.3)
+    for side, button, name in (
+        *(("left", "x-button", "keep"), ("left", "y-button", "discard")),
+        *(("right", "a-button", "keep"), ("right", "b-button", "discard")),
+    ):
+        expected = {"keep": False, "discard": False, "recentre": False}
+        assert press(page, side, button, 1)[side]["buttons"] == expected | {name: True}
+        assert press(page, side, button, 0)[side]["buttons"] == expected
+
+
+def test_a_click_of_the_stick_puts_the_view_anew_and_opens_the_clutch(page: Operated) -> None:
+    enter(page)
+    press(page, "right", "squeeze", 1)
+    place(
+        page,
+        "worn",
+        ROOM_HEAD + np.array([0.3, -0.2, 0.5]),
+        Rotation.from_euler("YX", [1.0, -HEAD_PITCH]),
+    )
+    left, right = matrices(page)
+    assert np.linalg.norm((left + right)[:3, 3] / 2 - TABLE_FROM_HEAD.translation) > 0.5
+    now = press(page, "right", "thumbstick", 1)
+    assert now["right"]["buttons"]["recentre"]
+    assert now["right"]["squeeze"] == 0
+    left, right = matrices(page)
+    np.testing.assert_allclose((left + right)[:3, 3] / 2, TABLE_FROM_HEAD.translation, atol=1e-5)
+    np.testing.assert_allclose(left[:3, :3], TABLE_FROM_HEAD.rotation, atol=1e-5)
+    press(page, "right", "thumbstick", 0)
+    assert press(page, "right", "squeeze", 0.2)["right"]["squeeze"] == pytest.approx(0.2)
+    assert press(page, "right", "squeeze", 1)["right"]["squeeze"] == 1
+
+
+def test_a_pulse_lets_the_controller_of_its_side_rumble(page: Operated) -> None:
+    page.page.evaluate(
+        """() => { for (const side of ["left", "right"]) {
+          const motor = worn.controllers[side].inputSource.gamepad.hapticActuators[0];
+          motor.pulse = (...pulse) => (window[`shaken_${side}`] = pulse);
+        } }"""
+    )
+    enter(page)
+    page.tell(kind="pulse", side="left", strength=0.4, ms=60)
+    page.wait(lambda: page.page.evaluate("window.shaken_left") == [0.4, 60])
+    assert page.page.evaluate("window.shaken_right") is None
+
+
+def test_a_session_that_is_hidden_or_over_moves_nothing(page: Operated) -> None:
+    enter(page)
+    assert press(page, "left", "squeeze", 1)["left"]["squeeze"] == 1
+    page.page.evaluate("worn.updateVisibilityState('visible-blurred')")
+    page.wait(lambda: page.settle()["left"] is None)
+    page.page.evaluate("worn.updateVisibilityState('visible')")
+    page.wait(lambda: page.settle()["left"] is not None)
+    page.page.evaluate("parts.headset.leave()")
+    page.wait(lambda: not page.page.evaluate("parts.headset.isWorn"))
+    now = page.settle()
+    assert (now["left"]["squeeze"], now["right"]["squeeze"]) == (0, 0)
+    assert page.page.get_by_role("button", name="Enter VR").is_enabled()
+
+
+@pytest.fixture(scope="module")
+def scene() -> dict[str, bytes]:
+    """A task as it begins, as the server gives it to a page."""
+    with closing(duobench.make("transfer_cube")) as env:
+        env.reset(seed=0)
+        simulation = base_of(env).simulation
+        geometry = Geometry(simulation.model)
+        poses = geometry.poses(simulation.data)
+    return {"/scene.bin": geometry.data, "/poses.bin": poses.tobytes()}
+
+
+@pytest.mark.parametrize("name", ["VR", "AR"])
+def test_the_eyes_see_the_scene(scene: dict[str, bytes], name: str, tmp_path: Path) -> None:
+    """In AR there is no room, so that what is behind the picture is seen."""
+    with operated(IWER, WEAR, files=scene) as page:
+        page.open()
+        place(page, "worn", ROOM_HEAD, LOOK)
+        page.drive()
+        enter(page, name)
+        page.page.screenshot(path=tmp_path / "eyes.png")
+        assert page.complaints == []
+    with Image.open(tmp_path / "eyes.png") as image:
+        seen = np.asarray(image.convert("RGB"), int)[110:690, 110:890].reshape(-1, 3)
+    is_table = (np.abs(seen - [190, 170, 145]) < 20).all(axis=1).mean()
+    assert is_table > 0.1
+    is_behind = (seen == 0xDD).all(axis=1).mean()  # the canvas is grey
+    assert is_behind > 0.1 if name == "AR" else is_behind < 0.001
+
+
+def test_a_table_is_placed_by_pointing_pressing_and_turning(page: Operated) -> None:
+    """Nothing but the floor is known of the room: the table is as high as the robot's."""
+
+    def point(position: np.ndarray) -> None:
+        """Let the ray of the right controller go through a point of the room."""
+        start = np.array([0.0, 1.3, 0.0])
+        away = (position - start) / np.linalg.norm(position - start)
+        heading, pitch = math.atan2(-away[0], -away[2]), math.asin(away[1])
+        turn = Rotation.from_euler("YX", [heading, pitch])
+        place(page, "worn.controllers.right", start, turn)
+
+    place(page, "worn", np.array([0.0, 1.6, 0.0]), Rotation.identity())
+    origin, ahead = np.array([0.2, -FLOOR_Z, -0.5]), np.array([0.8, -FLOOR_Z, -0.5])
+    point(origin)
+    enter(page, "AR")
+    assert page.settle()["right"] is None
+    press(page, "right", "trigger", 1)
+    point(ahead)
+    page.settle()
+    press(page, "right", "trigger", 0)
+    page.wait(lambda: page.settle()["right"] is not None)
+    left, right = matrices(page)
+    # x of the world now points along x of the room, z up, and so y along -z of the room.
+    room_from_world = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    expected = room_from_world.T @ (np.array([0.0, 1.6, 0.0]) - origin)
+    np.testing.assert_allclose((left + right)[:3, 3] / 2, expected, atol=1e-4)
+    np.testing.assert_allclose(left[:3, :3], room_from_world.T, atol=1e-4)
+    place(page, "worn.controllers.right", origin, Rotation.identity())
+    np.testing.assert_allclose(page.settle()["right"]["pose"][:3], [0, 0, 0], atol=1e-4)
+
+
+def test_a_page_without_webxr_says_why() -> None:
+    with operated("delete Navigator.prototype.xr;") as page:
+        page.open()
+        text = page.page.get_by_role("status")
+        page.wait(lambda: "WebXR" in text.inner_text())
+        assert page.page.get_by_role("button", name="Enter VR").count() == 0
+        page.page.evaluate("Object.defineProperty(window, 'isSecureContext', {value: false})")
+        reason = page.page.evaluate(
+            "import('/headset.js').then((part) => part.support()).then((found) => found.reason)"
+        )
+        assert "plain http" in reason
