@@ -29,7 +29,7 @@ FLOORS = (
     ("stages",),
     ("tasks",),
     ("envs",),
-    ("experts", "data", "policy", "hardware", "fabrication", "training"),
+    ("experts", "data", "policy", "hardware", "fabrication", "training", "web"),
     ("results",),
     ("evaluation", "teleop", "interop"),
     ("cli",),
