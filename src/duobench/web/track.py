@@ -62,18 +62,33 @@ def decode(track: bytes) -> NDArray[np.float32]:
     Raises:
         DataError: It is no track, or a damaged one.
     """
+    steps, bodies = _head(track)
     try:
-        magic, steps, bodies = _HEADER.unpack_from(track)
-        if magic != _MAGIC:
-            raise DataError("This is no track of an episode: it begins with other letters.")
         planes = np.frombuffer(zlib.decompress(track[_HEADER.size :], _RAW), dtype=np.uint8)
         series = planes.reshape(2, -1).T.copy().view("<i2").reshape(bodies, len(_STEPS), steps)
-    except (struct.error, zlib.error, ValueError) as error:
+    except (zlib.error, ValueError) as error:
         raise DataError(f"This track of an episode is damaged: {error}.") from error
     numbers = np.cumsum(series.transpose(2, 0, 1), axis=0, dtype=np.int16)  # modulo 2^16
     poses = numbers * _STEPS
     poses[..., 3:] /= np.maximum(np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True), 1e-9)
     return poses.astype(np.float32)
+
+
+def length(track: bytes) -> int:
+    """The number of steps of a track.
+
+    Raises:
+        DataError: It is no track.
+    """
+    return _head(track)[0]
+
+
+def _head(track: bytes) -> tuple[int, int]:
+    """Steps and bodies."""
+    if len(track) < _HEADER.size or not track.startswith(_MAGIC):
+        raise DataError("This is no track of an episode: it begins with other bytes.")
+    _, steps, bodies = _HEADER.unpack_from(track)
+    return steps, bodies
 
 
 def _without_flips(poses: NDArray[np.float64]) -> NDArray[np.float64]:

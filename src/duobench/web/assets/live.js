@@ -1,0 +1,145 @@
+// The page of a server: shows its frames and status, and lets people drive where it takes hands.
+
+import { Status } from "./status.js";
+import { View } from "./view.js";
+
+const RETRY_MS = [500, 1000, 2000, 4000]; // until the server is called again
+const PING_MS = 2000;
+const FRAME_HEAD = 16; // bytes of a frame before its poses
+
+/** A connection that is made anew when it is lost; speaks like a WebSocket, events included. */
+class Connection extends EventTarget {
+  #socket = null;
+  #tries = 0;
+
+  constructor(url) {
+    super();
+    this.#connect(url);
+  }
+
+  get bufferedAmount() {
+    return this.#socket.bufferedAmount;
+  }
+
+  get isOpen() {
+    return this.#socket.readyState === WebSocket.OPEN;
+  }
+
+  send(text) {
+    if (this.isOpen) this.#socket.send(text);
+  }
+
+  tell(message) {
+    this.send(JSON.stringify(message));
+  }
+
+  #connect(url) {
+    const socket = new WebSocket(url);
+    socket.binaryType = "arraybuffer";
+    this.#socket = socket;
+    socket.addEventListener("open", () => {
+      this.#tries = 0;
+      this.dispatchEvent(new Event("open"));
+    });
+    socket.addEventListener("message", ({ data }) =>
+      this.dispatchEvent(new MessageEvent("message", { data })),
+    );
+    socket.addEventListener("close", () => {
+      this.dispatchEvent(new Event("close"));
+      const wait = RETRY_MS[Math.min(this.#tries++, RETRY_MS.length - 1)];
+      setTimeout(() => this.#connect(url), wait);
+    });
+  }
+}
+
+/** What comes from the server, on the page. */
+class Live {
+  #view;
+  #status;
+  #connection;
+  #scene = null; // name of the one that is shown
+  #waiting = null; // poses that came before their scene
+  #inputs = null; // what drives, once it was loaded
+
+  constructor() {
+    const canvas = document.querySelector("canvas");
+    this.#view = new View(canvas);
+    const url = new URL("/ws", location.href);
+    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    url.search = location.search; // holds the token
+    this.#connection = new Connection(url.href);
+    this.#status = new Status(document, (message) => this.#connection.tell(message));
+    this.#connection.addEventListener("open", () => {
+      this.#scene = null;
+      this.#status.connected(true);
+      this.#ping();
+    });
+    this.#connection.addEventListener("close", () => this.#status.connected(false));
+    this.#connection.addEventListener("message", ({ data }) => {
+      if (typeof data === "string") this.#receive(JSON.parse(data));
+      else this.#place(data);
+    });
+    setInterval(() => this.#ping(), PING_MS);
+  }
+
+  #receive(message) {
+    if (message.kind === "scene") this.#load(message);
+    else if (message.kind === "status") {
+      this.#status.show(message);
+      if (message.clutch && !this.#inputs) this.#inputs = this.#loadInputs();
+    } else if (message.kind === "role") this.#status.showRole(message);
+    else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
+    else if (message.kind === "refused") this.#status.say(message.reason);
+  }
+
+  async #load({ name, url }) {
+    if (name === this.#scene) return;
+    this.#scene = name;
+    this.#waiting = null;
+    try {
+      const place = new URL(url, location.href);
+      place.search ||= location.search;
+      const answer = await fetch(place);
+      if (!answer.ok) throw new Error(`The server has no scene ${name} (${answer.status}).`);
+      const file = await answer.arrayBuffer();
+      if (name !== this.#scene) return; // another one came meanwhile
+      await this.#view.load(file);
+      if (this.#waiting) this.#view.scene.setPoses(this.#waiting);
+    } catch (error) {
+      this.#status.fail(error.message);
+    }
+  }
+
+  #place(frame) {
+    const poses = new Float32Array(frame, FRAME_HEAD);
+    this.#waiting = poses;
+    this.#view.scene.setPoses(poses);
+    this.#status.showStep(new DataView(frame).getUint32(8, true));
+  }
+
+  /** What drives is loaded only where the server takes hands. */
+  async #loadInputs() {
+    const { startInputs } = await import("./inputs.js");
+    const { headset } = startInputs({
+      scene: this.#view.scene,
+      orbit: this.#view.orbit,
+      socket: this.#connection,
+      status: document.querySelector("#inputs"),
+      element: document.querySelector("canvas"),
+    });
+    this.#view.isCovered = () => headset.isWorn;
+    this.#status.canBeDriven();
+  }
+
+  #ping() {
+    this.#connection.tell({ kind: "ping", sent: performance.now() });
+  }
+}
+
+try {
+  new Live();
+} catch (error) {
+  const problem = document.querySelector(".problem");
+  problem.textContent = error.message;
+  problem.hidden = false;
+}

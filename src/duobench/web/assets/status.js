@@ -1,0 +1,182 @@
+// What the server says, in words: episode, stages, who drives, what can be chosen.
+
+import { Chips, make, Timeline } from "./controls.js";
+
+const STATES = {
+  waiting: "Waiting for the first move",
+  recording: "Recording",
+  success: "Success",
+  decide: "Keep or discard?",
+  over: "Over",
+  playing: "Playing",
+  paused: "Paused",
+};
+const OPEN_STATES = ["recording", "success", "decide"]; // in which keep and discard mean something
+
+/** Fills the page; `tell` sends a message to the server. */
+export class Status {
+  #page;
+  #tell;
+  #chips;
+  #timeline;
+  #last = {};
+  #items = "";
+  #isDriver = false;
+  #role = null;
+
+  constructor(page, tell) {
+    this.#page = page;
+    this.#tell = tell;
+    this.#chips = new Chips(this.#part(".chips"));
+    this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
+    this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
+    this.#timeline.onPlay = (on) => tell({ kind: "play", on });
+    for (const kind of ["keep", "discard"]) {
+      this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
+    }
+    this.#part("#drive").addEventListener("click", () => {
+      const isTaken = this.#role?.drivers > 0;
+      tell({ kind: isTaken ? "take_over" : "drive" });
+    });
+    this.#part("#wording").addEventListener("submit", (event) => {
+      event.preventDefault();
+      tell({ kind: "instruction", text: this.#part("#wording input").value.trim() });
+    });
+  }
+
+  connected(isConnected) {
+    if (!isConnected) this.#role = null;
+    this.#write(".link", isConnected ? "Connected" : "Connection lost. Trying again …");
+    this.#part(".link").dataset.state = isConnected ? "good" : "bad";
+  }
+
+  show(status) {
+    this.#last = status;
+    const { title, task, instruction, next, state, note, success } = status;
+    const name = title ?? task;
+    if (name) document.title = `${name} · DuoBench`;
+    this.#write("h1", name ?? "DuoBench");
+    this.#write(".instruction", instruction);
+    this.#write(".next", next && `Next: ${next}`);
+    this.#write(".state", STATES[state] ?? state);
+    this.#part(".state").dataset.state = success ? "success" : (state ?? "");
+    this.#write(".note", note);
+    this.#showStages(status);
+    this.#showFacts(status);
+    this.#showItems(status.items ?? [], status.selected);
+    this.#showTimeline(status);
+    this.#showDriving();
+  }
+
+  showRole(role) {
+    this.#role = role;
+    this.#isDriver = role.role === "driver";
+    const watching = role.viewers - (this.#isDriver ? 0 : 1);
+    const words = [
+      this.#isDriver ? "You drive" : role.drivers ? "Somebody else drives" : "Nobody drives",
+      watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
+    ];
+    this.#write(".role", words.filter(Boolean).join(" · "));
+    this.#showDriving();
+  }
+
+  showPing(milliseconds) {
+    this.#write(".ping", `${Math.round(milliseconds)} ms to the server`);
+  }
+
+  showStep(step) {
+    if (this.#last.steps) this.#timeline.step = step;
+  }
+
+  /** Say something that passes. */
+  say(text) {
+    this.#write(".note", text);
+  }
+
+  /** Say what went wrong. */
+  fail(text) {
+    this.#write(".problem", text);
+  }
+
+  /** What drives is there. */
+  canBeDriven() {
+    this.#part("#driving").hidden = false;
+    this.#showDriving();
+  }
+
+  #showStages({ stages, stage = 0, max_stage: last, stage_changes: changes = [] }) {
+    const words = stages ?? Array.from({ length: last ?? 0 }, () => "");
+    const ever = changes.reduce((most, [, reached]) => Math.max(most, reached), stage);
+    this.#chips.show(words, stage, ever);
+  }
+
+  #showFacts({ count, kept, wanted, latency_ms: latency, lost, clutch }) {
+    const held = clutch && ["left", "right"].filter((side) => clutch[side]);
+    const facts = {
+      Episode: count,
+      Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
+      "Hand to arm": latency === undefined ? undefined : `${Math.round(latency)} ms`,
+      "Samples lost": lost,
+      Clutch: held && (held.length ? `${held.join(" and ")} closed` : "open"),
+    };
+    const rows = Object.entries(facts)
+      .filter(([, value]) => value !== undefined && value !== null)
+      .map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, `${value}`)));
+    this.#part(".facts").replaceChildren(...rows);
+  }
+
+  /** A list of what can be shown: episodes, or workers. */
+  #showItems(items, selected) {
+    const text = JSON.stringify([items, selected]);
+    if (text === this.#items) return;
+    this.#items = text;
+    const list = this.#part(".items");
+    const focused = list.contains(document.activeElement) && document.activeElement.dataset.item;
+    const buttons = items.map(({ id, title, detail, state }) => {
+      const button = make("button", { type: "button", "data-item": id }, make("b", {}, title));
+      if (detail) button.append(make("span", {}, detail));
+      if (state) button.dataset.state = state;
+      button.setAttribute("aria-pressed", String(id === selected));
+      button.addEventListener("click", () => this.#tell({ kind: "select", id }));
+      return button;
+    });
+    list.replaceChildren(...buttons.map((button) => make("li", {}, button)));
+    this.#part("#choice").hidden = items.length === 0;
+    buttons.find((button) => button.dataset.item === String(focused))?.focus();
+  }
+
+  #showTimeline({ steps, step, rate_hz: rate = 30, state, stage_changes: changes = [], ...rest }) {
+    this.#part(".timeline").hidden = !steps;
+    if (!steps) return;
+    const last = rest.max_stage ?? rest.stages?.length ?? 0;
+    this.#timeline.content = { steps, rate, changes, last };
+    this.#timeline.isPlaying = state === "playing";
+    if (step !== undefined) this.#timeline.step = step;
+  }
+
+  #showDriving() {
+    const drive = this.#part("#drive");
+    const isTaken = !this.#isDriver && this.#role?.drivers > 0;
+    drive.hidden = this.#isDriver;
+    drive.textContent = isTaken ? "Take over" : "Drive";
+    const { state, instruction } = this.#last;
+    for (const id of ["#keep", "#discard"]) {
+      this.#part(id).hidden = !this.#isDriver || !OPEN_STATES.includes(state);
+    }
+    const wording = this.#part("#wording");
+    wording.hidden = !this.#isDriver;
+    const input = wording.querySelector("input");
+    if (document.activeElement !== input) input.value = instruction ?? "";
+  }
+
+  #part(selector) {
+    return this.#page.querySelector(selector);
+  }
+
+  #write(selector, text) {
+    const part = this.#part(selector);
+    const words = text ?? "";
+    if (part.textContent !== words) part.textContent = words;
+    part.hidden = words === "";
+  }
+}

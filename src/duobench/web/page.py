@@ -1,0 +1,187 @@
+"""The pages that show models in 3D: one that a server gives out, and replays that need none."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from markupsafe import Markup
+
+from duobench import pages
+from duobench.errors import OptionError, check_known
+from duobench.types import CONTROL_HZ
+from duobench.web.track import length
+
+_PACKAGE = "duobench.web"
+_ASSETS = files(_PACKAGE) / "assets"
+_TYPES = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
+_HTML = "text/html; charset=utf-8"
+_REPLAY_MODULES = ("shaders", "scene", "orbit", "view", "controls", "track", "replay")
+"""Modules of a replay, each after those that it imports."""
+_IMPORT = re.compile(r"^import [^;]*;\n", re.MULTILINE)
+_EXPORT = re.compile(r"^export ", re.MULTILINE)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Replay:
+    """An episode that is watched in 3D."""
+
+    title: str
+    """What it is called; names the task and the episode."""
+    scene: str
+    """Name of its scene."""
+    track: bytes
+    """Poses of the scene's bodies after each control step; see `web.track`."""
+    stage_changes: tuple[tuple[int, int], ...] = ()
+    """Steps at which a stage was reached, and the stage, in time's order."""
+    stages: tuple[str, ...] = ()
+    """The task's stages in words, from the first on."""
+    instruction: str = ""
+    """What was to be done."""
+    rate_hz: float = CONTROL_HZ
+    """Poses a second."""
+    id: str = ""
+    """What an element of the page names in `data-replay` to open it; empty for its place in the
+    list, as in `replay-1`."""
+
+    def __post_init__(self) -> None:
+        """Reject what cannot be played.
+
+        Raises:
+            OptionError: The rate is not positive, changes of the stage are out of order, or an id
+                is no word.
+            DataError: The track is none.
+        """
+        length(self.track)
+        if not self.rate_hz > 0:
+            raise OptionError(f"A replay has a positive rate in Hz, got {self.rate_hz}.")
+        steps = [step for step, _ in self.stage_changes]
+        if steps != sorted(steps) or any(step < 0 for step in steps):
+            raise OptionError(f"Changes of the stage come in time's order, got steps {steps}.")
+        if not re.fullmatch(r"[\w.-]*", self.id):
+            raise OptionError(
+                f"An id is letters, digits, dots, dashes and underscores, got {self.id!r}."
+            )
+
+
+def live_page() -> str:
+    """The page of a server as HTML; it loads the other `assets`, a scene, and a socket at `/ws`."""
+    return pages.render(_PACKAGE, "live_page.html")
+
+
+@cache
+def assets() -> Mapping[str, tuple[str, bytes]]:
+    """What a server gives out, by path: content type and content; the page itself is at `/`."""
+    found = {"/": (_HTML, live_page().encode())}
+    for file in sorted(_ASSETS.iterdir(), key=lambda file: file.name):
+        kind = _TYPES.get(file.name[file.name.rfind(".") :])
+        if kind is not None:
+            found[f"/{file.name}"] = (kind, file.read_bytes())
+    found["/page.css"] = (_TYPES[".css"], _style().encode())
+    return found
+
+
+def replay_page(title: str, scenes: Mapping[str, bytes], replays: Sequence[Replay]) -> str:
+    """A page that plays episodes in 3D, as HTML; it is one file that loads nothing.
+
+    Args:
+        title: Its headline.
+        scenes: Scene files by name, `Geometry.data`.
+        replays: The episodes; the first is shown at first.
+
+    Raises:
+        OptionError: There is no episode, or two have the same id.
+        UnknownNameError: An episode's scene is not there.
+    """
+    fragment = replay_fragment(scenes, replays, is_open=True)
+    return pages.render(_PACKAGE, "replay_page.html", title=title, fragment=Markup(fragment))
+
+
+def replay_fragment(
+    scenes: Mapping[str, bytes], replays: Sequence[Replay], *, is_open: bool = False
+) -> str:
+    """The same as a part of a page that has the style of `duobench.pages`; one such part a page.
+
+    Other elements of the page open an episode too: a button with its id as `data-replay`. Nothing
+    is unpacked, and no graphics are touched, before an episode is opened.
+
+    Args:
+        scenes: Scene files by name, `Geometry.data`; those that no episode needs are left out.
+        replays: The episodes, in the order of the list.
+        is_open: Whether the first episode is shown at once.
+
+    Raises:
+        OptionError: There is no episode, or two have the same id.
+        UnknownNameError: An episode's scene is not there.
+    """
+    if not replays:
+        raise OptionError("A page of replays needs at least one episode.")
+    ids = [replay.id or f"replay-{number}" for number, replay in enumerate(replays, start=1)]
+    if len(set(ids)) < len(ids):
+        twice = sorted({id for id in ids if ids.count(id) > 1})
+        raise OptionError(f"Episodes have different ids; {', '.join(twice)} is there twice.")
+    for replay in replays:
+        check_known("scene", replay.scene, scenes)
+    needed = list(dict.fromkeys(replay.scene for replay in replays))
+    places = {scene: f"scene-data-{number}" for number, scene in enumerate(needed)}
+    tracks = [f"track-data-{number}" for number in range(len(replays))]
+    data = {places[scene]: _base64(scenes[scene]) for scene in needed}
+    data |= {place: _base64(replay.track) for place, replay in zip(tracks, replays, strict=True)}
+    episodes = [
+        {
+            "id": id,
+            "title": replay.title,
+            "scene": places[replay.scene],
+            "track": track,
+            "stage_changes": replay.stage_changes,
+            "stages": replay.stages,
+            "instruction": replay.instruction,
+            "rate_hz": replay.rate_hz,
+        }
+        for id, replay, track in zip(ids, replays, tracks, strict=True)
+    ]
+    return pages.render(
+        _PACKAGE,
+        "replays.html",
+        rows=[_row(id, replay) for id, replay in zip(ids, replays, strict=True)],
+        is_open=is_open,
+        data=data,
+        episodes=Markup(json.dumps(episodes).replace("<", "\\u003c")),
+        style=Markup(_asset("page.css")),
+        script=Markup(bundle(_REPLAY_MODULES)),
+    )
+
+
+def bundle(modules: Iterable[str]) -> str:
+    """Modules as one script, which a page can hold: a file cannot import from itself."""
+    texts = [_asset(f"{module}.js") for module in modules]
+    return "\n".join(_EXPORT.sub("", _IMPORT.sub("", text)) for text in texts)
+
+
+def _row(id: str, replay: Replay) -> dict[str, object]:
+    """An episode in the list."""
+    stage = max((stage for _, stage in replay.stage_changes), default=0)
+    seconds = max(0, length(replay.track) - 1) / replay.rate_hz
+    detail = f"{seconds:.1f} s"
+    if replay.stages:
+        detail = f"stage {stage} of {len(replay.stages)} · {detail}"
+    return {"id": id, "title": replay.title, "detail": detail}
+
+
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode()
+
+
+def _asset(name: str) -> str:
+    return (_ASSETS / name).read_text(encoding="utf-8")
+
+
+def _style() -> str:
+    """The style of all pages, and that of what is shown in 3D."""
+    common = files("duobench.pages") / "templates" / "style.css"
+    return common.read_text(encoding="utf-8") + _asset("page.css")
