@@ -118,7 +118,7 @@ class PolicyTimeoutError(PolicyError):
 
 
 class ServingError(DuoBenchError):
-    """A policy cannot be served as wanted, or a server cannot be used as described."""
+    """A policy or a page cannot be served as wanted, or a server cannot be used as described."""
 
 
 class MessageError(ServingError):

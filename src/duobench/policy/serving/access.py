@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hmac
-import ipaddress
 import os
 from pathlib import Path
 
 from duobench.errors import ServingError
+from duobench.network import is_loopback
 
 KEY_VARIABLE = "DUOBENCH_API_KEY"
 """Environment variable with a key; a command line would show it to everybody on the machine."""
@@ -37,14 +37,6 @@ def read_key(file: Path | None = None) -> str | None:
     if not all("!" <= letter <= "~" for letter in key):
         raise ServingError(f"The key in {where} is no single word of ASCII characters.")
     return key or None
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address is reached from its own machine only."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def check_access(host: str, key: str | None) -> None:

@@ -1,0 +1,320 @@
+"""The server of the page: its files, its scenes, and a socket for each browser that has it open.
+
+It answers in a thread of its own, so that whoever computes what is shown never waits for a browser.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import http
+import logging
+import re
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import suppress
+from typing import Any
+from urllib.parse import urlsplit
+
+import websockets
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from duobench.errors import DuoBenchError, MessageError, ServingError
+from duobench.web.access import Admission, check_address
+from duobench.web.certificate import Certificate
+from duobench.web.messages import MAX_MESSAGE, read_message
+from duobench.web.peers import FRAME, Peer, Peers, encode
+
+_log = logging.getLogger(__name__)
+
+SOCKET_PATH = "/ws"
+"""Where pages connect."""
+MAX_PEERS = 32
+"""Browsers at a time."""
+MAX_SCENES = 64
+"""Scenes that are kept; the oldest one gives way."""
+_PING_S = 10.0
+"""How often a browser is asked whether it lives, and how long it may take to say so, in seconds."""
+_TIMEOUT_S = 2.0
+"""Seconds for opening a connection, and for saying goodbye."""
+_SECURITY = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": (
+        "default-src 'self' 'unsafe-inline' data: blob:; frame-ancestors 'none'; base-uri 'none'; "
+        "form-action 'none'; object-src 'none'"
+    ),
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class PageServer:
+    """Shows a page with a scene, frames and a status, and takes what people do on it.
+
+    Newest wins: a browser that is slow skips frames and statuses, and slows nobody.
+    """
+
+    def __init__(
+        self,
+        assets: Mapping[str, tuple[str, bytes]],
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        token: str | None = None,
+        certificate: Certificate | None = None,
+    ) -> None:
+        """Begin to serve.
+
+        Args:
+            assets: Content type and content by path; "/" is the page.
+            host: Address to listen at.
+            port: Port to listen at; 0 takes a free one.
+            token: What the address of the page must hold; None makes one up.
+            certificate: Encrypts; any host but this machine's own needs one.
+
+        Raises:
+            ServingError: The address cannot be had, or needs a certificate; or the token is none.
+        """
+        check_address(host, certificate)
+        names = () if certificate is None else certificate.hosts
+        self._admission = Admission(token, names)
+        self._files = {path: (kind, _compressed(body)) for path, (kind, body) in assets.items()}
+        self._scenes: dict[str, bytes] = {}
+        self._latest: dict[str, str | bytes] = {}
+        self._peers = Peers()
+        self.on_message: Callable[[bool, bytes], str | None] = lambda _is_driver, _data: None
+        """Called in the server's thread with every message that is not the server's own affair:
+        whether its sender drives, and the message, JSON with a `kind`. It must return soon. What it
+        returns, or the text of a `DuoBenchError` that it raises, is why the message is refused."""
+        self.on_driver_lost: Callable[[], None] = lambda: None
+        """Called in the server's thread when whoever drove has left, or had to give way."""
+        listening: Future[tuple[int, asyncio.AbstractEventLoop]] = Future()
+        self._over = asyncio.Event()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._serve(host, port, certificate, listening)),
+            name="page-server",
+            daemon=True,
+        )
+        self._thread.start()
+        actual, self._events = listening.result()
+        scheme, name = ("http", host) if certificate is None else ("https", certificate.hosts[0])
+        name = f"[{name}]" if ":" in name else name
+        self.url = f"{scheme}://{name}:{actual}/?token={self._admission.token}"
+        """Address of the page, with the token."""
+
+    # --- what is shown; from any thread ----------------------------------------------------------
+
+    @property
+    def has_viewers(self) -> bool:
+        """Whether a browser has the page open; while none has, nothing need be computed."""
+        return len(self._peers) > 0
+
+    def publish_scene(self, name: str, data: bytes) -> None:
+        """Show a scene from now on; frames of the one before are dropped.
+
+        Args:
+            name: Its name: letters, digits, '_', '-' and '.'. The same name is the same scene.
+            data: The scene file; see `web.geometry`.
+
+        Raises:
+            ServingError: The name is none.
+        """
+        if not re.fullmatch(r"[\w.-]{1,100}", name, re.ASCII):
+            raise ServingError(f"A scene cannot be named {name!r}: letters, digits, '_', '-', '.'.")
+        self._scenes.pop(name, None)
+        self._scenes[name] = data
+        while len(self._scenes) > MAX_SCENES:
+            del self._scenes[next(iter(self._scenes))]
+        url = f"/scene/{name}.bin?token={self._admission.token}"
+        self._call(self._show_scene, encode(kind="scene", name=name, url=url))
+
+    def publish_frame(self, frame: bytes) -> None:
+        """Show a frame; see `web.messages.pack_frame`."""
+        self._call(self._show, FRAME, frame)
+
+    def publish_status(self, status: Mapping[str, Any]) -> None:
+        """Show a status: all of it, since whoever comes later sees this one alone."""
+        self._call(self._show, "status", encode(kind="status", **status))
+
+    def pulse(self, side: str, strength: float, ms: int) -> None:
+        """Let a controller of the driver rumble.
+
+        Args:
+            side: "left" or "right".
+            strength: 0 to 1.
+            ms: How long, in milliseconds.
+        """
+        text = encode(kind="pulse", side=side, strength=strength, ms=ms)
+        self._call(lambda: self._peers.driver and self._peers.driver.put(f"pulse {side}", text))
+
+    def close(self) -> None:
+        """Let every browser go and stop; closing twice is harmless."""
+        self._call(self._over.set)
+        self._thread.join()
+
+    def _call(self, function: Callable[..., object], *arguments: object) -> None:
+        with suppress(RuntimeError):  # it is over already
+            self._events.call_soon_threadsafe(function, *arguments)
+
+    # --- in the server's thread ------------------------------------------------------------------
+
+    def _show_scene(self, text: str) -> None:
+        if self._latest.get("scene") == text:
+            return
+        self._latest.pop(FRAME, None)
+        for peer in self._peers:
+            peer.forget_frame()
+        self._show("scene", text)
+
+    def _show(self, place: str, message: str | bytes) -> None:
+        if place == FRAME or self._latest.get(place) != message:
+            self._latest[place] = message
+            self._peers.put(place, message)
+
+    async def _serve(
+        self,
+        host: str,
+        port: int,
+        certificate: Certificate | None,
+        listening: Future[tuple[int, asyncio.AbstractEventLoop]],
+    ) -> None:
+        try:
+            server = await serve(
+                self._serve_peer,
+                host,
+                port,
+                process_request=self._answer,
+                ssl=None if certificate is None else certificate.context,
+                compression=None,
+                max_size=MAX_MESSAGE,
+                write_limit=MAX_MESSAGE,
+                ping_interval=_PING_S,
+                ping_timeout=_PING_S,
+                open_timeout=_TIMEOUT_S,
+                close_timeout=_TIMEOUT_S,
+                server_header=None,
+                logger=_silent(),
+            )
+        except (OSError, OverflowError, ValueError) as error:
+            reason = str(getattr(error, "strerror", None) or error).rstrip(".")
+            listening.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
+            return
+        async with server:
+            actual = next(iter(server.sockets)).getsockname()[1]
+            listening.set_result((actual, asyncio.get_running_loop()))
+            await self._over.wait()
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer what asks for a file, and turn away who may not connect."""
+        url = urlsplit(request.path)
+        if url.path in self._files and url.path != "/":  # code of ours, which is no secret
+            return _found(*self._files[url.path], request)
+        if not self._admission.has_token(url.query):
+            return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
+        if url.path == SOCKET_PATH:
+            return self._objection(connection, request)
+        scene = re.fullmatch(r"/scene/([\w.-]+)\.bin", url.path, re.ASCII)
+        if scene and (data := self._scenes.get(scene[1])) is not None:
+            return _found("application/octet-stream", (data, None), request)
+        if url.path in self._files:
+            return _found(*self._files[url.path], request)
+        return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")
+
+    def _objection(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Why a page may not connect; None if it may."""
+        origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
+        origin = origins[0] if origins else None
+        unclear = len(origins) > 1 or len(hosts) != 1
+        if unclear or not self._admission.is_own_page(origin, hosts[0]):
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "Pages of others may not connect.")
+        if len(self._peers) >= MAX_PEERS:
+            return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many browsers.\n")
+        return None
+
+    async def _serve_peer(self, connection: ServerConnection) -> None:
+        """Serve one browser until it leaves."""
+        peer = Peer(connection)
+        self._peers.add(peer)
+        for place in ("scene", "status", FRAME):
+            if place in self._latest:
+                peer.put(place, self._latest[place])
+        sending = asyncio.create_task(peer.send_all())
+        try:
+            async for data in connection:
+                self._receive(peer, data)
+        except websockets.ConnectionClosed:
+            pass
+        finally:
+            sending.cancel()
+            if self._peers.remove(peer):
+                self._lose_driver()
+
+    def _receive(self, peer: Peer, data: str | bytes) -> None:
+        """Act on a message, or say why not."""
+        try:
+            message = read_message(data)
+        except MessageError as error:
+            peer.refuse(str(error))
+            return
+        match message.kind:
+            case "ping":
+                peer.put("pong", encode(kind="pong", sent=message.sent))
+            case "drive" if self._peers.driver not in (None, peer):
+                peer.refuse("Somebody else drives. Watch, or take over.")
+            case "drive" | "take_over":
+                if self._peers.driver not in (None, peer):
+                    self._lose_driver()
+                self._peers.let_drive(peer)
+            case _:
+                self._pass_on(peer, data)
+
+    def _lose_driver(self) -> None:
+        try:
+            self.on_driver_lost()
+        except Exception:
+            _log.exception("The loss of the driver made something fail; the session goes on.")
+
+    def _pass_on(self, peer: Peer, data: str | bytes) -> None:
+        content = data.encode() if isinstance(data, str) else data
+        try:
+            reason = self.on_message(peer is self._peers.driver, content)
+        except DuoBenchError as error:
+            reason = str(error)
+        except Exception:
+            _log.exception("A message from a page made something fail; the session goes on.")
+            reason = "Something failed here."
+        if reason is not None:
+            peer.refuse(reason)
+
+
+_NO_TOKEN = (
+    "This address lacks its token. Open the whole address that was printed where the page was "
+    "started.\n"
+)
+
+
+def _compressed(body: bytes) -> tuple[bytes, str | None]:
+    """Content as it is sent, and its encoding."""
+    return gzip.compress(body, mtime=0), "gzip"
+
+
+def _found(kind: str, content: tuple[bytes, str | None], request: Request) -> Response:
+    body, encoding = content
+    accepted = ",".join(request.headers.get_all("Accept-Encoding"))
+    if encoding is not None and encoding not in accepted:
+        body, encoding = gzip.decompress(body), None
+    headers = Headers({**_SECURITY, "Content-Type": kind, "Content-Length": str(len(body))})
+    headers["Vary"] = "Accept-Encoding"
+    headers["Connection"] = "close"
+    if encoding is not None:
+        headers["Content-Encoding"] = encoding
+    return Response(http.HTTPStatus.OK, "OK", headers, body)
+
+
+def _silent() -> logging.Logger:
+    logger = logging.getLogger(f"{__name__}.connections")
+    logger.setLevel(logging.CRITICAL + 1)
+    return logger

@@ -1,0 +1,313 @@
+"""The server of the page, over real sockets: who is let in, what is refused, and who is slow."""
+
+import gzip
+import json
+import random
+import socket
+import time
+from collections.abc import Iterator
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from duobench.errors import MessageError, ServingError
+from duobench.web.messages import MAX_MESSAGE, pack_frame, unpack_frame
+from duobench.web.peers import FRAMES_HZ
+from duobench.web.server import PageServer
+from tests.web.pages import get, open_page, wait_until
+
+ASSETS = {"/": ("text/html; charset=utf-8", b"<p>page"), "/app.js": ("text/javascript", b"1;" * 99)}
+FUZZED = 10_000
+BIG = 40_000
+
+
+@pytest.fixture
+def server() -> Iterator[PageServer]:
+    server = PageServer(ASSETS)
+    yield server
+    server.close()
+
+
+def token_of(server: PageServer) -> str:
+    return urlsplit(server.url).query
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+def test_page_and_its_files(server: PageServer) -> None:
+    status, headers, page = get(server.url, f"/?{token_of(server)}", {"Accept-Encoding": "gzip"})
+    assert (status, headers["Content-Encoding"]) == (200, "gzip")
+    assert gzip.decompress(page) == ASSETS["/"][1]
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert headers["Referrer-Policy"] == "no-referrer"
+    status, headers, script = get(server.url, "/app.js")
+    assert (status, headers["Content-Type"], script) == (200, *ASSETS["/app.js"])
+    assert get(server.url, f"/absent?{token_of(server)}")[0] == 404
+
+
+@pytest.mark.parametrize(
+    "query", ["", "token=wrong", "token=", "token=%ff", "&".join(["a=1"] * 99)]
+)
+def test_without_the_token_there_is_neither_page_nor_scene_nor_socket(
+    server: PageServer, query: str
+) -> None:
+    server.publish_scene("table", b"scene")
+    for path in ("/", "/scene/table.bin"):
+        status, _, content = get(server.url, f"{path}?{query}")
+        assert status == 403
+        assert b"Open the whole address" in content
+    with pytest.raises(InvalidStatus, match="403"), open_page(server.url, query=query):
+        pass
+    assert not server.has_viewers
+
+
+def test_a_scene_is_where_its_message_says(server: PageServer) -> None:
+    with open_page(server.url) as page:
+        server.publish_scene("table-1", b"scene")
+        message = page.hear_of("scene")
+        assert message["name"] == "table-1"
+        assert get(server.url, message["url"])[2] == b"scene"
+    with pytest.raises(ServingError, match="cannot be named"):
+        server.publish_scene("../table", b"")
+
+
+# --- who may connect -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "http://127.0.0.1:1", "http://localhost", "http://["]
+)
+def test_pages_of_others_may_not_connect(server: PageServer, origin: str) -> None:
+    with pytest.raises(InvalidStatus, match="403"), open_page(server.url, origin=origin):
+        pass
+
+
+def test_a_foreign_name_that_leads_here_is_refused(server: PageServer) -> None:
+    parts = urlsplit(server.url)
+    foreign = f"evil.example:{parts.port}"
+    with socket.create_connection((parts.hostname or "", parts.port or 0)) as raw:
+        raw.sendall(
+            f"GET /ws?{parts.query} HTTP/1.1\r\nHost: {foreign}\r\nOrigin: http://{foreign}\r\n"
+            "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
+        )
+        assert raw.recv(100).startswith(b"HTTP/1.1 403")
+
+
+def test_the_own_page_connects_by_any_name_of_this_machine(server: PageServer) -> None:
+    with open_page(server.url.replace("127.0.0.1", "localhost")) as page:
+        assert page.hear_of("role")["role"] == "viewer"
+    with open_page(server.url, origin=None) as program:
+        assert program.hear_of("role")["viewers"] == 1
+
+
+@pytest.mark.parametrize("token", ["", "two words", "ä", "a&b"])
+def test_a_token_can_stand_in_an_address(token: str) -> None:
+    with pytest.raises(ServingError, match="A token consists of"):
+        PageServer(ASSETS, token=token)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "", "192.0.2.7"])
+def test_other_machines_need_a_certificate(host: str) -> None:
+    with pytest.raises(ServingError, match="needs a certificate"):
+        PageServer(ASSETS, host=host)
+
+
+def test_an_address_that_is_taken(server: PageServer) -> None:
+    port = urlsplit(server.url).port
+    assert port is not None
+    with pytest.raises(ServingError, match=f"Cannot listen at 127.0.0.1:{port}"):
+        PageServer(ASSETS, port=port)
+
+
+# --- messages ------------------------------------------------------------------------------------
+
+
+def test_what_concerns_the_server_alone_is_answered_by_it(server: PageServer) -> None:
+    heard = []
+    server.on_message = lambda is_driver, data: heard.append((is_driver, json.loads(data)))
+    with open_page(server.url) as page:
+        page.say(kind="ping", sent=12.5)
+        assert page.hear_of("pong")["sent"] == 12.5
+        page.say(kind="select", id="a")
+        page.say(kind="drive")
+        page.say(kind="keep")
+        page.hear_of("role", role="driver")
+        wait_until(lambda: len(heard) == 2)
+    assert heard == [(False, {"kind": "select", "id": "a"}), (True, {"kind": "keep"})]
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b'{"kind": "ping"}', "is text"),
+        ("", "cannot be read"),
+        ("[" * 4000, "cannot be read"),
+        ('{"kind":"ping","x":' + "[" * 4000, "cannot be read"),
+        ('{"kind": 3}', "cannot be read"),
+        ('{"sent": 3}', "cannot be read"),
+        ('{"kind": "ping", "sent": "now"}', "cannot be read"),
+        ('{"kind": "worse"}', "Something failed here"),
+        ('{"kind": "bad"}', "too bad"),
+        ('{"kind": "odd"}', "odd"),
+    ],
+)
+def test_a_message_is_refused_with_a_word_and_the_session_lives(
+    server: PageServer, data: str | bytes, reason: str
+) -> None:
+    def act(_is_driver: bool, data: bytes) -> str:
+        match json.loads(data)["kind"]:
+            case "worse":
+                raise RuntimeError
+            case "bad":
+                raise MessageError("too bad")
+        return "odd"
+
+    server.on_message = act
+    with open_page(server.url) as page:
+        page.connection.send(data)
+        assert reason in page.hear_of("refused")["reason"]
+        page.say(kind="ping", sent=1)
+        page.hear_of("pong")
+
+
+def test_an_oversized_message_ends_its_own_connection(server: PageServer) -> None:
+    with open_page(server.url) as other, open_page(server.url) as page:
+        page.connection.send(" " * MAX_MESSAGE)
+        page.hear_of("refused")
+        page.connection.send(" " * (MAX_MESSAGE + 1))
+        with pytest.raises(ConnectionClosed) as closed:
+            page.hear_of("pong")
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 1009
+        other.say(kind="ping", sent=1)
+        other.hear_of("pong")
+
+
+def fuzzed(generator: random.Random) -> str | bytes:
+    """A message that nobody should send, or one with fields that nobody should trust."""
+    good = json.dumps(
+        {
+            "kind": generator.choice(["hands", "select", "seek", "play", "ping", "keep", "x"]),
+            "sent": generator.choice([0, -1e308, "x", None, [], 1e999, True]),
+            "left": generator.choice([None, {}, {"pose": [0] * 7}, {"pose": ["x"]}]),
+            "id": generator.choice(["../..", "a" * 999, 3, None, {"a": 1}]),
+        }
+    )
+    match generator.randrange(4):
+        case 0:
+            return good
+        case 1:
+            return good[: generator.randrange(len(good))]
+        case 2:
+            data = bytearray(good.encode())
+            for _ in range(generator.randint(1, 8)):
+                data[generator.randrange(len(data))] = generator.randrange(128)
+            return data.decode("ascii")
+        case _:
+            return generator.randbytes(generator.randrange(200))
+
+
+def test_ten_thousand_fuzzed_messages(server: PageServer) -> None:
+    with open_page(server.url) as witness, open_page(server.url) as page:
+        generator = random.Random(0)
+        for number in range(FUZZED):
+            page.connection.send(fuzzed(generator))
+            if number % 100 == 0:  # what it has to say is read, or it would wait for us
+                page.say(kind="ping", sent=number)
+                page.hear_of("pong", sent=number)
+        for each in (page, witness):
+            each.say(kind="ping", sent=-1)
+            each.hear_of("pong", sent=-1)
+
+
+# --- one drives ----------------------------------------------------------------------------------
+
+
+def test_one_drives_and_others_watch(server: PageServer) -> None:
+    lost = []
+    server.on_driver_lost = lambda: lost.append(time.monotonic())
+    with open_page(server.url) as first, open_page(server.url) as second:
+        first.say(kind="drive")
+        first.hear_of("role", role="driver", viewers=1)
+        second.say(kind="drive")
+        assert "take over" in second.hear_of("refused")["reason"]
+        second.say(kind="take_over")
+        second.hear_of("role", role="driver")
+        first.hear_of("role", role="viewer", drivers=1)
+        assert len(lost) == 1
+        second.connection.socket.shutdown(socket.SHUT_RDWR)  # it is gone without a goodbye
+        first.hear_of("role", drivers=0)
+        assert len(lost) == 2
+        first.say(kind="drive")
+        first.hear_of("role", role="driver", viewers=0)
+
+
+def test_a_driver_who_drives_already_changes_nothing(server: PageServer) -> None:
+    lost = []
+    server.on_driver_lost = lambda: lost.append(1)
+    with open_page(server.url) as page:
+        for kind in ("drive", "drive", "take_over"):
+            page.say(kind=kind)
+        page.say(kind="ping", sent=0)
+        page.hear_of("pong")
+        assert lost == []
+
+
+# --- what is shown -------------------------------------------------------------------------------
+
+
+def test_who_comes_later_sees_what_there_is(server: PageServer) -> None:
+    poses = np.arange(14, dtype=np.float32).reshape(2, 7)
+    server.publish_scene("table", b"scene")
+    server.publish_status({"task": "carry_pot", "step": 3})
+    server.publish_frame(pack_frame(poses, 3, 0.5))
+    for _ in range(2):
+        with open_page(server.url) as page:
+            assert page.hear_of("scene")["name"] == "table"
+            assert page.hear_of("status")["task"] == "carry_pot"
+            shown, step, time_s = unpack_frame(page.frame())
+        np.testing.assert_array_equal(shown, poses)
+        assert (step, time_s) == (3, 0.5)
+
+
+def test_a_frame_of_another_scene_is_not_shown(server: PageServer) -> None:
+    server.publish_scene("one", b"")
+    server.publish_frame(b"frame of one")
+    server.publish_scene("two", b"")
+    server.publish_frame(b"frame of two")
+    with open_page(server.url) as page:
+        assert page.hear_of("scene")["name"] == "two"
+        assert page.frame() == b"frame of two"
+
+
+def test_no_peer_gets_more_frames_than_it_can_show(server: PageServer) -> None:
+    with open_page(server.url) as page:
+        page.hear_of("role")
+        begun = time.monotonic()
+        for number in range(200):
+            server.publish_frame(b"%d" % number)
+            time.sleep(0.005)
+        server.publish_status({"note": "end"})
+        page.hear_of("status")
+        most = FRAMES_HZ * (time.monotonic() - begun) + 2
+        newest = [int(frame) for frame in page.frames]
+        assert newest == sorted(newest)
+        assert 2 <= len(newest) <= most
+
+
+def test_a_slow_peer_skips_frames_and_slows_nobody(server: PageServer) -> None:
+    frames = 90
+    with open_page(server.url) as fast, open_page(server.url) as slow:
+        fast.hear_of("role", viewers=2)
+        for number in range(frames):
+            server.publish_frame(number.to_bytes(4, "little") * (BIG // 4))
+            assert int.from_bytes(fast.frame()[:4], "little") == number
+        seen = [int.from_bytes(slow.frame()[:4], "little")]
+        while seen[-1] != frames - 1:
+            seen.append(int.from_bytes(slow.frame()[:4], "little"))
+    assert seen == sorted(seen)
+    assert len(seen) < frames
