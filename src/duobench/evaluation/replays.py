@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -13,12 +14,16 @@ from duobench.envs.sim_env import sim_of
 from duobench.errors import EvaluationError
 from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.evaluation.sent import SentPlayer, check_suite
+from duobench.evaluation.videos import ALL, FAILURES, choose
 from duobench.files import write
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.web import track
 from duobench.web.geometry import Geometry
+
+MOST = 20
+"""Replays that a word such as "failures" chooses at most: they make a page of about 2 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -31,6 +36,30 @@ class Replays:
     """Episodes whose replay was there already, which stays."""
     impossible: tuple[tuple[EpisodeRecord, str], ...]
     """Episodes that have no replay, and why."""
+
+
+def choose_few(
+    run: Run, records: Sequence[EpisodeRecord], words: Sequence[str]
+) -> list[EpisodeRecord]:
+    """As `videos.choose`, but "failures" and "all" choose few of many, of all kinds.
+
+    The first episode of each task and last stage comes first, then the second, until there are
+    `MOST`.
+
+    Raises:
+        EvaluationError: A word is none of these, or names an episode that is not finished.
+        UnknownNameError: A word names a task that is not in the run.
+    """
+    several = {FAILURES, ALL}
+    named = choose(run, records, [word for word in words if word not in several])
+    seen: Counter[tuple[str, int]] = Counter()
+    ranked: list[tuple[int, EpisodeRecord]] = []
+    for record in choose(run, records, [word for word in words if word in several]):
+        kind = (record.task, record.final_stage)
+        ranked.append((seen[kind], record))
+        seen[kind] += 1
+    few = [record for _, record in sorted(ranked, key=lambda one: one[0])][:MOST]
+    return [record for record in records if record in named or record in few]
 
 
 def make_replays(
@@ -64,7 +93,7 @@ def make_replays(
     impossible: list[tuple[EpisodeRecord, str]] = []
     progress(len(there), len(records))
     for task in run.suite.tasks:
-        with closing(SentPlayer(run, task, import_tasks=import_tasks)) as player:
+        with closing(SentPlayer(task, import_tasks=import_tasks)) as player:
             for record in missing:
                 if record.task != task.id:
                     continue

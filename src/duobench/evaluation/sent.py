@@ -38,13 +38,12 @@ class SentPlayer:
     """Plays finished episodes of one task again; the environment is made once."""
 
     def __init__(
-        self, run: Run, task: TaskInfo, *, look_every: int | None = None, import_tasks: bool = False
+        self, task: TaskInfo, *, look_every: int | None = None, import_tasks: bool = False
     ) -> None:
         """Remember what to play.
 
         Args:
-            run: The run.
-            task: Its task.
+            task: The task of a run.
             look_every: Control steps after which the images of the policy are rendered; None for no
                 images at all.
             import_tasks: Whether to import the task if it is not of the benchmark.

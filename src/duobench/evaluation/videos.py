@@ -129,7 +129,7 @@ class _Camera:
         self._task = task
         self._chunk = run.metadata.horizon
         self._player = SentPlayer(
-            run, task, look_every=self._chunk or FRAME_EVERY, import_tasks=import_tasks
+            task, look_every=self._chunk or FRAME_EVERY, import_tasks=import_tasks
         )
         self._filmed: gym.Env | None = None
         self._overview: Overview | None = None
