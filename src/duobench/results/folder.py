@@ -18,6 +18,8 @@ from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
 
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
+TRACK_SUFFIX, SCENE_SUFFIX = ".track", ".scene"
+"""Endings of the names of what replays are made of."""
 POSTER_SUFFIX = ".jpg"
 
 
@@ -62,6 +64,20 @@ class RunFolder(RunReader):
         """Image that stands for a video where none is played, if there is one."""
         return self.video(task_id, episode).with_suffix(POSTER_SUFFIX)
 
+    def replay(self, task_id: str, episode: int) -> Path | None:
+        """Track of an episode for its replay in 3D, if there is one."""
+        # Its name ends with that of the scene: "00003.0123456789ab.track".
+        found = sorted((self.path / "replays" / task_id).glob(f"{episode:05d}.*{TRACK_SUFFIX}"))
+        return found[0] if found else None
+
+    def new_replay(self, task_id: str, episode: int, scene: str) -> Path:
+        """Where the track of an episode is to be, which plays in a scene."""
+        return self.path / "replays" / task_id / f"{episode:05d}.{scene}{TRACK_SUFFIX}"
+
+    def scene(self, name: str) -> Path:
+        """What a browser needs to show the scene of replays."""
+        return self.path / "replays" / "scenes" / f"{name}{SCENE_SUFFIX}"
+
     @property
     def has_records(self) -> bool:
         """Whether an episode is finished."""
@@ -88,7 +104,7 @@ class RunFolder(RunReader):
         """
         if not self.description.exists():
             return
-        for folder in ("records", "videos", "figures"):
+        for folder in ("records", "videos", "replays", "figures"):
             with writing(self.path / folder), suppress(FileNotFoundError):
                 shutil.rmtree(self.path / folder)
         for path in (self.summary, self.page, self.timing):
@@ -136,11 +152,11 @@ class RunFolder(RunReader):
         write(self.record(record.task, record.episode), encode(record, RECORD_SCHEMA))
 
     def discard(self, record: EpisodeRecord) -> None:
-        """Remove record and video of an episode, which makes it one that is still to be played."""
-        for name in (self.poster, self.video, self.record):
-            path = name(record.task, record.episode)
-            with writing(path):
-                path.unlink(missing_ok=True)
+        """Remove what an episode has left, which makes it one that is still to be played."""
+        for name in (self.poster, self.video, self.replay, self.record):
+            if path := name(record.task, record.episode):
+                with writing(path):
+                    path.unlink(missing_ok=True)
 
     def note_timing(self, record: EpisodeRecord, times: EpisodeTimes | None, workers: int) -> None:
         """Append one line to the timing notes.

@@ -21,6 +21,7 @@ from duobench.results.reader import RunReader
 from duobench.results.reporting.clipping import clipping
 from duobench.results.reporting.failures import failed_stages
 from duobench.results.reporting.identity import identity, stacks
+from duobench.results.reporting.replays import PageReplays
 from duobench.results.reporting.times import duration, read_notes, run_times, side_by_side
 from duobench.results.reporting.videos import PageVideos
 from duobench.results.run import Run
@@ -119,7 +120,7 @@ def _score(score: Score) -> dict[str, Any]:
 
 def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -> str:
     """The page as HTML text."""
-    videos = PageVideos(folder, run)
+    videos, replays = PageVideos(folder, run), PageReplays(folder, results)
     times = run_times(results, read_notes(folder.timing))
     return render(
         "duobench.results",
@@ -140,6 +141,8 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
         video_command=videos.command,
         poster=videos.poster,
         featured=videos.featured,
+        replay=replays.id,
+        replays=replays.fragment(),
         times=times,
         side_by_side=side_by_side(times.workers),
         duration=duration,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,20 +17,20 @@ from duobench.cli.doctor import load_engine
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.results.folder import RunFolder
-    from duobench.results.metrics import Results
-    from duobench.results.run import Run
+    from duobench.evaluation.replays import Replays
+    from duobench.evaluation.videos import Videos
 
 
 def report(
     source: tyro.conf.Positional[Path],
     out: Path | None = None,
     videos: tuple[str, ...] = (),
+    replays: tuple[str, ...] = (),
     import_tasks: bool = False,
 ) -> None:
     """Compute table, figures and page from the records of a run.
 
-    The exit code is 1 if a video that was asked for cannot be made.
+    The exit code is 1 if a video or a replay that was asked for cannot be made.
 
     Args:
         source: What was given to --out of duobench eval, whose run need not be finished, or a file
@@ -37,8 +38,10 @@ def report(
         out: Folder of the report of a bundle; that of a run lies in the run's own folder.
         videos: Make videos of these finished episodes first, from what was sent in them: failures,
             all, or TASK:EPISODE such as bin_sort:3, one or several. One that is there stays.
-        import_tasks: For videos, import tasks that are not of the benchmark. This runs the code of
-            the modules that the run names.
+        replays: Show these finished episodes in 3D on the page: as for --videos, but failures and
+            all choose 20 at most, of all tasks and last stages.
+        import_tasks: For videos and replays, import tasks that are not of the benchmark. This runs
+            the code of the modules that the run names.
     """
     is_bundle = source.is_file()
     if not is_bundle:
@@ -63,35 +66,38 @@ def report(
     run_folder = RunFolder(folder)
     write_report(run_folder, reader if is_bundle else None)
     impossible = 0
-    if videos:
-        impossible = _make_videos(run_folder, run, results, videos, import_tasks, screen)
+    if videos or replays:
+        load_engine()
+        from duobench.evaluation.replays import choose_few, make_replays
+        from duobench.evaluation.videos import choose, make_videos
+
+        for what, words, pick, make in (
+            ("video", videos, choose, make_videos),
+            ("replay", replays, choose_few, make_replays),
+        ):
+            if words:
+                records = pick(run, [each for one in results.tasks for each in one.records], words)
+                todo = partial(make, run_folder, run, records, import_tasks=import_tasks)
+                impossible += _make(what, todo, screen, import_tasks)
         write_report(run_folder, reader if is_bundle else None)
     screen.print(f"Report: {folder / run_folder.page.name}")
     if impossible:
         sys.exit(1)
 
 
-def _make_videos(
-    folder: RunFolder,
-    run: Run,
-    results: Results,
-    words: Sequence[str],
-    import_tasks: bool,
-    screen: Console,
+def _make(
+    what: str, make: Callable[..., Videos | Replays], screen: Console, import_tasks: bool
 ) -> int:
-    """Make the videos that words choose, and return how many cannot be made."""
-    load_engine()
+    """Make videos or replays, and return how many cannot be made."""
     from duobench.cli.display.progress import display
-    from duobench.evaluation.videos import choose, make_videos
     from duobench.tasks import catalog
 
-    chosen = choose(run, [record for one in results.tasks for record in one.records], words)
-    with display(screen, "video") as shown:
-        videos = make_videos(folder, run, chosen, import_tasks=import_tasks, progress=shown.tell)
-    for record, reason in videos.impossible:
-        screen.print(f"No video of {record.task}, episode {record.episode}: {reason}")
-    if {record.task for record, _ in videos.impossible} - set(catalog.names()) and not import_tasks:
+    with display(screen, what) as shown:
+        found = make(progress=shown.tell)
+    for record, reason in found.impossible:
+        screen.print(f"No {what} of {record.task}, episode {record.episode}: {reason}")
+    if {record.task for record, _ in found.impossible} - set(catalog.names()) and not import_tasks:
         screen.print("With --import-tasks its tasks are imported; that runs the code of others.")
-    there = f", {len(videos.there)} there before" if videos.there else ""
-    screen.print(f"{counted(len(videos.made), 'video')} made{there}")
-    return len(videos.impossible)
+    there = f", {len(found.there)} there before" if found.there else ""
+    screen.print(f"{counted(len(found.made), what)} made{there}")
+    return len(found.impossible)
