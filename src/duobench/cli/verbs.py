@@ -22,6 +22,7 @@ from duobench.cli.results.verify import verify
 from duobench.cli.serve import serve
 from duobench.cli.spelling import check_spelling
 from duobench.cli.train import train
+from duobench.cli.teleop import teleop
 from duobench.cli.view import view
 from duobench.versions import __version__
 
@@ -40,6 +41,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "record": record,
     "replay": replay,
     "view": view,
+    "teleop": teleop,
     "list": list_tasks,
     "render": render,
     "serve": serve,
