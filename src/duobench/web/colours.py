@@ -11,6 +11,7 @@ from duobench.types import Array
 
 _CELLS = 32
 """Most cells of a plane with a texture, along both sides."""
+_NO_COLOUR = (0.5, 0.5, 0.5, 1.0)
 _RGB = mujoco.mjtTextureRole.mjTEXROLE_RGB.value
 
 
@@ -46,7 +47,7 @@ def colours_of(
 
     A texture counts by its mean; on a plane, by its mean around each point.
     """
-    rgb = model.geom_rgba[geom, :3].astype(np.float64)
+    rgb = _rgb(model, geom)
     changed = materials.by_geom.get(geom)
     if changed is not None and changed.rgb is not None:
         rgb = np.array(changed.rgb)
@@ -62,6 +63,14 @@ def colours_of(
         for u, v in zip(across.tolist(), along.tolist(), strict=True)
     ]
     return rgb * np.array(means)
+
+
+def _rgb(model: mujoco.MjModel, geom: int) -> Array:
+    """The colour (3,) of a geom: its own, or its material's where it has none [MuJoCo]."""
+    material = int(model.geom_matid[geom])
+    has_own = material < 0 or not np.array_equal(model.geom_rgba[geom], _NO_COLOUR)
+    rgba = model.geom_rgba[geom] if has_own else model.mat_rgba[material]
+    return rgba[:3].astype(np.float64)
 
 
 def _cells(count: int) -> int:

@@ -95,7 +95,7 @@ class Geometry:
         self._ids = np.array(self.bodies, dtype=np.int64)
         look = look or Look()
         numbers = {0: 0} | {body: n for n, body in enumerate(self.bodies, start=1)}
-        materials = resolve_materials(model, look)
+        materials = GeomMaterials() if look == Look() else resolve_materials(model, look)
         shown = [
             _shown(model, geom, numbers[root], pose, materials, look)
             for geom, (root, pose) in carriers.items()

@@ -124,9 +124,10 @@ def _ellipsoid(x: float, y: float, z: float) -> Triangles:
 
 
 def _capsule(radius: float, half_height: float) -> Triangles:
-    angles = np.linspace(-np.pi / 2, np.pi / 2, STACKS + 2)
+    quarter = np.linspace(0.0, np.pi / 2, STACKS // 2 + 1)
+    angles = np.concatenate([quarter - np.pi / 2, quarter])
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    ends = np.where(angles < 0, -half_height, half_height)
+    ends = np.repeat([-half_height, half_height], len(quarter))
     profile = radius * circle + np.stack([np.zeros_like(ends), ends], axis=-1)
     return _revolved(profile, circle, (1.0, 1.0))
 
