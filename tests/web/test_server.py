@@ -13,8 +13,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from duobench.errors import MessageError, ServingError
-from duobench.web.messages import MAX_MESSAGE, pack_frame, unpack_frame
-from duobench.web.peers import FRAMES_HZ
+from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, pack_frame, unpack_frame
 from duobench.web.server import PageServer
 from tests.web.pages import get, open_page, wait_until
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -15,6 +17,7 @@ from duobench.errors import PolicyError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from duobench.evaluation.viewing.watching import RunWatch
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
     from duobench.results.metrics import Results
@@ -42,6 +45,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     execute: int = 30,
     wait: float = 60.0,
     key_file: Path | None = None,
+    watch: bool = False,
+    watch_port: int = 0,
     layout: str | None = None,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
@@ -80,6 +85,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         execute: Actions of a chunk of a served policy that are executed before the next request.
         wait: Seconds to wait for a server that is not there.
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
+        watch: Show on a page in the browser what is played. It costs nothing while nobody looks,
+            and no result depends on it.
+        watch_port: Port of that page; 0 takes a free one.
         layout: Renamed: give --format.
     """
     command = command_line("eval", evaluate, locals())
@@ -105,7 +113,12 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     if workers == 0 and not choice.is_scripted:
         screen.print("The policy plays in the process of the simulator, which it can see and move.")
     advised = advising(partial(for_evaluation, folder, policy))
-    with advised, raising(screen), display(screen, "episode") as shown:
+    with (
+        advised,
+        _watching(screen, watch, watch_port) as live,
+        raising(screen),
+        display(screen, "episode") as shown,
+    ):
         results = play(
             choice,
             suite,
@@ -118,8 +131,23 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             fresh=fresh,
             unplayed_count_as_failures=unplayed_count_as_failures,
             command=command,
+            watch=live,
         )
     _show(folder.read_run(), results, out / folder.page.name, screen)
+
+
+@contextmanager
+def _watching(screen: Console, is_on: bool, port: int) -> Iterator[RunWatch | None]:
+    """What shows a run on a page as long as the block lasts, if anything does."""
+    if not is_on:
+        yield None
+        return
+    from duobench.cli.view import serve_page
+    from duobench.evaluation.viewing.watching import RunWatch
+
+    with closing(serve_page(port, lan=False)) as server:
+        screen.print(f"Watch at {server.url}")
+        yield RunWatch(server)
 
 
 def _show(run: Run, results: Results, page: Path, screen: Console) -> None:

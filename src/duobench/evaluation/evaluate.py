@@ -13,6 +13,7 @@ from duobench.evaluation.episode import EpisodeResult, Job
 from duobench.evaluation.executor import executor_for
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
+from duobench.evaluation.viewing.watching import RunWatch
 from duobench.files import locked
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
@@ -36,6 +37,7 @@ def evaluate(  # noqa: PLR0913
     fresh: bool = False,
     unplayed_count_as_failures: bool = False,
     command: str = "",
+    watch: RunWatch | None = None,
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
@@ -58,6 +60,7 @@ def evaluate(  # noqa: PLR0913
         unplayed_count_as_failures: Write records with an error for episodes that cannot be played
             because a process dies in them each time.
         command: The command that starts the run, for its description and the report.
+        watch: Shows what is played while it is played; no result depends on it.
 
     Returns:
         What all records of the run add up to.
@@ -74,7 +77,8 @@ def evaluate(  # noqa: PLR0913
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
     limits = limits or TimeLimits()
     job = Job(policy=choice, suite=suite, limits=limits, videos=videos, command=command)
-    executor = executor_for(job, workers)
+    executor = executor_for(job, workers, watch)
+    observing = observers if watch is None else [*observers, watch]
     with locked(folder.path), closing(executor):
         run = executor.prepare()
         if fresh or folder.has_only_errors_of_another(run):
@@ -83,16 +87,16 @@ def evaluate(  # noqa: PLR0913
             executor.rehearse(run.episodes()[0])
         folder.begin(run)
         finished = _finished(folder, run, retry_broken=retry_broken)
-        for observer in observers:
+        for observer in observing:
             observer.on_run_start(run, finished)
         done = {(record.task, record.episode) for record in finished}
         missing = [each for each in run.episodes() if (each.task.id, each.index) not in done]
         for result in executor.play(missing):
-            _write(folder, result, observers, workers)
+            _write(folder, result, observing, workers)
         unplayed = executor.unplayed
         if unplayed_count_as_failures:
             for result in executor.failures():
-                _write(folder, result, observers, workers)
+                _write(folder, result, observing, workers)
             unplayed = {}
         results = write_report(folder)
         _check_complete(folder, suite, results, unplayed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Protocol
 
 from duobench.errors import EvaluationError, MachineryError, RenderingError
@@ -11,6 +12,8 @@ from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
 from duobench.evaluation.processes.executor import ProcessExecutor
 from duobench.evaluation.processes.schedule import Schedule
+from duobench.evaluation.viewing.live import LiveWatcher
+from duobench.evaluation.viewing.watching import Playing, RunWatch
 from duobench.policy.registry import PolicyKind
 from duobench.results.run import Run
 from duobench.results.suite import Episode
@@ -18,6 +21,8 @@ from duobench.sim import rendering
 
 _MAY_SEE = (PolicyKind.LEROBOT, PolicyKind.MODULE, PolicyKind.SERVED)
 """Kinds of policies that may ask for images."""
+_HERE = 1
+"""Number of the only one who plays where this process does."""
 
 
 class Executor(Protocol):
@@ -81,9 +86,15 @@ class LocalExecutor:
     all of that, with one worker too.
     """
 
-    def __init__(self, job: Job) -> None:
-        """Remember what to play, and how."""
+    def __init__(self, job: Job, watch: RunWatch | None = None) -> None:
+        """Remember what to play, and how.
+
+        Args:
+            job: What to play.
+            watch: Shows what is played.
+        """
         self._job = job
+        self._watch = watch
         self._schedule = Schedule()
         self._runner: EpisodeRunner | None = None
         self.unplayed: Mapping[Episode, str] = {}
@@ -91,8 +102,12 @@ class LocalExecutor:
 
     def prepare(self) -> Run:
         """Make the policy, and say what is played by what."""
-        job = self._job
-        self._runner = EpisodeRunner(find_source(job.policy, job.suite.tasks, job.limits), job)
+        job, watch = self._job, self._watch
+        source = find_source(job.policy, job.suite.tasks, job.limits)
+        live = None
+        if watch is not None:
+            live = LiveWatcher(lambda: watch.watched is not None, partial(watch.show, _HERE))
+        self._runner = EpisodeRunner(source, job, live=live)
         return self._runner.run
 
     def rehearse(self, episode: Episode) -> None:
@@ -105,6 +120,8 @@ class LocalExecutor:
         runner = self._prepared
         for episode in episodes:
             result = None
+            if self._watch is not None:
+                self._watch.note([Playing(worker=_HERE, episode=episode)])
             while result is None:
                 try:
                     result = runner.play(episode)
@@ -129,12 +146,13 @@ class LocalExecutor:
         return self._runner
 
 
-def executor_for(job: Job, workers: int) -> Executor:
+def executor_for(job: Job, workers: int, watch: RunWatch | None = None) -> Executor:
     """What does a job.
 
     Args:
         job: What to play.
         workers: Processes that play side by side; with 0 this process plays.
+        watch: Shows what they play.
 
     Raises:
         EvaluationError: If the number of workers is negative.
@@ -145,7 +163,7 @@ def executor_for(job: Job, workers: int) -> Executor:
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
     if workers == 0:
-        return LocalExecutor(job)
+        return LocalExecutor(job, watch)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if job.videos:
@@ -153,4 +171,4 @@ def executor_for(job: Job, workers: int) -> Executor:
     elif job.policy.name.kind in _MAY_SEE and workers > 1:
         with suppress(RenderingError):
             rendering.choose(processes=workers)
-    return ProcessExecutor(job, workers)
+    return ProcessExecutor(job, workers, watch)

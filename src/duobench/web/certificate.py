@@ -52,7 +52,7 @@ def make_certificate(hosts: Collection[str] = ()) -> Certificate:
         ServingError: The package that makes certificates is not installed, or a host is no name.
     """
     try:
-        import trustme
+        import trustme  # pyright: ignore[reportMissingImports] - an extra
     except ImportError as error:
         raise ServingError(
             "A page for other machines needs a certificate, which trustme makes; it is not "

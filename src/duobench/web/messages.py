@@ -17,6 +17,8 @@ from duobench.errors import MessageError
 
 MAX_MESSAGE = 4096
 """Bytes of a message from a page."""
+FRAMES_HZ = 30.0
+"""Most frames a second that a page is sent."""
 _FRAME = struct.Struct("<dII")
 
 

@@ -12,8 +12,8 @@ import msgspec
 import websockets
 from websockets.asyncio.server import ServerConnection
 
-FRAMES_HZ = 30.0
-"""Most frames a second that a peer is sent."""
+from duobench.web.messages import FRAMES_HZ
+
 SEND_BUFFER = 16 << 10
 """Bytes that the system keeps for a peer that does not read: a dozen frames, and not seconds."""
 FRAME = "frame"

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from multiprocessing.connection import wait
 
+from msgspec.structs import replace as replace_field
+
 from duobench import errors
 from duobench.errors import (
     EvaluationError,
@@ -30,6 +32,8 @@ from duobench.evaluation.processes.schedule import Schedule
 from duobench.evaluation.processes.team import Team
 from duobench.evaluation.processes.worker import Worker
 from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.evaluation.viewing.live import LiveFrame, LiveScene
+from duobench.evaluation.viewing.watching import Playing, RunWatch
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode
@@ -59,12 +63,19 @@ class ProcessExecutor:
     `if __name__ == "__main__":` guard.
     """
 
-    def __init__(self, job: Job, workers: int) -> None:
-        """Remember what to play, by at most so many workers, which are started when needed."""
-        self._job = job
+    def __init__(self, job: Job, workers: int, watch: RunWatch | None = None) -> None:
+        """Remember what to play, by at most so many workers, which are started when needed.
+
+        Args:
+            job: What to play.
+            workers: Most workers at a time.
+            watch: Shows what they do.
+        """
+        self._job = replace_field(job, is_watched=watch is not None)
+        self._watch = watch
         self._schedule = Schedule()
         self._most = workers
-        self._team = Team(job)
+        self._team = Team(self._job)
         self._failed_starts = 0
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
@@ -132,6 +143,7 @@ class ProcessExecutor:
 
     def _poll(self) -> Iterator[EpisodeResult]:
         """Wait for reports, a moment at most, and act on them."""
+        self._show()
         children = self._team.children
         readable = wait([child.channel.socket for child in children], TICK_S)
         for child in children:
@@ -149,6 +161,24 @@ class ProcessExecutor:
                 yield from self._check_episode(child)
             else:
                 yield from self._check_answer(child)
+
+    def _show(self) -> None:
+        """Show what workers do, and have the one be watched that somebody looks at."""
+        if self._watch is None:
+            return
+        self._watch.note(
+            [
+                Playing(
+                    worker=worker.number,
+                    episode=worker.episode,
+                    stage=worker.progress.final_stage if worker.progress else 0,
+                )
+                for worker in self._team.workers
+            ]
+        )
+        watched = self._watch.watched
+        for worker in self._team.workers:
+            worker.clock.is_watched = worker.number == watched
 
     def _receive(
         self, child: Worker | PolicyProcess, report: Report | Answering
@@ -176,6 +206,9 @@ class ProcessExecutor:
             case Progress(record=record):
                 if worker.episode and self._run.objection(record, worker.episode) is None:
                     worker.progress = record
+            case LiveScene() | LiveFrame():
+                if self._watch is not None and worker.episode is not None:
+                    self._watch.show(worker.number, report)
             case EpisodeResult():
                 yield from self._accept(worker, report)
             case EpisodeError(fault=fault):

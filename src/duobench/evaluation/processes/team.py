@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from itertools import count
 
 from duobench.evaluation.episode import Job
 from duobench.evaluation.processes.messages import Stop
@@ -100,6 +101,8 @@ class Team:
     def _start_worker(self, policy: PolicyProcess | None) -> None:
         """Start a worker, which begins once its policy answers."""
         worker = Worker(policy)
+        taken = {each.number for each in self.workers}
+        worker.number = next(number for number in count(1) if number not in taken)
         self.workers.append(worker)
         if policy is None or policy.is_ready:
             worker.begin(self._job)

@@ -23,6 +23,7 @@ from duobench.evaluation.processes.messages import (
     Stop,
 )
 from duobench.evaluation.processes.policy_process import PolicyProcess
+from duobench.evaluation.viewing.live import LiveWatcher
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import Episode, TaskInfo
 
@@ -50,6 +51,8 @@ class Worker(Child[Report]):
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
         """The task whose environment it has."""
+        self.number = 0
+        """What people know it by, from 1 on."""
 
     def begin(self, job: Job) -> None:
         """Have it make the policy, or connect to it."""
@@ -93,6 +96,7 @@ def _play(parent: Parent, requests: Requests, clock: EpisodeClock) -> None:
         clock,
         lambda record: parent.report(Progress(record=record)),
         is_interruptible=False,
+        live=LiveWatcher(lambda: clock.is_watched, parent.report) if job.is_watched else None,
     )
     parent.report(Ready(run=runner.run, versions=runner.versions))
     while not isinstance(request := requests.get(), Stop):

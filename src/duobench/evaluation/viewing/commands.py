@@ -40,4 +40,6 @@ def read_command(data: bytes) -> Command:
     try:
         return _decoder.decode(data)
     except (msgspec.MsgspecError, RecursionError) as error:
-        raise MessageError(f"Here one selects, seeks and plays; got something else: {error}.") from error
+        raise MessageError(
+            f"Here one selects, seeks and plays; got something else: {error}."
+        ) from error

@@ -71,8 +71,8 @@ class SceneCache:
     def of(self, simulation: Simulation, look: Look) -> Geometry:
         """The geometry of a simulation in its layout's variants, in a look."""
         before = self._shown
-        is_same = before is not None and before[0] is simulation and before[1:] == _what(
-            simulation, look
+        is_same = (
+            before is not None and before[0] is simulation and before[1:] == _what(simulation, look)
         )
         if self._geometry is None or not is_same:
             self._geometry = Geometry(simulation.model, look)

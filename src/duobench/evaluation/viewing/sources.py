@@ -148,9 +148,10 @@ class DataSource:
             self.close()
             self._source, self._task = ImageSource(task, cameras=(), look=self._look), info.task
         simulation, poses = self._source.simulation, []
+        self._source.show(recording, 0)  # with the variants of its layout
+        geometry = self._scenes.of(simulation, self._look)
         for row in range(len(recording) + 1):
             self._source.show(recording, row)
-            geometry = self._scenes.of(simulation, self._look)
             poses.append(geometry.poses(simulation.data))
         rises = np.flatnonzero(np.diff(recording.stage, prepend=0) > 0).tolist()
         return Playback(
@@ -206,7 +207,7 @@ class RunSource:
         """Play the targets of a record, and collect the poses."""
         record = self._records[item]
         if reason := obstacle(record):
-            raise EvaluationError(reason)
+            raise EvaluationError(f"{reason} {record.reason}".rstrip())
         task = actual_task(self._tasks[record.task], import_tasks=self._import_tasks)
         if self._player is None or self._task != task:
             self.close()
@@ -230,9 +231,7 @@ class RunSource:
             self._player.close()
 
 
-def open_view(
-    what: str, look: str | Look = DEFAULT, *, import_tasks: bool = False
-) -> ViewSource:
+def open_view(what: str, look: str | Look = DEFAULT, *, import_tasks: bool = False) -> ViewSource:
     """What a word names: a data set or a run by its folder, a bundle of a run, or a task.
 
     Args:
@@ -259,7 +258,6 @@ def open_view(
     if not source.items:
         raise EvaluationError(f"{what} has no finished episode to view.")
     return source
-
 
 
 def _playback(
@@ -298,4 +296,3 @@ def _finished(name: str, record: EpisodeRecord) -> Item:
     state = ERROR if record.error else SUCCESS if record.success else FAILURE
     detail = f"stage {record.final_stage} of {record.max_stage}"
     return Item(id=name, title=f"{record.task} {record.episode}", detail=detail, state=state)
-

@@ -8,7 +8,7 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from duobench.evaluation.viewing.playback import Playback
 from duobench.evaluation.viewing.sources import ViewSource
 from duobench.types import CONTROL_HZ
 from duobench.web.messages import pack_frame
-from duobench.web.server import PageServer
+
+if TYPE_CHECKING:
+    from duobench.web.server import PageServer
 
 MAX_PLAYBACKS = 64
 """Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""
