@@ -118,6 +118,20 @@ def test_a_drag_too_quick_for_a_message_is_not_lost(
     assert page.hands()[-1]["right"]["squeeze"] == 0
 
 
+def test_a_finger_moves_no_arm(page: Operated, canvas: tuple[float, float]) -> None:
+    start = len(page.hands())
+    page.page.evaluate(
+        """([x, y]) => {
+          const send = (type, clientX) => document.querySelector("canvas").dispatchEvent(
+            new PointerEvent(type, {bubbles: true, pointerType: "touch", clientX, clientY: y}));
+          send("pointerdown", x); send("pointermove", x + 30); send("pointerup", x + 30);
+        }""",
+        list(canvas),
+    )
+    page.settle()
+    assert not any(message["right"]["squeeze"] for message in page.hands()[start:])
+
+
 def test_ctrl_and_the_wheel_move_it_away_and_back(
     page: Operated, canvas: tuple[float, float]
 ) -> None:
