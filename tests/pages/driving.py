@@ -13,7 +13,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import ConsoleMessage, Page, sync_playwright
 from websockets import Headers, Request, Response
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
@@ -33,15 +33,8 @@ class Operated:
         self.page = page
         self.port = port
         self.messages: list[dict[str, Any]] = []
-        self.complaints: list[str] = []
+        self.complaints = complaints_of(page)
         self.socket: ServerConnection | None = None
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.on(
-            "console",
-            lambda line: (
-                self.complaints.append(line.text) if line.type in ("error", "warning") else None
-            ),
-        )
 
     def open(self, host: str = "127.0.0.1") -> None:
         """Load the page and let it drive."""
@@ -86,6 +79,43 @@ class Operated:
 
 
 @contextmanager
+def opened(*scripts: Path | str) -> Iterator[Page]:
+    """An empty page in a browser; scripts run before those of what it will show."""
+    with sync_playwright() as play:
+        window = play.chromium.launch(executable_path=browser(), args=[*FLAGS])
+        context = window.new_context(viewport={"width": 1000, "height": 800})
+        for script in scripts:
+            if isinstance(script, Path):
+                context.add_init_script(path=script)
+            else:
+                context.add_init_script(script)
+        yield context.new_page()
+        window.close()
+
+
+def complaints_of(page: Page) -> list[str]:
+    """What a page says on its console from now on that it should not, and what it throws."""
+    found: list[str] = []
+    page.on("pageerror", lambda error: found.append(str(error)))
+
+    def note(line: ConsoleMessage) -> None:
+        if line.type in {"error", "warning"}:
+            found.append(line.text)
+
+    page.on("console", note)
+    return found
+
+
+def broken_rules(page: Page) -> list[tuple[str, list[str]]]:
+    """Rules of accessibility that a page breaks, and where, by axe-core."""
+    page.evaluate(Path(os.environ["DUOBENCH_AXE"]).read_text(encoding="utf-8"))
+    return page.evaluate(
+        """axe.run(document).then((found) =>
+          found.violations.map((each) => [each.id, each.nodes.map((node) => node.html)]))"""
+    )
+
+
+@contextmanager
 def operated(*scripts: Path | str, files: dict[str, bytes] | None = None) -> Iterator[Operated]:
     """A page in a browser, with scripts that run before its own, and files beside its own."""
     answer = partial(_answer, files or {})
@@ -104,17 +134,9 @@ def operated(*scripts: Path | str, files: dict[str, bytes] | None = None) -> Ite
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:
-            with sync_playwright() as play:
-                window = play.chromium.launch(executable_path=browser(), args=[*FLAGS])
-                context = window.new_context(viewport={"width": 1000, "height": 800})
-                for script in scripts:
-                    if isinstance(script, Path):
-                        context.add_init_script(path=script)
-                    else:
-                        context.add_init_script(script)
-                served["page"] = Operated(context.new_page(), server.socket.getsockname()[1])
+            with opened(*scripts) as page:
+                served["page"] = Operated(page, server.socket.getsockname()[1])
                 yield served["page"]
-                window.close()
         finally:
             server.shutdown()
             thread.join()
@@ -137,7 +159,3 @@ def _answer(
         kind = "application/octet-stream"
     headers = Headers({"Content-Type": f"{kind}; charset=utf-8", "Content-Length": str(len(body))})
     return Response(HTTPStatus.OK, "OK", headers, body)
-
-
-def axe() -> Path:
-    return Path(os.environ["DUOBENCH_AXE"])

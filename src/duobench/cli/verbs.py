@@ -21,8 +21,8 @@ from duobench.cli.results.report import report
 from duobench.cli.results.verify import verify
 from duobench.cli.serve import serve
 from duobench.cli.spelling import check_spelling
-from duobench.cli.train import train
 from duobench.cli.teleop import teleop
+from duobench.cli.train import train
 from duobench.cli.view import view
 from duobench.versions import __version__
 

@@ -47,9 +47,7 @@ class LiveSession:
         Raises:
             OutputError: An episode cannot be written.
         """
-        return run(
-            self._session, self._show, is_stopped=self._over.is_set, timings=self._timings
-        )
+        return run(self._session, self._show, is_stopped=self._over.is_set, timings=self._timings)
 
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""

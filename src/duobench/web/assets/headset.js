@@ -21,9 +21,9 @@ export async function support() {
   if (!navigator.xr) {
     const reason = isSecureContext
       ? "This browser knows no headsets (it has no WebXR)."
-      : `No headset: browsers give WebXR only to pages from https or localhost, and this one came
-        over plain http from ${location.hostname}. Connect the headset by cable, or ask for a
-        server with a certificate.`;
+      : `No headset: browsers give WebXR only to pages that come over https or from the machine
+        itself, and this one came over plain http from ${location.hostname}. Connect the headset by
+        cable, or ask for a server with a certificate.`;
     return { vr: false, ar: false, reason };
   }
   const has = (mode) => navigator.xr.isSessionSupported(mode).catch(() => false);
