@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 GELLO, LEROBOT = "gello", "lerobot"
 
 
-def teleop(
+def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     task: tyro.conf.Positional[str],
     out: Path,
     episodes: int = 10,
@@ -38,8 +38,8 @@ def teleop(
 ) -> None:
     """Record episodes that somebody leads from a page in the browser, until Ctrl-C.
 
-    Open the printed address, and lead both arms by mouse and keys, gamepad or headset; the page says
-    how. The environment decides success, and you say which episodes are kept. Layouts are those of
+    Open the printed address, and lead both arms by mouse and keys, gamepad or headset; the page
+    says how. The environment decides success, and you say which episodes are kept. Layouts are those of
     the split train. The same command goes on with a data set until it has as many episodes.
 
     Args:

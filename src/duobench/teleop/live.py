@@ -9,14 +9,15 @@ from typing import Any, cast
 from duobench.envs.sim_env import SimEnv
 from duobench.teleop.pacing import Timings, run
 from duobench.teleop.session import Session
+from duobench.types import SIDES
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.server import PageServer
 
-_QUIET = ("step", "latency_ms", "lost")
+_QUIET = ("step", "lost")
 """What of a status changes all the time, and is sent once in a while or with something else."""
-_TURNS = 15
-"""Turns of the loop after which it is sent at the latest."""
+_TURNS = 6
+"""Turns of the loop after which it is sent at the latest: a drag is measured where the tool is."""
 WATCHING = "You watch: take over to lead the arms."
 
 
@@ -85,4 +86,11 @@ class LiveSession:
         if quiet == self._told and self._turn % _TURNS:
             return
         self._told = quiet
-        self._server.publish_status({**status, "latency_ms": self._timings.latency_ms})
+        poses = self._env.backend.read().tcp_poses
+        self._server.publish_status(
+            {
+                **status,
+                "latency_ms": self._timings.latency_ms,
+                "tools": {str(side): poses[side.index][:3].tolist() for side in SIDES},
+            }
+        )
