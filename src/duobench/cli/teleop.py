@@ -39,8 +39,9 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     """Record episodes that somebody leads from a page in the browser, until Ctrl-C.
 
     Open the printed address, and lead both arms by mouse and keys, gamepad or headset; the page
-    says how. The environment decides success, and you say which episodes are kept. Layouts are those of
-    the split train. The same command goes on with a data set until it has as many episodes.
+    says how. The environment decides success, and you say which episodes are kept. Layouts are
+    those of the split train. The same command goes on with a data set until it has as many
+    episodes.
 
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.

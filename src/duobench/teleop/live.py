@@ -90,6 +90,7 @@ class LiveSession:
         self._server.publish_status(
             {
                 **status,
+                "steps": None,  # nobody can go back in what is just happening
                 "latency_ms": self._timings.latency_ms,
                 "tools": {str(side): poses[side.index][:3].tolist() for side in SIDES},
             }
