@@ -1,7 +1,10 @@
-"""Every task is solved through the session by hands that follow the expert's tools."""
+"""Every task is solved through the page's socket by hands that follow the expert's tools."""
 
 from __future__ import annotations
 
+import json
+import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -12,10 +15,13 @@ from duobench.evaluation.policies import ExpertPolicy
 from duobench.randomness import TRAIN, episode_seed
 from duobench.tasks import catalog
 from duobench.teleop.hands import HandDevice
+from duobench.teleop.live import LiveSession
 from duobench.teleop.recorder import make_recorder
 from duobench.teleop.session import Session, State
 from duobench.types import CONTROL_HZ
+from duobench.web.server import PageServer
 from tests.teleop.operator import Operator
+from tests.web.pages import TIMEOUT_S, open_page
 
 MORE_STEPS = 60
 """Control steps that the operator may take beyond those of the expert."""
@@ -41,16 +47,19 @@ def expert_steps(task: str, number: int) -> int:
 def test_hands_that_follow_an_experts_tools_solve_the_task(tmp_path: Path, task: str) -> None:
     data = DataSet.open(tmp_path)
     actor = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
-    session = Session(make_recorder(task, data, actor), HandDevice(), episodes=1)
+    device = HandDevice(lockstep=True)
+    session = Session(make_recorder(task, data, actor), device, episodes=1, lockstep=True)
     operator = Operator(session)
     most = expert_steps(task, 0) + MORE_STEPS
-    turns = 0
-    while session.state is not State.OVER:
-        session.receive(operator.next_message(), turns / CONTROL_HZ)
-        session.advance(turns / CONTROL_HZ)
-        turns += 1
-        if session.state is State.RECORDING:
-            assert session.status()["step"] <= most, session.status()
+    with closing(PageServer({})) as server, open_page(server.url) as page:
+        LiveSession(session, server)
+        page.say(kind="drive")
+        while session.state is not State.OVER:
+            page.say(**json.loads(operator.next_message()))
+            session.wait(TIMEOUT_S)
+            session.advance(time.monotonic())
+            if session.state is State.RECORDING:
+                assert session.status()["step"] <= most, session.status()
     session.close()
     assert session.device.dropped == 0
     (recording,) = data.recordings()

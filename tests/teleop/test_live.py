@@ -1,0 +1,138 @@
+"""A session on a page, over its socket: who leads, who watches, and what both see."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from duobench.data import Actor, ActorKind, DataSet
+from duobench.envs.sim_env import sim_of
+from duobench.spatial import SE3
+from duobench.teleop.hands import HandDevice
+from duobench.teleop.live import WATCHING, LiveSession
+from duobench.teleop.recorder import make_recorder
+from duobench.teleop.session import Session
+from duobench.web.geometry import Geometry
+from duobench.web.messages import unpack_frame
+from duobench.web.server import PageServer
+from tests.teleop.operator import hand, message
+from tests.web.pages import Page, open_page, wait_until
+
+TASK = "carry_pot"
+ACTOR = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Iterator[Session]:
+    device = HandDevice(lockstep=True)
+    session = Session(make_recorder(TASK, DataSet.open(tmp_path), ACTOR), device, lockstep=True)
+    yield session
+    session.close()
+
+
+@contextmanager
+def running(session: Session) -> Iterator[PageServer]:
+    """The session, running in a thread of its own as `duobench teleop` has it."""
+    server = PageServer({})
+    live = LiveSession(session, server)
+    thread = threading.Thread(target=live.run)
+    thread.start()
+    yield server
+    live.stop()
+    thread.join()
+    server.close()
+
+
+class Driver:
+    """Sends samples of two hands beside each other."""
+
+    def __init__(self, page: Page) -> None:
+        self._page, self._number = page, 0
+
+    def send(self, *, squeeze: float, height: float = 0.0) -> None:
+        self._number += 1
+        both = (hand(SE3.at(0.3, y, height), squeeze=squeeze) for y in (0.2, -0.2))
+        self._page.say(**json.loads(message(self._number, *both)))
+
+
+def tool_heights(session: Session) -> np.ndarray:
+    return session.env.base.backend.read().tcp_poses[:, 2]
+
+
+def test_whoever_drives_leads_and_the_others_watch(session: Session) -> None:
+    with running(session) as server, open_page(server.url) as page, open_page(server.url) as other:
+        other.say(kind="hands")
+        assert other.hear_of("refused")["reason"] == WATCHING
+        page.say(kind="drive")
+        page.hear_of("role", role="driver")
+        driver, before = Driver(page), tool_heights(session)
+        driver.send(squeeze=0)
+        for number in range(20):
+            driver.send(squeeze=1, height=0.005 * number)
+        for _ in range(30):
+            driver.send(squeeze=1, height=0.095)
+        shown = other.hear_of("status", step=50)
+        np.testing.assert_allclose(tool_heights(session) - before, 0.095, rtol=0, atol=0.002)
+        assert (shown["state"], shown["clutch"]) == ("recording", {"left": True, "right": True})
+        assert shown["instruction"].startswith("Lift the pot by both handles")
+        assert set(shown["tools"]) == {"left", "right"}
+
+
+def test_frames_show_where_the_bodies_are(session: Session) -> None:
+    with running(session) as server, open_page(server.url) as page:
+        simulation = sim_of(session.env).simulation
+        geometry = Geometry(simulation.model)
+        assert page.hear_of("scene")["name"] == geometry.name
+        poses, step, _ = unpack_frame(page.frame())
+        np.testing.assert_allclose(poses, geometry.poses(simulation.data), rtol=0, atol=1e-6)
+        assert step == 0
+
+
+def test_a_driver_who_leaves_lets_go_and_frees_the_place(session: Session) -> None:
+    with running(session) as server:
+        with open_page(server.url) as page:
+            page.say(kind="drive")
+            driver = Driver(page)
+            driver.send(squeeze=0)
+            driver.send(squeeze=1)
+            wait_until(lambda: session.device.clutch == (True, True))
+        with open_page(server.url) as next_page:
+            next_page.say(kind="drive")
+            next_page.hear_of("role", role="driver")
+            # What is still squeezed is no new squeeze.
+            driver = Driver(next_page)
+            driver.send(squeeze=1)
+            next_page.hear_of("status", clutch={"left": False, "right": False})
+            assert session.device.clutch == (False, False)
+
+
+def test_what_is_no_message_is_refused_and_the_session_lives(session: Session) -> None:
+    with running(session) as server, open_page(server.url) as page:
+        page.say(kind="drive")
+        for bad in (
+            {"kind": "hands"},
+            {"kind": "hands", "sent": 0, "seq": 1, "left": hand(SE3()) | {"squeeze": 2}},
+            {"kind": "fly"},
+        ):
+            page.say(**bad)
+            assert page.hear_of("refused")["reason"]
+        Driver(page).send(squeeze=0)
+        page.hear_of("status", note="Squeeze a clutch to begin.")
+
+
+def test_nothing_is_computed_while_nobody_looks(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[float] = []
+    monkeypatch.setattr(Geometry, "poses", lambda _self, _data: asked.append(time.monotonic()))
+    with running(session):
+        session.receive(message(0, hand(SE3()), hand(SE3())), time.monotonic())
+        wait_until(lambda: "Squeeze" in session.note)
+    assert asked == []
