@@ -60,7 +60,7 @@ def test_a_scene_is_there_once_and_only_where_needed() -> None:
     episodes = json.loads(found[1])
     assert [each["scene"] for each in episodes] == ["scene-data-0"] * 2 + ["scene-data-1"]
     assert [each["id"] for each in episodes] == ["replay-1", "replay-2", "replay-3"]
-    assert "data-open" not in fragment
+    assert '<section class="replays" data-replays aria-label' in fragment
 
 
 def test_list_says_how_far_an_episode_came() -> None:
