@@ -4,8 +4,8 @@ The scene file is gzip over a uint32, the length of a JSON text; the text, which
 `Geometry.header`; and for all n vertices, one plane after the other, position (float32 x y z,
 metres), normal (int8 x y z) and emission (uint8, 255 is one), colour (uint8 red green blue) and
 highlight (uint8, 255 is one), and the number of the body whose frame they are in (uint32, 0 is the
-world); then the corners of the triangles (int32), each as the difference from the one before.
-Everything is little-endian; a vertex takes 24 bytes.
+world, and 65536 is added where no shadow falls); then the corners of the triangles (int32), each as
+the difference from the one before. Everything is little-endian; a vertex takes 24 bytes.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ from duobench.scene.naming import FLOOR
 from duobench.sim.materials import GeomMaterials, resolve_materials
 from duobench.spatial import SE3, matrix_from_wxyz
 from duobench.types import Array
+from duobench.web.colours import cells_for, colours_of, texels_of
 from duobench.web.lighting import camera_of, emission_of, lights_of
-from duobench.web.shapes import PLANE_CELLS, Triangles, box, cylinder, triangles_of
+from duobench.web.shapes import Triangles, box, cylinder, triangles_of
 
 MAX_BODIES = 255
 """Most bodies that move; their poses have to fit into a block that every browser has."""
@@ -39,7 +40,9 @@ _GRAIN = 2.0**-15
 """Positions are multiples of this, 0.03 mm, so that they compress."""
 _SPECULAR = 0.5
 """Of a geom without material [MuJoCo's default]."""
-_RGB = mujoco.mjtTextureRole.mjTEXROLE_RGB.value
+_OPAQUE = 0.995
+"""On what is less opaque no shadow falls [MuJoCo's renderer]."""
+_NO_SHADOWS = 1 << 16
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -56,6 +59,7 @@ class _Piece:
     """Red, green and blue, 0 to 1, (n, 3)."""
     emission: float
     specular: float
+    takes_shadows: bool
 
 
 class Geometry:
@@ -91,7 +95,7 @@ class Geometry:
         self._ids = np.array(self.bodies, dtype=np.int64)
         look = look or Look()
         numbers = {0: 0} | {body: n for n, body in enumerate(self.bodies, start=1)}
-        materials = resolve_materials(model, look)
+        materials = GeomMaterials() if look == Look() else resolve_materials(model, look)
         shown = [
             _shown(model, geom, numbers[root], pose, materials, look)
             for geom, (root, pose) in carriers.items()
@@ -151,7 +155,8 @@ def _shown(
 ) -> _Piece:
     """A geom of the model."""
     body_from_geom = _pose(model.geom_pos[geom], model.geom_quat[geom])
-    surface = triangles_of(model, geom)
+    texels = texels_of(model, geom, materials)
+    surface = triangles_of(model, geom, cells_for(texels))
     is_matte = model.geom_group[geom] == SHADOWLESS_GEOM_GROUP
     owner = int(model.geom_bodyid[geom])
     is_room = is_matte and (owner == 0 or model.body(owner).name == FLOOR)
@@ -165,57 +170,11 @@ def _shown(
         ),
         shape=_moved(surface, carrier_from_body @ body_from_geom),
         body=body,
-        colours=_colours(model, geom, surface.points, materials),
+        colours=colours_of(model, geom, surface.points, materials, texels),
         emission=emission_of(model, material, look),
         specular=_SPECULAR if material < 0 else float(model.mat_specular[material]),
+        takes_shadows=bool(model.geom_rgba[geom, 3] >= _OPAQUE),
     )
-
-
-def _colours(model: mujoco.MjModel, geom: int, points: Array, materials: GeomMaterials) -> Array:
-    """Colours (n, 3) of a geom at points (n, 3) in its frame.
-
-    A texture counts by its mean; on a plane, by its mean around each point.
-    """
-    rgb = model.geom_rgba[geom, :3].astype(np.float64)
-    material, changed = int(model.geom_matid[geom]), materials.by_geom.get(geom)
-    if changed is not None and changed.rgb is not None:
-        rgb = np.array(changed.rgb)
-    if changed is not None and changed.texture is not None:
-        texels = materials.textures[changed.texture]
-    elif material >= 0 and (number := int(model.mat_texid[material, _RGB])) >= 0:
-        texels = _texels(model, number)
-    else:
-        return np.broadcast_to(rgb, points.shape)
-    if int(model.geom_type[geom]) != mujoco.mjtGeom.mjGEOM_PLANE:
-        return np.broadcast_to(rgb * _mean(texels), points.shape)
-    height, width = texels.shape[:2]
-    half = np.where(model.geom_size[geom, :2] > 0, model.geom_size[geom, :2], np.inf)
-    across, along = ((points[:, :2] / half + 1) / 2).T
-    means = [
-        _mean(texels[_around(v, height)][:, _around(u, width)])
-        for u, v in zip(across.tolist(), along.tolist(), strict=True)
-    ]
-    return rgb * np.array(means)
-
-
-def _around(place: float, count: int) -> slice:
-    """The texels of a row or column that lie within half a cell of a plane around a place."""
-    low, high = ((place + side / (2 * PLANE_CELLS)) * count for side in (-1, 1))
-    first = int(np.clip(low, 0, count - 1))
-    return slice(first, max(first + 1, int(np.ceil(min(high, count)))))
-
-
-def _texels(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
-    """The texels (height, width, 3) of a texture of the model."""
-    height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
-    channels = int(model.tex_nchannel[texture])
-    start = int(model.tex_adr[texture])
-    texels = model.tex_data[start : start + height * width * channels]
-    return texels.reshape(height, width, channels)[..., :3]
-
-
-def _mean(texels: NDArray[np.uint8]) -> Array:
-    return texels.reshape(-1, texels.shape[-1]).mean(axis=0) / 255
 
 
 def _furniture(look: Look) -> Iterator[_Piece]:
@@ -230,6 +189,7 @@ def _furniture(look: Look) -> Iterator[_Piece]:
             colours=np.broadcast_to(np.array(piece.colour), (len(shape.points), 3)),
             emission=0.0,
             specular=0.0,
+            takes_shadows=True,
         )
 
 
@@ -255,14 +215,14 @@ def _packed(header: dict[str, Any], shown: list[_Piece]) -> bytes:
     )
     emission = np.repeat([_byte(piece.emission) for piece in shown], counts)
     specular = np.repeat([_byte(piece.specular) for piece in shown], counts)
-    bodies = np.repeat([piece.body for piece in shown], counts)
+    numbers = [piece.body + (0 if piece.takes_shadows else _NO_SHADOWS) for piece in shown]
     text = json.dumps(header, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     planes = (
         (np.rint(points / _GRAIN) * _GRAIN).astype("<f4"),
         np.column_stack([np.rint(127 * normals).astype(np.int8).view(np.uint8), emission]),
         np.column_stack([_byte(colours), specular]),
-        bodies.astype("<u4"),
+        np.repeat(numbers, counts).astype("<u4"),
         np.diff(corners, prepend=0).astype("<i4"),
     )
     parts = [len(text).to_bytes(4, "little"), text, *(plane.tobytes() for plane in planes)]

@@ -13,8 +13,6 @@ from duobench.types import Array
 
 SLICES, STACKS = 16, 8
 """Fineness of what is round, about its axis and along it."""
-PLANE_CELLS = 16
-"""Cells of a plane along both sides, so that its colour can change from corner to corner."""
 
 _KIND = mujoco.mjtGeom
 
@@ -31,8 +29,14 @@ class Triangles:
     """Numbers of the corners of each triangle (m, 3), counter-clockwise from outside."""
 
 
-def triangles_of(model: mujoco.MjModel, geom: int) -> Triangles:
+def triangles_of(model: mujoco.MjModel, geom: int, cells: tuple[int, int] = (1, 1)) -> Triangles:
     """The surface of a geom.
+
+    Args:
+        model: The model.
+        geom: Its id.
+        cells: Into how many cells a plane is cut along x and y, so that its colour can change from
+            corner to corner.
 
     Raises:
         DuoBenchError: It is a height field or a signed distance field, which have no such surface.
@@ -42,7 +46,7 @@ def triangles_of(model: mujoco.MjModel, geom: int) -> Triangles:
         return _mesh(model, int(model.geom_dataid[geom]))
     x, y, z = model.geom_size[geom].tolist()
     makers = {
-        _KIND.mjGEOM_PLANE.value: lambda: _plane(x, y),
+        _KIND.mjGEOM_PLANE.value: lambda: _plane(x, y, cells),
         _KIND.mjGEOM_BOX.value: lambda: _box(x, y, z),
         _KIND.mjGEOM_SPHERE.value: lambda: _ellipsoid(x, x, x),
         _KIND.mjGEOM_ELLIPSOID.value: lambda: _ellipsoid(x, y, z),
@@ -85,14 +89,13 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> Triangles:
     )
 
 
-def _plane(half_x: float, half_y: float) -> Triangles:
+def _plane(half_x: float, half_y: float, cells: tuple[int, int]) -> Triangles:
     """A plane that faces along z; one without end reaches 10 m."""
-    n = PLANE_CELLS
-    steps = np.linspace(-1.0, 1.0, n + 1)
-    x, y = np.meshgrid(steps * (half_x or 10.0), steps * (half_y or 10.0), indexing="ij")
+    along_x, along_y = (np.linspace(-1.0, 1.0, count + 1) for count in cells)
+    x, y = np.meshgrid(along_x * (half_x or 10.0), along_y * (half_y or 10.0), indexing="ij")
     points = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
     normals = np.broadcast_to((0.0, 0.0, 1.0), points.shape)
-    return Triangles(points=points, normals=normals, corners=_grid(n + 1, n + 1))
+    return Triangles(points=points, normals=normals, corners=_grid(*x.shape))
 
 
 def _box(x: float, y: float, z: float) -> Triangles:
@@ -121,9 +124,10 @@ def _ellipsoid(x: float, y: float, z: float) -> Triangles:
 
 
 def _capsule(radius: float, half_height: float) -> Triangles:
-    angles = np.linspace(-np.pi / 2, np.pi / 2, STACKS + 2)
+    quarter = np.linspace(0.0, np.pi / 2, STACKS // 2 + 1)
+    angles = np.concatenate([quarter - np.pi / 2, quarter])
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    ends = np.where(angles < 0, -half_height, half_height)
+    ends = np.repeat([-half_height, half_height], len(quarter))
     profile = radius * circle + np.stack([np.zeros_like(ends), ends], axis=-1)
     return _revolved(profile, circle, (1.0, 1.0))
 

@@ -43,8 +43,11 @@ def encode(poses: ArrayLike) -> bytes:
         DataError: They have another shape, or one of them is no number.
     """
     array = np.asarray(poses, dtype=np.float64)
-    if array.ndim != 3 or array.shape[2] != len(_STEPS):  # noqa: PLR2004 - steps, bodies, numbers
-        raise DataError(f"Poses have the shape (steps, bodies, 7), got {array.shape}.")
+    if array.ndim != 3 or array.shape[2] != len(_STEPS) or not array.size:  # noqa: PLR2004
+        raise DataError(
+            f"Poses have the shape (steps, bodies, 7), of one step and body at least; got "
+            f"{array.shape}."
+        )
     if not np.isfinite(array).all():
         raise DataError("Poses must be finite, and one of them is not.")
     array = _without_flips(array)

@@ -36,7 +36,7 @@ export class Chips {
       if (chip.dataset.state === state) return;
       chip.dataset.state = state;
       const said = { reached: "reached", later: "reached later", open: "not reached" }[state];
-      chip.querySelector(".state").textContent = `, ${said}`;
+      chip.querySelector(".reading").textContent = `, ${said}`;
       if (this.#onChoose) chip.disabled = number > reached;
     });
   }
@@ -47,7 +47,7 @@ export class Chips {
       const parts = [
         make("b", {}, String(index + 1)),
         make("span", { class: "word" }, word),
-        make("span", { class: "state hidden" }),
+        make("span", { class: "reading hidden" }),
       ];
       if (!this.#onChoose) return make("span", { class: "stage-chip" }, ...parts);
       const chip = make("button", { class: "stage-chip", type: "button" }, ...parts);

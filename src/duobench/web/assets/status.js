@@ -21,6 +21,7 @@ export class Status {
   #timeline;
   #last = {};
   #items = "";
+  #isDrivable = false;
   #isDriver = false;
   #role = null;
 
@@ -45,7 +46,7 @@ export class Status {
   }
 
   connected(isConnected) {
-    if (!isConnected) this.#role = null;
+    if (!isConnected) this.showRole({ role: "viewer", drivers: 0, viewers: 1 });
     this.#write(".link", isConnected ? "Connected" : "Connection lost. Trying again …");
     this.#part(".link").dataset.state = isConnected ? "good" : "bad";
   }
@@ -71,12 +72,6 @@ export class Status {
   showRole(role) {
     this.#role = role;
     this.#isDriver = role.role === "driver";
-    const watching = role.viewers - (this.#isDriver ? 0 : 1);
-    const words = [
-      this.#isDriver ? "You drive" : role.drivers ? "Somebody else drives" : "Nobody drives",
-      watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
-    ];
-    this.#write(".role", words.filter(Boolean).join(" · "));
     this.#showDriving();
   }
 
@@ -100,6 +95,7 @@ export class Status {
 
   /** What drives is there. */
   canBeDriven() {
+    this.#isDrivable = true;
     this.#part("#driving").hidden = false;
     this.#showDriving();
   }
@@ -149,12 +145,21 @@ export class Status {
     this.#part(".timeline").hidden = !steps;
     if (!steps) return;
     const last = rest.max_stage ?? rest.stages?.length ?? 0;
-    this.#timeline.content = { steps, rate, changes, last };
+    this.#timeline.content = { steps: steps + 1, rate, changes, last };
     this.#timeline.isPlaying = state === "playing";
     if (step !== undefined) this.#timeline.step = step;
   }
 
   #showDriving() {
+    const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
+    const watching = viewers - (this.#isDriver ? 0 : 1);
+    const driving = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const words = [
+      this.#isDrivable && driving,
+      watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
+    ];
+    this.#write(".role", words.filter(Boolean).join(" · "));
+    this.#part("#hint").hidden = this.#isDriver;
     const drive = this.#part("#drive");
     const isTaken = !this.#isDriver && this.#role?.drivers > 0;
     drive.hidden = this.#isDriver;

@@ -1,0 +1,194 @@
+import base64
+import re
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+
+from duobench.sim import placement
+from duobench.sim.simulation import Simulation
+from duobench.tasks import get
+from duobench.web.geometry import Geometry
+from duobench.web.messages import pack_frame
+from duobench.web.page import assets
+from duobench.web.server import PageServer
+from duobench.web.track import decode, encode
+from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, started, until
+from tools.pages import PHONE, View
+
+FIRST_LOAD = 150_000
+STATUS = {
+    "title": "transfer_cube",
+    "instruction": "Hand the cube over.",
+    "next": "Grasp the cube.",
+    "stages": ["grasped", "handed over", "placed"],
+    "max_stage": 3,
+    "stage": 1,
+    "stage_changes": [[4, 1], [20, 2]],
+    "step": 4,
+    "steps": 30,
+    "state": "paused",
+    "items": [
+        {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
+        {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
+    ],
+    "selected": "a",
+}
+
+
+class Shown:
+    """A server with a scene, and what its pages asked for."""
+
+    def __init__(self) -> None:
+        task = get("transfer_cube")
+        self.simulation = Simulation(task.props, task.overview)
+        placement.first_valid(self.simulation, task.layouts(0), task.id)
+        self.geometry = Geometry(self.simulation.model)
+        self.server = PageServer(assets())
+        self.asked: list[str] = []
+        self.server.on_message = lambda _is_driver, data: self.asked.append(data.decode())
+        self.server.publish_scene(self.geometry.name, self.geometry.data)
+        self.server.publish_status(STATUS)
+        self.frame(4)
+
+    def frame(self, step: int) -> None:
+        poses = self.geometry.poses(self.simulation.data)
+        self.server.publish_frame(pack_frame(poses, step, step / 30))
+
+
+@pytest.fixture(scope="module")
+def shown() -> Iterator[Shown]:
+    shown = Shown()
+    yield shown
+    shown.server.close()
+
+
+@pytest.fixture(scope="module")
+def window() -> Iterator[Browser]:
+    with started() as window:
+        yield window
+
+
+@pytest.fixture
+def page(window: Browser, shown: Shown) -> Iterator[Page]:
+    shown.server.publish_status(STATUS)
+    shown.asked.clear()
+    with opened(window, shown.server.url) as page:
+        ready(page)
+        yield page
+
+
+def ready(page: Page) -> None:
+    """Wait until the page shows the scene: it is not the colour of an empty canvas."""
+    until(page, "document.querySelector('h1').textContent == 'transfer_cube'")
+    for _ in range(100):
+        if len(np.unique(picture(page).reshape(-1, 3), axis=0)) > 1000:
+            return
+    raise AssertionError("the canvas stayed blank")
+
+
+def wait_for(page: Page, shown: Shown, message: str) -> None:
+    for _ in range(200):
+        if message in shown.asked:
+            return
+        page.wait_for_timeout(20)
+    raise AssertionError(f"the page asked for {shown.asked}")
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
+def test_no_rule_of_accessibility_is_broken(window: Browser, shown: Shown, view: View) -> None:
+    with opened(window, shown.server.url, view) as page:
+        ready(page)
+        assert broken_rules(page) == []
+
+
+def test_phone_shows_no_more_than_its_width(window: Browser, shown: Shown) -> None:
+    with opened(window, shown.server.url, PHONE) as page:
+        ready(page)
+        assert page.evaluate("document.documentElement.scrollWidth") == PHONE.width
+
+
+def test_first_load_is_small(page: Page) -> None:
+    sizes = page.evaluate(
+        """["navigation", "resource"].flatMap((kind) => performance.getEntriesByType(kind))
+          .map((entry) => [entry.name, entry.encodedBodySize])"""
+    )
+    assert any(".bin" in name for name, _ in sizes)
+    assert 30_000 < sum(size for _, size in sizes) <= FIRST_LOAD
+
+
+def test_status_is_shown_in_words(page: Page, shown: Shown) -> None:
+    assert page.locator(".instruction").text_content() == "Hand the cube over."
+    assert page.locator(".next").text_content() == "Next: Grasp the cube."
+    states = page.locator(".stage-chip").evaluate_all("(chips) => chips.map(c => c.dataset.state)")
+    assert states == ["reached", "later", "open"]
+    assert page.locator(".link").text_content() == "Connected"
+    assert page.locator(".marks i").count() == 2
+    shown.server.publish_status({"title": "transfer_cube", "state": "recording", "stage": 0})
+    until(page, "document.querySelector('.state').textContent == 'Recording'")
+    assert page.locator(".timeline").is_hidden()
+    assert page.locator("#choice").is_hidden()
+
+
+def test_people_choose_seek_and_play(page: Page, shown: Shown) -> None:
+    page.click("[data-item=b]")
+    wait_for(page, shown, '{"kind":"select","id":"b"}')
+    page.locator(".timeline input").fill("12")
+    wait_for(page, shown, '{"kind":"seek","step":12}')
+    page.click(".play")
+    wait_for(page, shown, '{"kind":"play","on":true}')
+
+
+def test_frames_move_what_is_seen(page: Page, shown: Shown) -> None:
+    before = picture(page)
+    command = shown.simulation.duo.command()
+    for step in range(15):
+        shown.simulation.step(type(command)(joints=command.joints + 0.3, openings=command.openings))
+        shown.frame(step)
+    page.wait_for_timeout(300)
+    assert difference(before, picture(page)) > 0.3
+
+
+def test_browser_reads_tracks_as_they_were_written(page: Page) -> None:
+    rng = np.random.default_rng(0)
+    poses = np.cumsum(rng.normal(size=(50, 4, 7)) * 0.05, axis=0)
+    poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+    track = encode(poses)
+    read = page.evaluate(
+        """async ([text, steps]) => {
+          const { Track } = await import("/track.js");
+          const track = await Track.read(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));
+          return [track.steps, track.bodies, steps.map((step) => [...track.at(step)])];
+        }""",
+        [base64.b64encode(track).decode(), [0, 17, 17.5, 49, 99]],
+    )
+    true = decode(track).reshape(50, -1)
+    assert read[:2] == [50, 4]
+    for ours, step in zip(read[2], (0, 17, None, 49, 49), strict=True):
+        if step is not None:
+            np.testing.assert_allclose(ours, true[step], atol=1e-6)
+    between = np.array(read[2][2]).reshape(4, 7)
+    expected = (true[17] + true[18]).reshape(4, 7) / 2
+    np.testing.assert_allclose(between[:, :3], expected[:, :3], atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(between[:, 3:], axis=1), 1, atol=1e-6)
+
+
+def test_lost_connection_is_said_and_made_again(window: Browser, shown: Shown) -> None:
+    other = PageServer(assets(), token="same-token")
+    port = int(re.search(r":(\d+)/", other.url)[1])  # type: ignore[index]
+    other.publish_status(STATUS)
+    other.publish_scene(shown.geometry.name, shown.geometry.data)
+    with opened(window, "about:blank") as page:
+        page.goto(other.url)
+        until(page, "document.querySelector('h1').textContent == 'transfer_cube'")
+        other.close()
+        until(page, "document.querySelector('.link').dataset.state == 'bad'")
+        again = PageServer(assets(), token="same-token", port=port)
+        again.publish_status({**STATUS, "title": "again"})
+        until(page, "document.querySelector('h1').textContent == 'again'")
+        assert page.locator(".link").text_content() == "Connected"
+        page.evaluate("window.stop()")
+        # What a browser writes while nobody answers is no fault of the page.
+        page.goto("about:blank")
+        again.close()

@@ -1,0 +1,85 @@
+import gzip
+import json
+import re
+
+import numpy as np
+import pytest
+
+from duobench.errors import DataError, OptionError, UnknownNameError
+from duobench.sim.simulation import Simulation
+from duobench.tasks import get
+from duobench.web.geometry import Geometry
+from duobench.web.page import Replay, assets, live_page, replay_fragment, replay_page
+from duobench.web.track import encode
+
+FIRST_LOAD = 150_000
+POSES = np.tile(np.array([0.0, 0, 0, 1, 0, 0, 0]), (30, 2, 1))
+TRACK = encode(POSES)
+
+
+def replay(**changes: object) -> Replay:
+    fields = {"title": "Episode 3", "scene": "sort", "track": TRACK, "stages": ("lifted", "in")}
+    return Replay(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+def test_first_load_is_small() -> None:
+    scenes = [len(Geometry(Simulation(get(id).props).model).data) for id in ("ball_maze",)]
+    content = [gzip.compress(body) for _, body in assets().values()]
+    assert sum(map(len, content)) + max(scenes) <= FIRST_LOAD
+
+
+def test_page_and_scripts_load_only_what_is_given_out() -> None:
+    given = assets()
+    assert given["/"] == ("text/html; charset=utf-8", live_page().encode())
+    text = "\n".join(body.decode() for _, body in given.values())
+    assert not re.search(r"https?://(?!www\.w3\.org)", text)
+    named = re.findall(r'(?:from|import\() ?"\./([\w.]+)"', text)
+    named += re.findall(r'(?:src|href)="/([\w.]+)"', live_page())
+    assert {"scene.js", "live.js", "page.css"} <= set(named)
+    # What drives comes with the room that takes hands.
+    assert {f"/{name}" for name in named} - {"/inputs.js"} <= set(given)
+
+
+def test_replays_are_one_file_that_loads_nothing() -> None:
+    page = replay_page("Failures <1>", {"sort": b"scene"}, [replay(), replay(title="</script>")])
+    assert "<h1>Failures &lt;1&gt;</h1>" in page
+    assert not re.search(r"""https?://|\bimport\b|\bexport\b| src=|@import|url\(""", page)
+    assert page.count("</script>") == page.count("<script")
+    assert replay_page("Failures <1>", {"sort": b"scene"}, [replay()]) == replay_page(
+        "Failures <1>", {"sort": b"scene"}, [replay()]
+    )
+
+
+def test_a_scene_is_there_once_and_only_where_needed() -> None:
+    scenes = {"sort": b"1" * 3000, "pour": b"2" * 3000, "maze": b"3" * 3000}
+    fragment = replay_fragment(scenes, [replay(), replay(), replay(scene="pour")])
+    held = re.findall(r'<script type="text/plain" id="(\S+)">', fragment)
+    assert held == ["scene-data-0", "scene-data-1", *(f"track-data-{n}" for n in range(3))]
+    found = re.search(r'class="episodes-data">(.*?)</script>', fragment)
+    assert found
+    episodes = json.loads(found[1])
+    assert [each["scene"] for each in episodes] == ["scene-data-0"] * 2 + ["scene-data-1"]
+    assert [each["id"] for each in episodes] == ["replay-1", "replay-2", "replay-3"]
+    assert '<section class="replays" data-replays aria-label' in fragment
+
+
+def test_list_says_how_far_an_episode_came() -> None:
+    fragment = replay_fragment({"sort": b""}, [replay(stage_changes=((10, 1),), id="sort-3")])
+    assert re.search(r'data-replay="sort-3".*Episode 3.*stage 1 of 2 · 1\.0 s', fragment)
+
+
+def test_bad_replays_are_rejected() -> None:
+    with pytest.raises(OptionError, match="at least one"):
+        replay_page("none", {}, [])
+    with pytest.raises(UnknownNameError, match="sort"):
+        replay_page("one", {"sorts": b""}, [replay()])
+    with pytest.raises(OptionError, match="a-1 is there twice"):
+        replay_fragment({"sort": b""}, [replay(id="a-1"), replay(id="a-1")])
+    with pytest.raises(DataError, match="no track"):
+        replay(track=b"nothing")
+    with pytest.raises(OptionError, match="positive rate"):
+        replay(rate_hz=0.0)
+    with pytest.raises(OptionError, match="time's order"):
+        replay(stage_changes=((9, 1), (3, 2)))
+    with pytest.raises(OptionError, match="letters, digits"):
+        replay(id='"><script>')

@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from duobench.errors import DataError
+from duobench.tasks import get
+from duobench.web.geometry import Geometry
+from duobench.web.track import decode, encode, length
+from tests.task_harness import TaskHarness
+
+MOST_BYTES_A_STEP = 350
+
+
+def angles(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Angles in radians between quaternions."""
+    one, other = one.astype(np.float64), other.astype(np.float64)
+    sign = np.sign(np.einsum("...i,...i", one, other))[..., None]
+    return 2 * np.linalg.norm(one - sign * other, axis=-1)
+
+
+def wander(rng: np.random.Generator, steps: int, bodies: int) -> NDArray[np.float32]:
+    """Poses of bodies that drift and turn, their quaternions of any sign."""
+    poses = np.cumsum(rng.normal(size=(steps, bodies, 7)) * 0.02, axis=0)
+    poses[..., 3:] += rng.normal(size=(bodies, 4))
+    poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+    poses[..., 3:] *= rng.choice([-1.0, 1.0], size=(steps, bodies, 1))
+    return poses.astype(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_are_small(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    poses = wander(rng, int(rng.integers(1, 200)), int(rng.integers(1, 40)))
+    back = decode(encode(poses))
+    assert back.shape == poses.shape
+    assert back.dtype == np.float32
+    assert np.linalg.norm(back[..., :3] - poses[..., :3], axis=-1).max() <= 1e-4
+    assert angles(back[..., 3:], poses[..., 3:]).max() <= 1e-4
+
+
+def test_signs_of_quaternions_cost_nothing() -> None:
+    poses = wander(np.random.default_rng(0), 100, 5)
+    steady = poses.copy()
+    steady[:, :, 3:] *= np.sign(np.einsum("tbi,bi->tb", steady[:, :, 3:], steady[0, :, 3:]))[
+        ..., None
+    ]
+    assert len(encode(poses)) == len(encode(steady))
+    flips = np.einsum("tbi,tbi->tb", *(decode(encode(poses))[i, :, 3:] for i in (_ALL, _NEXT)))
+    assert flips.min() > 0
+
+
+_ALL, _NEXT = slice(None, -1), slice(1, None)
+
+
+def test_what_rests_costs_next_to_nothing() -> None:
+    poses = np.repeat(wander(np.random.default_rng(1), 1, 30), 600, axis=0)
+    assert len(encode(poses)) < 3000
+
+
+def test_arms_that_move_with_a_cup_of_marbles_fit() -> None:
+    """The task with most bodies, with arms and marbles in motion."""
+    harness = TaskHarness(get("pour_marbles"))
+    simulation = harness.sim
+    geometry = Geometry(simulation.model)
+    command = simulation.duo.command()
+    poses = []
+    for step in range(60):
+        swing = 0.5 * np.sin(step / 10 + np.arange(command.joints.size)).reshape(
+            command.joints.shape
+        )
+        simulation.step(type(command)(joints=command.joints + swing, openings=command.openings))
+        poses.append(geometry.poses(simulation.data))
+    track = encode(poses)
+    assert length(track) == 60
+    assert len(track) / 60 <= MOST_BYTES_A_STEP
+    back = decode(track)
+    true = np.array(poses)
+    assert np.linalg.norm(back[..., :3] - true[..., :3], axis=-1).max() <= 1e-4
+    assert angles(back[..., 3:], true[..., 3:]).max() <= 1e-4
+
+
+def test_what_left_the_room_stays_at_its_border() -> None:
+    poses = np.zeros((3, 1, 7))
+    poses[..., 3] = 1.0
+    poses[:, 0, 0] = [0.0, 50.0, 0.0]
+    np.testing.assert_allclose(decode(encode(poses))[:, 0, 0], [0.0, 3.2767, 0.0], atol=1e-4)
+
+
+@pytest.mark.parametrize("shape", [(3, 7), (3, 2, 6), (0, 2, 7), (3, 0, 7)])
+def test_other_shapes_are_rejected(shape: tuple[int, ...]) -> None:
+    with pytest.raises(DataError, match=r"shape \(steps, bodies, 7\)"):
+        encode(np.zeros(shape))
+
+
+def test_what_is_no_number_is_rejected() -> None:
+    with pytest.raises(DataError, match="finite"):
+        encode(np.full((2, 1, 7), np.nan))
+
+
+@pytest.mark.parametrize("damage", [b"", b"DTR2", b"PK\3\4" + bytes(20)])
+def test_other_files_are_rejected(damage: bytes) -> None:
+    for read in (decode, length):
+        with pytest.raises(DataError, match="no track"):
+            read(damage)
+
+
+def test_damage_is_found() -> None:
+    track = encode(wander(np.random.default_rng(2), 20, 3))
+    with pytest.raises(DataError, match="damaged"):
+        decode(track[:-10])
+    with pytest.raises(DataError, match="damaged"):
+        decode(track[:4] + (19).to_bytes(4, "little") + track[8:])
