@@ -51,12 +51,14 @@ def test_a_late_loop_slows_simulated_time_and_leaves_no_step_out(
     def is_stopped() -> bool:
         return session.state is State.DECIDE
 
+    start = time.monotonic()
     timings = run(session, look, is_stopped=is_stopped)
+    elapsed = time.monotonic() - start
     stop.set()
     sender.join()
     recorded = [step for step in steps if step]
     assert recorded == list(range(1, STEPS + 1))
-    assert min(timings.periods) >= 1000 * max(PERIOD_S, work_s) - 5
+    assert elapsed >= STEPS * max(PERIOD_S, work_s)
     assert len(timings.periods) == STEPS
     assert timings.latencies
     said = timings.summary()

@@ -220,6 +220,21 @@ def test_a_discarded_episode_leaves_nothing_and_the_next_begins(desk: Desk) -> N
     assert (desk.session.status()["count"], desk.session.kept) == (2, 0)
 
 
+def test_what_is_kept_at_success_is_kept_at_the_end(tmp_path: Path) -> None:
+    desk = Desk(tmp_path, episodes=1)
+    operator = Operator(desk.session)
+    while desk.session.state is not State.OVER:
+        assert desk.session.state is not State.DECIDE
+        data = operator.next_message()
+        if desk.session.state is State.SUCCESS:
+            desk.session.receive(b'{"kind": "keep"}', desk.now)
+        desk.session.receive(data, desk.now)
+        desk.wait()
+    (recording,) = desk.recordings()
+    assert recording.success_step == len(recording) - CONTROL_HZ
+    desk.session.close()
+
+
 def test_a_button_counts_once_for_each_press(desk: Desk) -> None:
     pressed = {"keep": False, "discard": True, "recentre": False}
     for _ in range(5):

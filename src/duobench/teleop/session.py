@@ -250,7 +250,7 @@ class Session:
         self.feeling.update(intent)
         if terminated or truncated:
             self._end("Solved." if info["success"] else "Time is up.")
-        elif info["success"]:
+        elif info["success"] and self.state is State.RECORDING:
             self.state, self.note = State.SUCCESS, "Solved: open the hands and retreat."
 
     def _end(self, note: str) -> None:
