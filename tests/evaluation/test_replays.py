@@ -85,8 +85,8 @@ def test_replays_that_are_there_stay_and_the_page_has_them(play: Play) -> None:
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"sent": None}, "does not have what was sent"),
-        ({"stage_changes": ((1, 1),), "final_stage": 1, "success": False}, "other stages here"),
+        ({"sent": None}, "no joint targets"),
+        ({"stage_changes": ((1, 1),), "final_stage": 1, "success": False}, "comes out differently"),
     ],
 )
 def test_what_cannot_be_shown_is_told_and_leaves_nothing(

@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-import gymnasium as gym
-from numpy.typing import NDArray
-
-from duobench.envs.sim_env import sim_of
-from duobench.errors import EvaluationError
-from duobench.evaluation.rollout import Info, Observation, Step
-from duobench.evaluation.sent import SentPlayer, check_suite
+from duobench.errors import ActionError, BackendError, EvaluationError, UnknownNameError
+from duobench.evaluation.verification.claims import disagreements
+from duobench.evaluation.verification.player import TargetPlayer, actual_task, obstacle
 from duobench.evaluation.videos import ALL, FAILURES, choose
+from duobench.evaluation.viewing.playback import PoseCollector, SceneCache
 from duobench.files import write
+from duobench.looks.catalog import as_look
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
-from duobench.web import track
+from duobench.results.suite import TaskInfo
 from duobench.web.geometry import Geometry
 
 MOST = 20
@@ -82,67 +80,60 @@ def make_replays(
             made, then after each.
 
     Raises:
-        EvaluationError: The run is of another suite version.
         OutputError: A replay cannot be written.
         DuoBenchError: A task of the run cannot be found, or its environment cannot be made.
     """
-    check_suite(run)
     there = [each for each in records if folder.replay(each.task, each.episode) is not None]
     missing = [each for each in records if each not in there]
     made: list[EpisodeRecord] = []
     impossible: list[tuple[EpisodeRecord, str]] = []
     progress(len(there), len(records))
-    for task in run.suite.tasks:
-        with closing(SentPlayer(task, import_tasks=import_tasks)) as player:
+    for claimed in run.suite.tasks:
+        with closing(_Player(run, claimed, import_tasks=import_tasks)) as player:
             for record in missing:
-                if record.task != task.id:
+                if record.task != claimed.id:
                     continue
-                watcher = TrackRecorder()
                 try:
-                    player.play(record, watcher)
-                except EvaluationError as error:
+                    scene, data = player.track(record)
+                except (EvaluationError, ActionError, BackendError, UnknownNameError) as error:
                     impossible.append((record, str(error)))
                 else:
-                    scene = watcher.geometry
                     write(folder.scene(scene.name), scene.data)
-                    write(folder.new_replay(task.id, record.episode, scene.name), watcher.track())
+                    write(folder.new_replay(record.task, record.episode, scene.name), data)
                     made.append(record)
                 progress(len(there) + len(made) + len(impossible), len(records))
     return Replays(made=tuple(made), there=tuple(there), impossible=tuple(impossible))
 
 
-@dataclass(slots=True)
-class TrackRecorder:
-    """Watches an episode, and keeps where its bodies were: at its start, and after every step."""
+class _Player:
+    """Plays finished episodes of one task again; the environment is made once."""
 
-    _env: gym.Env | None = None
-    _geometry: Geometry | None = None
-    _poses: list[NDArray] = field(default_factory=list)
+    def __init__(self, run: Run, claimed: TaskInfo, *, import_tasks: bool) -> None:
+        self._run, self._claimed, self._import_tasks = run, claimed, import_tasks
+        self._player: TargetPlayer | None = None
+        self._scenes = SceneCache()
 
-    @property
-    def geometry(self) -> Geometry:
-        """What was seen of the model, with the variants of the episode."""
-        if self._geometry is None:
-            raise RuntimeError("No episode has begun.")
-        return self._geometry
+    def track(self, record: EpisodeRecord) -> tuple[Geometry, bytes]:
+        """The scene and the track of an episode.
 
-    def track(self) -> bytes:
-        """The track, with one row more than the episode has control steps."""
-        return track.encode(self._poses)
+        Raises:
+            EvaluationError: It cannot be played, or comes out differently here.
+            DuoBenchError: The same, or the environment cannot be made.
+        """
+        if reason := obstacle(record):
+            raise EvaluationError(reason)
+        if self._player is None:
+            task = actual_task(self._claimed, import_tasks=self._import_tasks)
+            self._player = TargetPlayer(task)
+        collector = PoseCollector(self._scenes, as_look(record.config.look))
+        replay = self._player.play(self._run, record, [collector])
+        if found := disagreements(record, replay):
+            raise EvaluationError(f"Played again here it comes out differently: {found[0]}.")
+        if collector.geometry is None:
+            raise EvaluationError("Nothing was played.")
+        return collector.geometry, collector.track()
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """Note what there is, and where."""
-        self._env = env
-        self._geometry = Geometry(sim_of(env).simulation.model)
-        self._look()
-
-    def on_step(self, step: Step) -> None:  # noqa: ARG002 - the protocol's signature
-        """Note where everything is now."""
-        self._look()
-
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """There is nothing to do."""
-
-    def _look(self) -> None:
-        if self._env is not None:
-            self._poses.append(self.geometry.poses(sim_of(self._env).simulation.data))
+    def close(self) -> None:
+        """Free the environment."""
+        if self._player is not None:
+            self._player.close()

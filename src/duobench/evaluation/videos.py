@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 
 import gymnasium as gym
 
-from duobench.errors import EvaluationError, VideoError, check_known
+from duobench.data.replay import command_config
+from duobench.envs.config import EnvConfig
+from duobench.envs.execution import Step, execute
+from duobench.envs.make import make_env
+from duobench.errors import (
+    ActionError,
+    BackendError,
+    EvaluationError,
+    RenderingError,
+    VideoError,
+    check_known,
+)
 from duobench.evaluation.overview import Overview
 from duobench.evaluation.picture import Picture
 from duobench.evaluation.recorder import FRAME_EVERY, VideoRecorder
-from duobench.evaluation.sent import SentPlayer, check_suite
 from duobench.files import write
+from duobench.randomness import SUITE_VERSION
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import TaskInfo
+from duobench.tasks import catalog
+from duobench.types import Array
 
 FAILURES, ALL = "failures", "all"
 """Words that choose episodes: those without success, and every one."""
@@ -100,7 +113,11 @@ def make_videos(
         OutputError: A video cannot be written.
         DuoBenchError: A task of the run cannot be found, or its environment cannot be made.
     """
-    check_suite(run)
+    if run.suite.version != SUITE_VERSION:
+        raise EvaluationError(
+            f"The run is of suite {run.suite.version}; this version plays suite {SUITE_VERSION}, "
+            "in which what was sent leads elsewhere. Make videos with the version that played it."
+        )
     there, missing = [], []
     for record in records:
         exists = folder.video(record.task, record.episode).exists()
@@ -109,58 +126,108 @@ def make_videos(
     impossible: list[tuple[EpisodeRecord, str]] = []
     progress(len(there), len(records))
     for task in run.suite.tasks:
-        with closing(_Camera(run, task, import_tasks=import_tasks)) as camera:
+        with closing(Replay(run, task, import_tasks=import_tasks)) as replay:
             for record in missing:
                 if record.task != task.id:
                     continue
                 try:
-                    write(folder.video(task.id, record.episode), camera.video(record))
+                    write(folder.video(task.id, record.episode), replay.video(record))
                     made.append(record)
-                except (VideoError, EvaluationError) as error:
+                except VideoError as error:
                     impossible.append((record, str(error)))
                 progress(len(there) + len(made) + len(impossible), len(records))
     return Videos(made=tuple(made), there=tuple(there), impossible=tuple(impossible))
 
 
-class _Camera:
-    """Films finished episodes of one task; the environment is made once."""
+class Replay:
+    """Plays finished episodes of one task again; the environment is made once."""
 
-    def __init__(self, run: Run, task: TaskInfo, *, import_tasks: bool) -> None:
+    def __init__(self, run: Run, task: TaskInfo, *, import_tasks: bool = False) -> None:
+        """Remember what to play.
+
+        Args:
+            run: The run, which says how often the policy looks.
+            task: Its task.
+            import_tasks: Whether to import the task if it is not of the benchmark.
+        """
         self._task = task
+        is_known = task.id in catalog.names()
+        self._reference = task.id if is_known else task.reference if import_tasks else None
         self._chunk = run.metadata.horizon
-        self._player = SentPlayer(
-            task, look_every=self._chunk or FRAME_EVERY, import_tasks=import_tasks
-        )
-        self._filmed: gym.Env | None = None
+        self._env: gym.Env | None = None
         self._overview: Overview | None = None
+        self._config: EnvConfig | None = None
 
     def video(self, record: EpisodeRecord) -> bytes:
         """The video of an episode, as a WebM file.
 
         Raises:
-            EvaluationError: What was sent cannot be played, or leads elsewhere.
-            VideoError: There is not one frame.
+            VideoError: What was sent is not known, or leads to other stages here; or the task is
+                not to be imported.
             RenderingError: Nothing can be rendered.
             DuoBenchError: The environment cannot be made.
         """
-        overview = self._overview_of(self._player.environment(record))
-        picture = Picture(self._task, is_seen=self._chunk is not None)
-        recorder = VideoRecorder(overview.image, picture)
-        self._player.play(record, recorder)
+        env, overview = self._prepare(record.config)
+        recorder = VideoRecorder(
+            overview.image, Picture(self._task, is_seen=self._chunk is not None)
+        )
+        try:
+            reached = self._play(env, record, recorder)
+        except RenderingError:
+            raise
+        except (EvaluationError, ActionError, BackendError) as error:
+            raise VideoError(f"What was sent cannot be played: {error}") from error
+        finally:
+            recorder.on_episode_end(None)
         video = recorder.video()
-        if video is None:
-            raise VideoError("Nothing was filmed.")
+        if reached != record.stage_changes or video is None:
+            raise VideoError(
+                "What was sent leads to other stages here than its record says, as it may with "
+                "other versions of MuJoCo or NumPy, or on another kind of processor."
+            )
         return video
 
     def close(self) -> None:
         """Free environment and renderer."""
         if self._overview is not None:
             self._overview.close()
-        self._player.close()
+        if self._env is not None:
+            self._env.close()
+        self._env = self._overview = None
 
-    def _overview_of(self, env: gym.Env) -> Overview:
-        if self._overview is None or self._filmed is not env:
-            if self._overview is not None:
-                self._overview.close()
-            self._overview, self._filmed = Overview(env), env
-        return self._overview
+    def _play(
+        self, env: gym.Env, record: EpisodeRecord, recorder: VideoRecorder
+    ) -> tuple[tuple[int, int], ...]:
+        """Show an episode, and return when which stage was reached."""
+        targets = record.targets()
+        if targets is None:
+            raise VideoError("Its record does not have what was sent.")
+        observation, info = env.reset(seed=record.seed)
+        recorder.on_episode_start(env, observation, info)
+        reached = [(0, info["stage"])] if info["stage"] else []
+        for step in _steps(env, targets, self._chunk or FRAME_EVERY):
+            recorder.on_step(step)
+            if (stage := step.info["stage"]) > (reached[-1][1] if reached else 0):
+                reached.append((step.number, stage))
+        return tuple(reached)
+
+    def _prepare(self, config: EnvConfig) -> tuple[gym.Env, Overview]:
+        """An environment with the images of the policy, and with what was sent as its actions."""
+        if self._reference is None:
+            raise VideoError(f"The task {self._task.reference!r} is none of the benchmark.")
+        config = replace(command_config(config), cameras=config.cameras, look=config.look)
+        if self._env is None or self._overview is None or self._config != config:
+            self.close()
+            self._env = make_env(self._reference, **asdict(config))
+            self._overview = Overview(self._env)
+            self._config = config
+        return self._env, self._overview
+
+
+def _steps(env: gym.Env, targets: Array, chunk: int) -> Iterator[Step]:
+    """Every control step; images are rendered after each chunk, for whoever acts then."""
+    for start in range(0, len(targets), chunk):
+        for step in execute(env, targets[start : start + chunk], before=start, render_last=True):
+            yield step
+            if step.is_last:
+                return
