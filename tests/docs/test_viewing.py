@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from duobench.evaluation.viewing.sources import LAYOUTS
+from duobench.evaluation.viewing.viewer import MAX_ITEMS
 from duobench.web.messages import MAX_MESSAGE
 from duobench.web.server import MAX_PEERS
 from tests.docs.markdown import DOCS, blocks, text_of
@@ -59,3 +60,4 @@ def test_numbers_are_those_of_the_code() -> None:
     assert f"any of {LAYOUTS} layouts" in text
     assert f"{MAX_MESSAGE:,} bytes" in text
     assert f"{MAX_PEERS} browsers" in text
+    assert f"at most {MAX_ITEMS} episodes" in text

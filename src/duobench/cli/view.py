@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 def view(
     what: tyro.conf.Positional[str],
+    tasks: tuple[str, ...] = (),
     port: int = 0,
     lan: bool = False,
     look: str = "default",
@@ -31,6 +32,7 @@ def view(
     Args:
         what: Id of a task (see: duobench list) or module:ATTRIBUTE, the folder of a data set or of
             a run, or a file that duobench bundle has written.
+        tasks: Only the episodes of these tasks; of all if none is named.
         port: Port of the page; 0 takes a free one.
         lan: Let other machines in the network open the page, which is encrypted then.
         look: Look of the scene, without textures: wood_table, dark, random:7, ... (see
@@ -42,7 +44,7 @@ def view(
     from duobench.evaluation.viewing.sources import open_view
     from duobench.evaluation.viewing.viewer import Viewer
 
-    source = open_view(what, look, import_tasks=import_tasks)
+    source = open_view(what, look, tasks, import_tasks=import_tasks)
     with closing(serve_page(port, lan)) as server:
         viewer = Viewer(source, server)
         with stopping(viewer.stop):

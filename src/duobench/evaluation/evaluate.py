@@ -98,6 +98,8 @@ def evaluate(  # noqa: PLR0913
             for result in executor.failures():
                 _write(folder, result, observing, workers)
             unplayed = {}
+        if watch is not None:
+            watch.end()
         results = write_report(folder)
         _check_complete(folder, suite, results, unplayed)
         return results

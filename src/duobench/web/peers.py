@@ -39,6 +39,11 @@ class Peer:
         self._waiting[place] = message
         self._changed.set()
 
+    @property
+    def has_waiting(self) -> bool:
+        """Whether something waits to be sent."""
+        return bool(self._waiting)
+
     def forget_frame(self) -> None:
         """Drop the frame that waits: it belongs to another scene."""
         self._waiting.pop(FRAME, None)

@@ -40,6 +40,8 @@ _PING_S = 10.0
 """How often a browser is asked whether it lives, and how long it may take to say so, in seconds."""
 _TIMEOUT_S = 2.0
 """Seconds for opening a connection, and for saying goodbye."""
+_LOOK_S = 0.01
+"""How often is looked whether browsers have taken what waits, in seconds."""
 _SECURITY = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
@@ -151,7 +153,7 @@ class PageServer:
         self._call(lambda: self._peers.driver and self._peers.driver.put(f"pulse {side}", text))
 
     def close(self) -> None:
-        """Let every browser go and stop; closing twice is harmless."""
+        """Let every browser take what waits for it, then go; closing twice is harmless."""
         self._call(self._over.set)
         self._thread.join()
 
@@ -206,6 +208,10 @@ class PageServer:
             actual = next(iter(server.sockets)).getsockname()[1]
             listening.set_result((actual, asyncio.get_running_loop()))
             await self._over.wait()
+            with suppress(TimeoutError):
+                async with asyncio.timeout(_TIMEOUT_S):
+                    while any(peer.has_waiting for peer in self._peers):
+                        await asyncio.sleep(_LOOK_S)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer what asks for a file, and turn away who may not connect."""

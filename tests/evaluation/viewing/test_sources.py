@@ -105,7 +105,17 @@ def test_episodes_of_a_run_are_played_from_their_targets(
             assert len(playback.poses()) == record.steps + 1
             assert playback.stage_after(record.steps) == record.final_stage
             assert playback.note == record.missing
-            assert item.detail == f"stage {record.final_stage} of {record.max_stage}"
+            assert item.detail == f"{item.state}, stage {record.final_stage} of {record.max_stage}"
+
+
+def test_episodes_of_some_tasks_alone(data: Path, play: Play) -> None:
+    folder, _ = play("random", episodes=1)
+    items = open_view(str(folder.path), tasks=["nod"]).items
+    assert [item.id for item in items] == ["nod/0"]
+    assert [item.id for item in open_view(str(data), tasks=[TASK]).items] == [f"{TASK}/00000"]
+    for path in (folder.path, data):
+        with pytest.raises(UnknownNameError, match="Unknown task in the"):
+            open_view(str(path), tasks=["carry_pot"])
 
 
 def test_code_of_others_is_not_run_unasked(play: Play, opened: list[ViewSource]) -> None:

@@ -93,6 +93,8 @@ def test_which_worker_plays_what_and_one_of_them_in_3d(play: Play, server: PageS
     details = {item["detail"].partition(", stage")[0] for each in chosen for item in each["items"]}
     assert {"wave, episode 0", "nod, episode 0", "nod, episode 1"} <= details
     assert "1 of 4 episodes are finished." in {each["note"] for each in looking.statuses}
+    end = looking.statuses[-1]
+    assert (end["state"], end["note"]) == ("over", "4 of 4 episodes are finished.")
     assert looking.scenes
     assert all(scene[:2] == b"\x1f\x8b" for scene in looking.scenes.values())
     bodies = len(Geometry(Simulation(toy_tasks.NOD.props).model).bodies)

@@ -77,7 +77,9 @@ class LiveWatcher:
         self._look(0, info)
 
     def on_step(self, step: Step) -> None:
-        """Show a step, if it is time for another one."""
+        """Show a step, if it is time for another one, or the last."""
+        if step.is_last:
+            self._next_s = 0.0
         self._look(step.number, step.info)
 
     def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - the protocol's signature

@@ -13,7 +13,7 @@ from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
 from duobench.envs.reset_options import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import EvaluationError
+from duobench.errors import EvaluationError, check_known
 from duobench.evaluation.verification.claims import disagreements
 from duobench.evaluation.verification.player import TargetPlayer, actual_task, obstacle
 from duobench.evaluation.viewing.playback import Playback, PoseCollector, SceneCache, StageChanges
@@ -117,17 +117,19 @@ class TaskSource:
 class DataSource:
     """The episodes of a data set, as their recorded states are."""
 
-    def __init__(self, data: DataSet, look: str | Look = DEFAULT) -> None:
-        """List the episodes.
+    def __init__(
+        self, data: DataSet, look: str | Look = DEFAULT, tasks: Sequence[str] = ()
+    ) -> None:
+        """List the episodes of some tasks, or of all if none is named.
 
         Raises:
-            UnknownNameError: There is no such look.
+            UnknownNameError: There is no such look, or no episode of a task.
             DataError: An episode cannot be read.
         """
         self._look = as_look(look)
         self.title = data.path.name
         """Name of the folder."""
-        self._paths = {f"{path.parent.name}/{path.stem}": path for path in data.episodes()}
+        self._paths = {f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)}
         self.items = [_recorded(name, path) for name, path in self._paths.items()]
         """All episodes."""
         self._source: ImageSource | None = None
@@ -175,18 +177,24 @@ class RunSource:
     """The finished episodes of a run, played again from the joint targets in their records."""
 
     def __init__(
-        self, run: RunReader, look: str | Look = DEFAULT, *, import_tasks: bool = False
+        self,
+        run: RunReader,
+        look: str | Look = DEFAULT,
+        tasks: Sequence[str] = (),
+        *,
+        import_tasks: bool = False,
     ) -> None:
-        """List the episodes.
+        """List the episodes of some tasks, or of all if none is named.
 
         Args:
             run: The run.
             look: How it looks.
+            tasks: The tasks.
             import_tasks: Whether to import tasks that are not of the benchmark, which runs the code
                 of the modules that the run names.
 
         Raises:
-            UnknownNameError: There is no such look.
+            UnknownNameError: There is no such look, or the run has no such task.
             EvaluationError: There is no run, or a record is of another one.
             FileError: A file of it cannot be read.
         """
@@ -194,11 +202,17 @@ class RunSource:
         self._run = run.read_run()
         self.title = f"{run.path.name}: {self._run.title}"
         """Name of the folder, and the policy."""
-        records = run.read_records(self._run)
-        self._records = {f"{record.task}/{record.episode}": record for record in records}
+        self._tasks = {task.id: task for task in self._run.suite.tasks}
+        wanted = {catalog.plain(task) for task in tasks} or self._tasks.keys()
+        for task in wanted:
+            check_known("task in the run", task, self._tasks)
+        self._records = {
+            f"{record.task}/{record.episode}": record
+            for record in run.read_records(self._run)
+            if record.task in wanted
+        }
         self.items = [_finished(name, record) for name, record in self._records.items()]
         """All finished episodes."""
-        self._tasks = {task.id: task for task in self._run.suite.tasks}
         self._player: TargetPlayer | None = None
         self._task: TaskInfo | None = None
         self._scenes = SceneCache()
@@ -231,12 +245,19 @@ class RunSource:
             self._player.close()
 
 
-def open_view(what: str, look: str | Look = DEFAULT, *, import_tasks: bool = False) -> ViewSource:
+def open_view(
+    what: str,
+    look: str | Look = DEFAULT,
+    tasks: Sequence[str] = (),
+    *,
+    import_tasks: bool = False,
+) -> ViewSource:
     """What a word names: a data set or a run by its folder, a bundle of a run, or a task.
 
     Args:
         what: Folder or file, id of a task, or its import path.
         look: How it looks.
+        tasks: Only the episodes of these tasks; of all if none is named.
         import_tasks: See `RunSource`.
 
     Raises:
@@ -246,9 +267,9 @@ def open_view(what: str, look: str | Look = DEFAULT, *, import_tasks: bool = Fal
     """
     path = Path(what)
     if (path / DATA_SET).exists():
-        source = DataSource(DataSet.open(path, create=False), look)
+        source = DataSource(DataSet.open(path, create=False), look, tasks)
     elif path.is_file() or (path / RUN).exists():
-        source = RunSource(open_source(path), look, import_tasks=import_tasks)
+        source = RunSource(open_source(path), look, tasks, import_tasks=import_tasks)
     elif path.exists() and catalog.plain(what) not in catalog.names():
         raise EvaluationError(
             f"{what} holds neither a data set ({DATA_SET}) nor an evaluation ({RUN})."
@@ -289,10 +310,11 @@ def _recorded(name: str, path: Path) -> Item:
     actor = info.actor.name or str(info.actor.kind)
     stage = "" if outcome is None else f", stage {outcome.stage} of {outcome.max_stage}"
     state = SUCCESS if succeeded else FAILURE
-    return Item(id=name, title=name.replace("/", " "), detail=f"{actor}{stage}", state=state)
+    detail = f"{actor}: {state}{stage}"
+    return Item(id=name, title=name.replace("/", " "), detail=detail, state=state)
 
 
 def _finished(name: str, record: EpisodeRecord) -> Item:
     state = ERROR if record.error else SUCCESS if record.success else FAILURE
-    detail = f"stage {record.final_stage} of {record.max_stage}"
+    detail = f"{state}, stage {record.final_stage} of {record.max_stage}"
     return Item(id=name, title=f"{record.task} {record.episode}", detail=detail, state=state)

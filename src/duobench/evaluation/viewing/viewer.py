@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 MAX_PLAYBACKS = 64
 """Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""
 _MAX_COMMANDS = 100
+MAX_ITEMS = 500
+"""Most episodes that can be chosen on a page."""
 _MAX_LATE_S = 1.0
 """After a longer pause, such as while nobody looked, it goes on where it was, in seconds."""
 _IDLE_S = 0.1
@@ -46,7 +48,10 @@ class Viewer:
             server: The page, which takes its messages here from now on.
         """
         self._source, self._server = source, server
-        self._items = [asdict(item) for item in source.items]
+        self._items = [asdict(item) for item in source.items[:MAX_ITEMS]]
+        self._title = source.title
+        if len(source.items) > MAX_ITEMS:
+            self._title += f", the first {MAX_ITEMS} of {len(source.items)} episodes"
         self._known = {item["id"] for item in self._items}
         self._commands: queue.Queue[Command] = queue.Queue(_MAX_COMMANDS)
         self._loader = ThreadPoolExecutor(1, "viewer")
@@ -172,7 +177,7 @@ class Viewer:
     def _tell(self) -> None:
         self._server.publish_status(
             {
-                "title": self._source.title,
+                "title": self._title,
                 "items": self._items,
                 "selected": self._selected,
                 "note": self._note,

@@ -17,8 +17,8 @@ from duobench.results.suite import Episode
 if TYPE_CHECKING:
     from duobench.web.server import PageServer
 
-PLAYING, IDLE = "playing", ""
-"""What a worker does, as the page shows it."""
+PLAYING, IDLE, OVER = "playing", "", "over"
+"""What a worker or a run does, as the page shows it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,6 +48,7 @@ class RunWatch:
         self._chosen: int | None = None  # by a visitor
         self._shown: tuple[int, Episode] | None = None
         self._live: LiveFrame | None = None
+        self._is_over = False
         self._published: dict[str, Any] = {}
         server.on_message = self._take
 
@@ -61,6 +62,11 @@ class RunWatch:
     def on_episode(self, played: EpisodeRecord) -> None:  # noqa: ARG002 - the protocol's signature
         """Count an episode."""
         self._finished += 1
+        self._publish()
+
+    def end(self) -> None:
+        """Say that the run is over."""
+        self._workers, self._is_over = (), True
         self._publish()
 
     # --- of the executor -------------------------------------------------------------------------
@@ -118,6 +124,7 @@ class RunWatch:
             "items": [_item(each) for each in self._workers],
             "selected": None if watched is None else str(watched),
             **({} if now is None else self._of_episode(now[1])),
+            **({"state": OVER} if self._is_over else {}),
         }
         if status != self._published:
             self._published = status
