@@ -18,8 +18,8 @@ from duobench.tasks import catalog
 from duobench.video import last_frame
 
 JPEG_QUALITY = 80
-_COMMAND = "duobench report DIR --videos {}"
-"""Makes videos in a run's folder; see `PageVideos.command`."""
+_COMMAND = "duobench report DIR --{} {}"
+"""Makes videos or replays in a run's folder; see `PageVideos.command`."""
 _IMPORTING = " --import-tasks"
 """What it takes for tasks that are not of the benchmark."""
 
@@ -63,11 +63,12 @@ class PageVideos:
                 first[record.final_stage] = record
         return [first[stage] for stage in sorted(first)]
 
-    def command(self, choice: str) -> str:
+    def command(self, choice: str, what: str = "videos") -> str:
         """The command that makes videos, with DIR for the folder, as in the run's own command.
 
         Args:
             choice: Of which episodes, as `duobench.evaluation.videos.choose` takes it.
+            what: "videos" or "replays".
 
         Returns:
             The command; empty if the run was not started by one.
@@ -75,7 +76,7 @@ class PageVideos:
         if not self._run.command:
             return ""
         is_known = {task.id for task in self._run.suite.tasks} <= set(catalog.names())
-        return _COMMAND.format(choice) + ("" if is_known else _IMPORTING)
+        return _COMMAND.format(what, choice) + ("" if is_known else _IMPORTING)
 
     def _link(self, task_id: str, name: str) -> str:
         return quote(f"videos/{task_id}/{name}")
