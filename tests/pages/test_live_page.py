@@ -140,6 +140,29 @@ def test_people_choose_seek_and_play(page: Page, shown: Shown) -> None:
     wait_for(page, shown, '{"kind":"play","on":true}')
 
 
+def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) -> None:
+    assert page.locator("#driving").is_hidden()  # nobody asked for hands
+    page.route("**/inputs.js", lambda route: route.fulfill(body=_INPUTS, content_type=_MODULE))
+    status = {**STATUS, "steps": None, "clutch": {"left": False, "right": True}, "kept": 2}
+    shown.server.publish_status({**status, "state": "recording", "wanted": 10})
+    page.click("#drive")
+    until(page, "document.querySelector('.role').textContent == 'You drive'")
+    assert [page.locator(f"#{id}").is_visible() for id in ("drive", "keep", "discard")] == [
+        *(False, False, True)
+    ]
+    assert page.locator(".facts").text_content() == "Kept2 of 10Clutchright closed"
+    shown.server.publish_status({**status, "state": "success", "success": True})
+    page.click("#keep")
+    wait_for(page, shown, '{"kind":"keep"}')
+    page.fill("#wording input", "Pass it on.")
+    page.keyboard.press("Enter")
+    wait_for(page, shown, '{"kind":"instruction","text":"Pass it on."}')
+
+
+_MODULE = "text/javascript"
+_INPUTS = "export const startInputs = () => ({ headset: { isWorn: false } });"
+
+
 def test_frames_move_what_is_seen(page: Page, shown: Shown) -> None:
     before = picture(page)
     command = shown.simulation.duo.command()

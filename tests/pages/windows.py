@@ -51,10 +51,12 @@ def opened(window: Browser, url: str, view: View = DESKTOP) -> Iterator[Page]:
             else None
         ),
     )
-    page.goto(url)
-    yield page
-    assert complaints == []
-    context.close()
+    try:
+        page.goto(url)
+        yield page
+        assert complaints == []
+    finally:
+        context.close()
 
 
 def broken_rules(page: Page) -> list[tuple[str, list[str]]]:

@@ -11,7 +11,7 @@ const STATES = {
   playing: "Playing",
   paused: "Paused",
 };
-const OPEN_STATES = ["recording", "success", "decide"]; // in which keep and discard mean something
+const CLOSING = { keep: ["success", "decide"], discard: ["recording", "success", "decide"] };
 
 /** Fills the page; `tell` sends a message to the server. */
 export class Status {
@@ -32,7 +32,7 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of ["keep", "discard"]) {
+    for (const kind of Object.keys(CLOSING)) {
       this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
     }
     this.#part("#drive").addEventListener("click", () => {
@@ -165,8 +165,8 @@ export class Status {
     drive.hidden = this.#isDriver;
     drive.textContent = isTaken ? "Take over" : "Drive";
     const { state, instruction } = this.#last;
-    for (const id of ["#keep", "#discard"]) {
-      this.#part(id).hidden = !this.#isDriver || !OPEN_STATES.includes(state);
+    for (const [kind, states] of Object.entries(CLOSING)) {
+      this.#part(`#${kind}`).hidden = !this.#isDriver || !states.includes(state);
     }
     const wording = this.#part("#wording");
     wording.hidden = !this.#isDriver;
