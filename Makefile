@@ -67,8 +67,9 @@ format: setup-test  ## Format the code and fix what the linter can fix.
 bench: setup-test  ## Measure speed, as ratios and against the bars.
 	$(BIN)/python -m benchmarks
 
-docs: setup-test  ## Draw the gallery and the looks, and write the tables of tasks.
+docs: setup-test  ## Draw the gallery, replays and looks, and write the tables of tasks.
 	$(BIN)/python docs/gallery.py
+	$(BIN)/python docs/replays.py
 	$(BIN)/python docs/looks.py
 	$(BIN)/python docs/table.py
 

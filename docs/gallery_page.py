@@ -73,7 +73,8 @@ def page(folder: Path) -> str:
         "",
         "Written and rendered by `make docs`. First how an episode begins, from the overview "
         "camera and as a policy sees it, from the head and the two wrists; then the scripted "
-        "expert at every stage, a moment after it is reached.",
+        "expert at every stage, a moment after it is reached. `replays/TASK.html` shows a whole "
+        "episode of it in 3D, in a browser and without a network.",
     ]
     for category, members in groupby(tasks, key=lambda task: task.category):
         lines += ["", f"## {category.capitalize()}"]
@@ -95,6 +96,7 @@ def section(task: Task, folder: Path) -> Iterator[str]:
         f"{task.horizon} control steps ({task.horizon / CONTROL_HZ:.0f} s)",
         *(["printable objects"] if task.printable else []),
         *(["rebuilt on the real robot in the paper"] if task.real else []),
+        f"[in 3D](replays/{task.id}.html)",
     ]
     yield " · ".join(facts)
     yield ""
