@@ -5,17 +5,35 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import numpy as np
+
 from duobench.cli.view import serve_page
 from duobench.looks.look import Look
 from duobench.sim.simulation import Simulation
 from duobench.teleop.hand_arms import HandArms
 from duobench.teleop.live import WATCHING
-from duobench.types import SIDES
+from duobench.types import SIDES, DuoCommand
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 
 TURNS = 6
 """Steps after which a status is sent at the latest: a drag is measured where the tool is."""
+
+
+class Shadow:
+    """Simulated arms without a table full of things, for a page of arms that are elsewhere."""
+
+    def __init__(self) -> None:
+        """Begin at home."""
+        self.simulation = Simulation()
+        """The arms."""
+
+    def place(self, command: DuoCommand) -> None:
+        """Put the arms somewhere at once; grippers begin open."""
+        self.simulation.reset_data()
+        openings = np.ones(len(SIDES))
+        self.simulation.duo.set_configuration(DuoCommand(joints=command.joints, openings=openings))
+        self.simulation.forward()
 
 
 class LivePage:

@@ -15,16 +15,17 @@ from lerobot.utils.decorators import check_if_already_connected, check_if_not_co
 
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError, check_known
+from duobench.lerobot_keys import POSITION
 from duobench.looks.look import Look
+from duobench.robot.joints import JOINT_RANGES
 from duobench.sim.simulation import Simulation
 from duobench.teleop.hand_arms import OPEN_HOME, HandArms
-from duobench.teleop.leaders.lerobot_source import ENDING
 from duobench.teleop.presses import DISCARD, KEEP
 from duobench.types import SIDES, DuoCommand, DuoState
 from lerobot_teleoperator_duobench.config import DuoBenchTeleoperatorConfig
-from lerobot_teleoperator_duobench.page import LivePage
+from lerobot_teleoperator_duobench.page import LivePage, Shadow
 
-KEYS = tuple(f"{name}{ENDING}" for name in JOINT_NAMES)
+KEYS = tuple(f"{name}{POSITION}" for name in JOINT_NAMES)
 """Names of the numbers of an action: seven joints in radians and a gripper, left then right."""
 PULSES = {f"{side}_pulse": str(side) for side in SIDES}
 """Names of the strengths, 0 to 1, with which controllers rumble, and on which side."""
@@ -53,7 +54,7 @@ class DuoBenchTeleoperator(Teleoperator):
         super().__init__(config)
         self.config = config
         self._page: LivePage | None = None
-        self._shadow: Simulation | None = None
+        self._shadow: Shadow | None = None
         self._measured: DuoState | None = None
 
     @property
@@ -97,8 +98,8 @@ class DuoBenchTeleoperator(Teleoperator):
         """
         self._arms = HandArms(lockstep=self.config.lockstep)
         self._page = LivePage(self._arms, self.config.port, self.config.lan)
-        self._shadow = Simulation()
-        self._page.show_scene(self._shadow)
+        self._shadow = Shadow()
+        self._page.show_scene(self._shadow.simulation)
         self.connected.append(self)
         _log.info("Open %s", self.url)
 
@@ -120,8 +121,7 @@ class DuoBenchTeleoperator(Teleoperator):
             self._arms.wait(LOCKSTEP_WAIT_S)
         command = self._arms.advance(time.monotonic(), self._measured)
         if self._shadow is not None:
-            self._shadow.duo.set_configuration(command)
-            self._shadow.forward()
+            self._shadow.simulation.advance(command)
             self._page.show()
         return dict(zip(KEYS, command.flat.tolist(), strict=True))
 
@@ -169,7 +169,9 @@ class DuoBenchTeleoperator(Teleoperator):
                 f"{len(joints)} of {len(KEYS)}."
             )
         if joints:
-            self.place(DuoCommand.from_flat(np.array(joints)))
+            said = DuoCommand.from_flat(joints)
+            within = np.clip(said.joints, *JOINT_RANGES.T)
+            self.place(DuoCommand(joints=within, openings=np.clip(said.openings, 0.0, 1.0)))
         for key in PULSES.keys() & numbers.keys():
             self._page.pulse(PULSES[key], min(max(numbers[key], 0.0), 1.0), PULSE_MS)
 
@@ -183,6 +185,8 @@ class DuoBenchTeleoperator(Teleoperator):
         """Say where the arms are; see `send_feedback`."""
         self._measured = None
         self._arms.place(command)
+        if self._shadow is not None:
+            self._shadow.place(command)
 
     def show_robot(self, simulation: Simulation, look: Look) -> None:
         """Show a robot of the same program from now on, in place of the arms alone."""
