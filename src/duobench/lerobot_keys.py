@@ -22,6 +22,8 @@ STEP = "checkpoints/last/training_state/training_step.json"
 FEATURE_NAMES = "duobench_names.json"
 """File beside a checkpoint that says what the numbers of its features are: names by feature.
 LeRobot keeps only how many there are."""
+POSITION = ".pos"
+"""What LeRobot appends to the name of a joint for its position."""
 EXECUTED = 30
 """Actions that are executed of each chunk [paper]."""
 
@@ -34,8 +36,8 @@ def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
         feature: Name of the feature.
 
     Returns:
-        The names, also where they stand under a heading of their own (`{"motors": [...]}`); None
-        where nothing is said.
+        The names, also where they stand under a heading of their own (`{"motors": [...]}`), and
+        without `POSITION`, which LeRobot's robots append; None where nothing is said.
     """
     try:
         names = info["features"][feature]["names"]
@@ -43,4 +45,6 @@ def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
         return None
     if isinstance(names, Mapping) and len(names) == 1:
         (names,) = names.values()
-    return names if isinstance(names, list) else None
+    if not isinstance(names, list):
+        return None
+    return [name.removesuffix(POSITION) if isinstance(name, str) else name for name in names]

@@ -7,28 +7,18 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from duobench.data import Actor, ActorKind, DataSet, ExportOptions, export_lerobot, replay_all
-from duobench.teleop.hands import HandDevice
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session, State
-from duobench.types import CONTROL_HZ
-from tests.teleop.operator import Operator
+from duobench.data import DataSet, ExportOptions, export_lerobot, find_problems, replay_all
+from tests.teleop.paging import OPERATOR, record
 
 TASKS = ("bin_sort", "carry_pot")
-OPERATOR = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
+EPISODES = 2
 
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
     found = DataSet.open(tmp_path_factory.mktemp("people") / "data")
     for task in TASKS:
-        session = Session(make_recorder(task, found, OPERATOR), HandDevice(), episodes=1)
-        operator, turn = Operator(session), 0
-        while session.state is not State.OVER:
-            session.receive(operator.next_message(), turn / CONTROL_HZ)
-            session.advance(turn / CONTROL_HZ)
-            turn += 1
-        session.close()
+        record(task, found, EPISODES)
     return found
 
 
@@ -44,6 +34,18 @@ def test_the_page_and_the_terminal_say_who_recorded(
     assert "person" not in page
 
 
+def test_nothing_is_wrong_with_it(data: DataSet, capsys: pytest.CaptureFixture[str]) -> None:
+    assert not find_problems(data)
+    main(["data", "check", str(data.path)])
+    assert str(len(TASKS) * EPISODES) in capsys.readouterr().out
+    for recording in data.recordings():
+        outcome = recording.info.outcome
+        assert outcome is not None
+        assert (outcome.success, outcome.kept, outcome.cut) == (True, True, False)
+        assert recording.info.actor == OPERATOR
+        assert recording.clutch.all()
+
+
 def test_every_episode_is_replayed_to_the_last_bit(data: DataSet) -> None:
     for task in TASKS:
         assert all(each.is_exact for each in replay_all(task, data.recordings(task)))
@@ -53,5 +55,5 @@ def test_every_episode_is_replayed_to_the_last_bit(data: DataSet) -> None:
 def test_it_is_exported_in_every_mode(data: DataSet, tmp_path: Path, action: str) -> None:
     options = ExportOptions(cameras=(), action=action)
     exported = export_lerobot(data, tmp_path / "out", options, workers=0)
-    assert exported.episodes == len(TASKS)
+    assert exported.episodes == len(TASKS) * EPISODES
     assert exported.frames == sum(map(len, data.recordings()))

@@ -29,9 +29,9 @@ class Gripper:
     controller was picked up with its trigger released. From its first movement on it is followed.
     """
 
-    def __init__(self) -> None:
-        """Begin open, with an unknown trigger."""
-        self.opening = 1.0
+    def __init__(self, opening: float = 1.0) -> None:
+        """Begin with an unknown trigger."""
+        self.opening = opening
         """0 closed to 1 open."""
         self._seen: float | None = None
         self._is_followed = False
@@ -61,10 +61,10 @@ class Arm:
         self._shaper = Shaper(side)
         self._rest: SE3 | None = None
 
-    def begin(self) -> None:
-        """A new episode waits: the arm is at home, its gripper open."""
+    def begin(self, opening: float) -> None:
+        """A new episode waits, with the gripper at an opening."""
         self.clutch.open()
-        self.gripper = Gripper()
+        self.gripper = Gripper(opening)
         self._rest = None
 
     def lead(self, hand: Hand | None, measured: SE3, commanded: SE3) -> tuple[SE3, bool]:
@@ -123,10 +123,10 @@ class HandDevice:
         """Samples that arrived too late."""
         return self._dropped + self._freshness.dropped
 
-    def begin(self, command: DuoCommand) -> None:  # noqa: ARG002
+    def begin(self, command: DuoCommand) -> None:
         """A new episode waits: both hands have to be open first."""
-        for arm in self._arms.values():
-            arm.begin()
+        for side, arm in self._arms.items():
+            arm.begin(float(command.openings[side.index]))
         self._has_seen_open = False
 
     def take(self, message: Message, arrival_s: float) -> None:

@@ -17,6 +17,7 @@ from duobench.randomness import TRAIN, episode_seed
 from duobench.teleop.feeling import Feeling
 from duobench.teleop.intent import Device
 from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, read
+from duobench.teleop.presses import KEEP, Presses
 from duobench.types import SIDES, DuoState
 
 LONGEST_QUEUE = 1024
@@ -98,7 +99,7 @@ class Session:
         self._instruction = instruction
         self._messages: deque[tuple[Message | _Gone, float]] = deque(maxlen=LONGEST_QUEUE)
         self._has_message = threading.Event()
-        self._was_pressed = {"keep": True, "discard": True}  # a button counts after a release
+        self._presses = Presses()
         self._is_kept = False
         self._info: Info = {}
         self._steps = 0
@@ -227,12 +228,8 @@ class Session:
 
     def _press(self, hands: Hands) -> None:
         """Do what the buttons say, once for each time that one is pressed."""
-        present = [hand.buttons for hand in (hands.left, hands.right) if hand is not None]
-        for name, act in (("keep", self._keep), ("discard", self._discard)):
-            is_pressed = any(getattr(buttons, name) for buttons in present)
-            if is_pressed and not self._was_pressed[name]:
-                act()
-            self._was_pressed[name] = is_pressed
+        for name in self._presses.new(hands):
+            self._keep() if name == KEEP else self._discard()
 
     def _step(self, now_s: float) -> None:
         backend = self.env.base.backend

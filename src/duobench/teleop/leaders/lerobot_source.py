@@ -15,10 +15,8 @@ import numpy as np
 
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError, UnknownNameError
+from duobench.lerobot_keys import POSITION
 from duobench.types import Array
-
-ENDING = ".pos"
-"""What LeRobot appends to the name of a joint for its position."""
 
 
 class Teleoperator(Protocol):
@@ -63,11 +61,11 @@ class LeRobotSource:
         self._teleoperator = teleoperator
         self.device = device or f"lerobot {getattr(teleoperator, 'name', 'teleoperator')}"
         """What it is called in recordings."""
-        plain = {key.removesuffix(ENDING): key for key in teleoperator.action_features}
+        plain = {key.removesuffix(POSITION): key for key in teleoperator.action_features}
         if set(plain) != set(JOINT_NAMES) or len(plain) != len(teleoperator.action_features):
             raise LeaderError(
                 f"{self.device} gives {', '.join(teleoperator.action_features) or 'nothing'}; two "
-                f"leader arms give exactly {JOINT_NAMES[0]}{ENDING} to {JOINT_NAMES[-1]}{ENDING}, "
+                f"leader arms give exactly {JOINT_NAMES[0]}{POSITION} to {JOINT_NAMES[-1]}{POSITION}, "
                 "seven joints in radians and a gripper on each side."
             )
         self._keys = [plain[name] for name in JOINT_NAMES]

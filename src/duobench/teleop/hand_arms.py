@@ -1,0 +1,152 @@
+"""Hands that lead joints: what a page sends becomes the 16 numbers of two leader arms."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+import numpy as np
+
+from duobench.errors import MessageError
+from duobench.kinematics.inverse import Kinematics
+from duobench.robot.joints import HOME_JOINTS
+from duobench.spatial import SE3
+from duobench.teleop.hands import HandDevice
+from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, read
+from duobench.teleop.presses import DISCARD, KEEP, Presses
+from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, DuoCommand, DuoState
+
+LONGEST_QUEUE = 1024
+"""Messages that may wait for the next control step; beyond, the oldest are forgotten."""
+OPEN_HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES)))
+"""Where the arms are at first: at home, both grippers open."""
+NO_WORDING = "The instruction is said where the recording was started."
+
+
+class HandArms:
+    """Two arms of numbers that the operator's hands lead, as a session leads those of a task.
+
+    Messages may come from any thread. Everything else belongs to one thread, which calls `advance`
+    thirty times a second.
+    """
+
+    def __init__(self, *, lockstep: bool = False) -> None:
+        """Begin at home, waiting for the operator.
+
+        Args:
+            lockstep: Whether each message of hands is one step, and nothing moves between.
+        """
+        self.device = HandDevice(lockstep=lockstep)
+        """The hands."""
+        self.note = ""
+        """A sentence for the operator."""
+        self._lockstep = lockstep
+        self._kinematics = Kinematics()
+        self._presses = Presses()
+        self._messages: deque[tuple[Message | None, float]] = deque(maxlen=LONGEST_QUEUE)
+        self._has_message = threading.Event()
+        self._decision: str | None = None
+        self.place(OPEN_HOME)
+
+    # --- from any thread ---------------------------------------------------------------------
+
+    def receive(self, data: bytes | str, now_s: float) -> None:
+        """Take a message of the operator.
+
+        Args:
+            data: The message, as it came.
+            now_s: When it arrived, on the clock of `advance`.
+
+        Raises:
+            MessageError: It is refused; everything goes on as if it had not come.
+        """
+        message = read(data)
+        if isinstance(message, Instruction):
+            raise MessageError(NO_WORDING)
+        self._messages.append((message, now_s))
+        self._has_message.set()
+
+    def leave(self, now_s: float) -> None:
+        """The operator has gone, or the connection is lost: both hands let go."""
+        self._messages.append((None, now_s))
+        self._has_message.set()
+
+    # --- from one thread ---------------------------------------------------------------------
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for a message, or for so many seconds."""
+        if not self._messages:
+            self._has_message.wait(timeout_s)
+        self._has_message.clear()
+
+    def place(self, command: DuoCommand) -> None:
+        """Say where the arms are; they stay there until the operator opens the hands and begins."""
+        self.command = command
+        """Where the arms are commanded to be."""
+        self.is_led = False
+        """Whether the operator has begun."""
+        self.device.begin(command)
+
+    def advance(self, now_s: float, measured: DuoState | None = None) -> DuoCommand:
+        """One control step towards where the hands lead the tools.
+
+        In lockstep that is one step for one message of hands, and none without.
+
+        Args:
+            now_s: The time in seconds, on the clock of `receive`.
+            measured: Where the arms are, as far as anybody knows: a tool is never led far from
+                there. Without it they are taken to be where they are commanded to be.
+
+        Returns:
+            The new command.
+        """
+        has_hands = self._handle()
+        if self._lockstep and not has_hands:
+            return self.command
+        if not self.is_led:
+            prompt = self.device.prompt(now_s)
+            if prompt is not None:
+                self.note = prompt
+                return self.command
+            self.is_led, self.note = True, ""
+        state = self.where() if measured is None else measured
+        intent = self.device.intend(now_s, state, self.command)
+        rows = intent.action.reshape(len(SIDES), SIDE_SIZE)
+        targets = {side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES}
+        joints = self._kinematics.step(self.command.joints, targets)
+        self.command = DuoCommand(joints=joints, openings=rows[:, ARM_JOINTS])
+        return self.command
+
+    def where(self) -> DuoState:
+        """The state of arms that are exactly where they are commanded to be."""
+        poses = self._kinematics.forward(self.command.joints)
+        return DuoState(
+            joints=self.command.joints,
+            openings=self.command.openings,
+            tcp_poses=np.array([poses[side].tquat for side in SIDES]),
+        )
+
+    def take_decision(self) -> str | None:
+        """`KEEP` or `DISCARD` if the operator said so since the last call; the last word counts."""
+        decision, self._decision = self._decision, None
+        return decision
+
+    def _handle(self) -> bool:
+        """Do what the messages say; in lockstep, those up to the first one of hands."""
+        while self._messages:
+            message, arrival_s = self._messages.popleft()
+            if message is None:
+                self.device.lose()
+                continue
+            self.device.take(message, arrival_s)
+            match message:
+                case Hands():
+                    for name in self._presses.new(message):
+                        self._decision = name
+                    if self._lockstep:
+                        return True
+                case Keep():
+                    self._decision = KEEP
+                case Discard():
+                    self._decision = DISCARD
+        return False

@@ -1,0 +1,305 @@
+"""LeRobot's programs lead our arms by hands on the page, and our simulated robot follows.
+
+Runs in an environment with LeRobot and with the plugin, which `make test-lerobot` makes.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from http import HTTPStatus
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
+
+from lerobot.common.control_utils import teleop_smooth_move_to, teleop_supports_feedback
+from lerobot.processor import (
+    AddTeleopActionAsComplimentaryDataStep,
+    AddTeleopEventsAsInfoStep,
+    TransitionKey,
+    create_transition,
+)
+from lerobot.robots import RobotConfig, make_robot_from_config
+from lerobot.teleoperators import TeleoperatorConfig, make_teleoperator_from_config
+from lerobot.teleoperators.utils import TeleopEvents
+from lerobot.utils.errors import DeviceNotConnectedError
+from lerobot.utils.import_utils import register_third_party_plugins
+
+import duobench
+from duobench.envs.spaces import JOINT_NAMES
+from duobench.errors import LeaderError, UnknownNameError
+from duobench.randomness import TRAIN, episode_seed
+from duobench.spatial import SE3
+from duobench.teleop.hand_arms import OPEN_HOME
+from duobench.teleop.leaders.lerobot_source import LeRobotSource
+from duobench.teleop.session import State
+from duobench.training.dataset import LearningData
+from duobench.types import ARM_JOINTS, DuoCommand
+from duobench.web.messages import unpack_frame
+from tests.teleop.operator import Operator, hand, message
+from tests.web.pages import Page, get, open_page
+
+TASK = "carry_pot"
+KEYS = [f"{name}.pos" for name in JOINT_NAMES]
+SCRIPTS = Path(sys.executable).parent
+SECONDS = 4
+FPS = 30
+
+
+@pytest.fixture
+def teleoperator(tmp_path: Path) -> Iterator[Any]:
+    register_third_party_plugins()
+    kind = TeleoperatorConfig.get_choice_class("duobench")
+    config = kind(calibration_dir=tmp_path, lockstep=True)
+    made = make_teleoperator_from_config(config)
+    made.connect()
+    yield made
+    made.disconnect()
+    with pytest.raises(DeviceNotConnectedError):
+        made.get_action()
+
+
+@pytest.fixture
+def page(teleoperator: Any) -> Iterator[Page]:
+    with open_page(teleoperator.url) as page:
+        page.say(kind="drive")
+        page.hear_of("role", role="driver")
+        yield page
+
+
+@pytest.fixture
+def robot(teleoperator: Any, tmp_path: Path) -> Iterator[Any]:
+    kind = RobotConfig.get_choice_class("duobench")
+    config = kind(calibration_dir=tmp_path, task=TASK, views=(), real_time=False)
+    made = make_robot_from_config(config)
+    made.connect()
+    yield made
+    made.disconnect()
+
+
+@dataclass
+class Place:
+    """What the scripted operator sees of a session."""
+
+    teleoperator: Any
+    env: Any
+
+    @property
+    def state(self) -> State:
+        return State.RECORDING if self.teleoperator.is_led else State.WAITING
+
+
+def lead(page: Page, teleoperator: Any, number: int, pose: SE3, **more: Any) -> np.ndarray:
+    """What an action is after both hands were sent."""
+    both = hand(pose, **more)
+    page.connection.send(message(number, both, both).decode())
+    action = teleoperator.get_action()
+    assert list(action) == KEYS
+    return np.array(list(action.values()))
+
+
+def begin(page: Page, teleoperator: Any) -> int:
+    """Open both hands and lead the tools 3 cm up; the number of the last message."""
+    lead(page, teleoperator, 1, SE3.at())
+    for number in range(2, 30):
+        height = min(0.03, 0.003 * (number - 2))
+        lead(page, teleoperator, number, SE3.at(0.0, 0.0, height), squeeze=1.0)
+    assert teleoperator.is_led
+    return 29
+
+
+def test_hands_on_the_page_carry_the_pot(page: Page, teleoperator: Any, robot: Any) -> None:
+    """The environment takes the numbers as joint targets; the robot is that environment."""
+    env = duobench.make(TASK, cameras=(), split=TRAIN)
+    env.reset(seed=episode_seed(TASK, 0, TRAIN))
+    operator = Operator(Place(teleoperator, robot.env))  # type: ignore[arg-type]
+    is_solved, steps = False, 0
+    while not is_solved:
+        page.connection.send(operator.next_message().decode())
+        observation = robot.get_observation()
+        action = teleoperator.get_action()
+        sent = robot.send_action(action)
+        np.testing.assert_allclose(list(sent.values()), list(action.values()), atol=1e-6)
+        seen, _, is_solved, truncated, info = env.step([action[key] for key in KEYS])
+        assert not truncated, robot.progress
+        steps += 1
+        assert observation.keys() == robot.observation_features.keys()
+    assert info["stage"] == info["max_stage"] == robot.progress["stage"]
+    np.testing.assert_array_equal(list(robot.get_observation().values()), seen["agent_pos"])
+    status = page.hear_of("status", success=True)
+    assert (status["task"], status["clutch"]) == (TASK, {"left": True, "right": True})
+    page.say(kind="keep")
+    while robot.progress["count"] == 0:
+        robot.send_action(teleoperator.get_action())
+        robot.get_observation()
+    assert not teleoperator.is_led
+    np.testing.assert_array_equal(list(teleoperator.get_action().values()), OPEN_HOME.flat)
+    env.close()
+
+
+def test_the_page_shows_arms_alone_where_they_are_led(page: Page, teleoperator: Any) -> None:
+    assert teleoperator.is_calibrated
+    with open_page(teleoperator.url) as viewer:
+        assert get(teleoperator.url, viewer.hear_of("scene")["url"])[0] == HTTPStatus.OK
+    lead(page, teleoperator, 1, SE3.at())
+    before = page.hear_of("status", state="waiting")
+    assert "Squeeze" in before["note"]
+    for number in range(2, 60):
+        height = min(0.03, 0.003 * (number - 2))
+        lead(page, teleoperator, number, SE3.at(0.0, 0.0, height), squeeze=1.0, trigger=1.0)
+    after = page.hear_of("status", state="recording")
+    while after["tools"]["left"][2] < before["tools"]["left"][2] + 0.02:
+        after = page.hear_of("status")
+    poses = unpack_frame(page.frame())[0]
+    assert poses.shape[0] > 2 * ARM_JOINTS
+
+
+def test_keep_and_discard_are_events_of_lerobots_steps(page: Page, teleoperator: Any) -> None:
+    number = begin(page, teleoperator)
+    steps = AddTeleopActionAsComplimentaryDataStep(teleoperator), AddTeleopEventsAsInfoStep(
+        teleoperator
+    )
+    names = (TeleopEvents.SUCCESS, TeleopEvents.FAILURE, TeleopEvents.RERECORD_EPISODE)
+    told = {}
+    for press in (None, "keep", "discard"):
+        number += 1
+        buttons = {} if press is None else {press: True}
+        both = hand(SE3.at(0.0, 0.0, 0.03), squeeze=1.0, buttons=buttons)
+        page.connection.send(message(number, both, both).decode())
+        transition = create_transition(info={}, complementary_data={})
+        for step in steps:
+            transition = step(transition)
+        assert list(transition[TransitionKey.COMPLEMENTARY_DATA]["teleop_action"]) == KEYS
+        info = transition[TransitionKey.INFO]
+        assert info[TeleopEvents.TERMINATE_EPISODE] is (press is not None)
+        assert info[TeleopEvents.IS_INTERVENTION] is (press is None)
+        told[press] = [info[name] for name in names]
+    assert told == {None: [False] * 3, "keep": [True, False, False], "discard": [False, True, True]}
+    np.testing.assert_array_equal(list(teleoperator.get_action().values()), OPEN_HOME.flat)
+
+
+def test_lerobot_brings_the_arms_to_where_a_robot_is(page: Page, teleoperator: Any) -> None:
+    begin(page, teleoperator)
+    assert teleop_supports_feedback(teleoperator)
+    held = DuoCommand(joints=OPEN_HOME.joints + 0.1, openings=np.array([0.0, 1.0])).flat
+    teleoperator.config.lockstep = False  # nobody sends hands meanwhile
+    teleop_smooth_move_to(teleoperator, dict(zip(KEYS, held, strict=True)), duration_s=0.1)
+    np.testing.assert_allclose(list(teleoperator.get_action().values()), held)
+    assert not teleoperator.is_led
+
+
+def test_feedback_is_felt_and_checked(page: Page, teleoperator: Any) -> None:
+    teleoperator.send_feedback({"left_pulse": 0.5, "right_pulse": 7})
+    pulses = [page.hear_of("pulse") for _ in range(2)]
+    assert {(pulse["side"], pulse["strength"]) for pulse in pulses} == {("left", 0.5), ("right", 1)}
+    with pytest.raises(UnknownNameError, match="left_pulse"):
+        teleoperator.send_feedback({"left_puls": 0.5})
+    with pytest.raises(LeaderError, match="1 of 16"):
+        teleoperator.send_feedback({KEYS[0]: 0.5})
+    with pytest.raises(LeaderError, match="finite"):
+        teleoperator.send_feedback({"left_pulse": float("nan")})
+
+
+def test_only_who_drives_leads_and_says_no_instruction(page: Page, teleoperator: Any) -> None:
+    with open_page(teleoperator.url) as other:
+        other.connection.send(message(1, None, None).decode())
+        assert "take over" in other.hear_of("refused")["reason"]
+    page.say(kind="instruction", text="Lift the pot.")
+    assert "instruction" in page.hear_of("refused")["reason"]
+
+
+def test_our_own_sessions_find_it_as_leader_arms(tmp_path: Path) -> None:
+    source = LeRobotSource.make("duobench", calibration_dir=tmp_path)
+    source.connect()
+    np.testing.assert_array_equal(source.read(), OPEN_HOME.flat)
+    source.close()
+
+
+# --- LeRobot's programs --------------------------------------------------------------------------
+
+
+def run(words: list[str], folder: Path) -> str:
+    """Run a program of LeRobot, and raise both tools 3 cm while it runs; what it printed."""
+    process = subprocess.Popen(
+        [str(SCRIPTS / words[0]), *words[1:], "--teleop.type=duobench", "--robot.type=duobench"],
+        env={**os.environ, "HF_LEROBOT_HOME": str(folder / "home"), "HF_HUB_OFFLINE": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+    )
+    lines: list[str] = []
+    urls: queue.Queue[str] = queue.Queue()
+
+    def listen() -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            lines.append(line)
+            if found := re.search(r"Open (http\S+)", line):
+                urls.put(found[1])
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    try:
+        with open_page(urls.get(timeout=120)) as page:
+            page.say(kind="drive")
+            page.hear_of("status", task="transfer_cube")  # the robot is there
+            lead_up(page)
+    finally:
+        process.wait(300)
+        listener.join()
+    assert process.returncode == 0, "".join(lines)[-3000:]
+    return "".join(lines)
+
+
+def lead_up(page: Page) -> None:
+    """Send hands that rise, thirty times a second, for as long as the first of them is awaited."""
+    for number in range(1, 80):
+        height = 0.03 * min(1.0, max(0, number - 15) / 30)
+        both = hand(SE3.at(0.0, 0.0, height), squeeze=float(number > 10), trigger=0.0)
+        page.connection.send(message(number, both, both).decode())
+        threading.Event().wait(1 / FPS)
+
+
+def test_lerobot_teleoperate_runs(tmp_path: Path) -> None:
+    words = ["--robot.views=[]", f"--fps={FPS}", f"--teleop_time_s={SECONDS}"]
+    assert "Teleop loop time" in run(["lerobot-teleoperate", *words], tmp_path)
+
+
+def test_lerobot_record_records_what_can_be_trained_on(tmp_path: Path) -> None:
+    from lerobot.datasets import LeRobotDataset
+
+    words = [
+        "--robot.views=[head]",
+        "--robot.image_size=64",
+        "--dataset.repo_id=local/led",
+        f"--dataset.root={tmp_path / 'set'}",
+        "--dataset.single_task=Transfer the cube.",
+        "--dataset.num_episodes=1",
+        f"--dataset.episode_time_s={SECONDS}",
+        f"--dataset.fps={FPS}",
+        "--dataset.push_to_hub=false",
+        "--dataset.rgb_encoder.vcodec=h264",
+        "--play_sounds=false",
+    ]
+    run(["lerobot-record", *words], tmp_path)
+    dataset = LeRobotDataset("local/led", root=tmp_path / "set", video_backend="pyav")
+    actions = np.array([dataset[row]["action"].numpy() for row in range(len(dataset))])
+    states = np.array([dataset[row]["observation.state"].numpy() for row in range(len(dataset))])
+    assert dataset.meta.robot_type == "franka_fr3_duo"
+    np.testing.assert_allclose(actions[0], OPEN_HOME.flat, atol=1e-6)
+    assert np.abs(actions[-1] - actions[0]).max() > 0.01
+    assert np.abs(states[-1] - actions[-1]).max() < 0.05
+    assert dataset[0]["observation.images.head"].shape == (3, 64, 64)
+    assert LearningData(tmp_path / "set").names["action"] == list(JOINT_NAMES)
