@@ -28,8 +28,8 @@ OTHERS = (
     "pyarrow",
 )
 """Packages of others that pages and messages name."""
-SECOND = "lerobot_env_duobench"
-"""Our other distribution, by the name of its folder."""
+PLUGINS = ("lerobot_env_duobench", "lerobot_teleoperator_duobench")
+"""Our other distributions, by the names of their folders."""
 
 
 def commands() -> dict[str, set[str]]:
@@ -53,7 +53,7 @@ OURS = sorted(word for word in commands() if is_ours(word))
 
 def test_every_other_word_is_of_a_package_of_others() -> None:
     words = {word for word in commands() if not is_ours(word) and word[0] not in "-./{"}
-    assert {Requirement(word).name for word in words} <= {*OTHERS, SECOND}, words
+    assert {Requirement(word).name for word in words} <= {*OTHERS, *PLUGINS}, words
 
 
 @pytest.mark.parametrize("word", [*OURS, f"{DISTRIBUTION}[serve]"])

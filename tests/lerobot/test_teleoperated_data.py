@@ -1,4 +1,4 @@
-"""A policy is trained on what a scripted operator recorded through the page, as on experts' data."""
+"""A policy is trained on what a scripted operator recorded through the page."""
 
 from __future__ import annotations
 

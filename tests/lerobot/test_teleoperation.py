@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import queue
 import re
+import socket
 import subprocess
 import sys
 import threading
@@ -17,17 +18,23 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
 
 from lerobot.common.control_utils import teleop_smooth_move_to, teleop_supports_feedback
+from lerobot.envs import HILSerlRobotEnvConfig
 from lerobot.processor import (
     AddTeleopActionAsComplimentaryDataStep,
     AddTeleopEventsAsInfoStep,
+    DataProcessorPipeline,
+    Torch2NumpyActionProcessorStep,
     TransitionKey,
+    VanillaObservationProcessorStep,
     create_transition,
+    identity_transition,
 )
 from lerobot.robots import RobotConfig, make_robot_from_config
 from lerobot.teleoperators import TeleoperatorConfig, make_teleoperator_from_config
@@ -75,10 +82,11 @@ def page(teleoperator: Any) -> Iterator[Page]:
         page.say(kind="drive")
         page.hear_of("role", role="driver")
         yield page
+        page.connection.socket.shutdown(socket.SHUT_RDWR)  # unread frames would delay a farewell
 
 
 @pytest.fixture
-def robot(teleoperator: Any, tmp_path: Path) -> Iterator[Any]:
+def robot(tmp_path: Path) -> Iterator[Any]:
     kind = RobotConfig.get_choice_class("duobench")
     config = kind(calibration_dir=tmp_path, task=TASK, views=(), real_time=False)
     made = make_robot_from_config(config)
@@ -166,8 +174,9 @@ def test_the_page_shows_arms_alone_where_they_are_led(page: Page, teleoperator: 
 
 def test_keep_and_discard_are_events_of_lerobots_steps(page: Page, teleoperator: Any) -> None:
     number = begin(page, teleoperator)
-    steps = AddTeleopActionAsComplimentaryDataStep(teleoperator), AddTeleopEventsAsInfoStep(
-        teleoperator
+    steps = (
+        AddTeleopActionAsComplimentaryDataStep(teleoperator),
+        AddTeleopEventsAsInfoStep(teleoperator),
     )
     names = (TeleopEvents.SUCCESS, TeleopEvents.FAILURE, TeleopEvents.RERECORD_EPISODE)
     told = {}
@@ -223,6 +232,55 @@ def test_our_own_sessions_find_it_as_leader_arms(tmp_path: Path) -> None:
     source.connect()
     np.testing.assert_array_equal(source.read(), OPEN_HOME.flat)
     source.close()
+
+
+class Messenger(gym.Wrapper):
+    """An environment that has the operator send hands for every step."""
+
+    def __init__(self, page: Page, teleoperator: Any) -> None:
+        super().__init__(duobench.make(TASK, cameras=(), split=TRAIN))
+        self.infos: list[Any] = []
+        self._page = page
+        self._operator = Operator(Place(teleoperator, self.env))  # type: ignore[arg-type]
+
+    def reset(self, **options: Any) -> Any:
+        start = self.env.reset(**options)
+        self._send()
+        return start
+
+    def step(self, action: Any) -> Any:
+        transition = self.env.step(action)
+        self.infos.append(transition[-1])
+        self._send()
+        return transition
+
+    def _send(self) -> None:
+        self._page.connection.send(self._operator.next_message().decode())
+
+
+def test_lerobots_control_loop_plays_our_environment(page: Page, teleoperator: Any) -> None:
+    from lerobot.rl.gym_manipulator import DatasetConfig, GymManipulatorConfig, control_loop
+
+    from lerobot_teleoperator_duobench import LeadArms
+
+    steps = [
+        AddTeleopActionAsComplimentaryDataStep(teleoperator),
+        AddTeleopEventsAsInfoStep(teleoperator),
+        LeadArms(),
+        Torch2NumpyActionProcessorStep(),
+    ]
+    seeing = [VanillaObservationProcessorStep()]
+    whole = {"to_transition": identity_transition, "to_output": identity_transition}
+    config = GymManipulatorConfig(
+        env=HILSerlRobotEnvConfig(fps=100_000),
+        dataset=DatasetConfig(repo_id="local/none", task=TASK, num_episodes_to_record=1),
+    )
+    env = Messenger(page, teleoperator)
+    pipelines = [DataProcessorPipeline(steps=each, **whole) for each in (seeing, steps)]
+    control_loop(env, *pipelines, teleoperator, config)
+    assert [info["success"] for info in env.infos] == [False] * (len(env.infos) - 1) + [True]
+    assert env.infos[-1]["stage"] == env.infos[-1]["max_stage"]
+    env.close()
 
 
 # --- LeRobot's programs --------------------------------------------------------------------------

@@ -6,6 +6,7 @@ registers `--teleop.type=duobench` and `--robot.type=duobench`.
 
 from lerobot_teleoperator_duobench.config import DuoBenchRobotConfig, DuoBenchTeleoperatorConfig
 from lerobot_teleoperator_duobench.robot import DuoBenchRobot
+from lerobot_teleoperator_duobench.steps import LeadArms
 from lerobot_teleoperator_duobench.teleoperator import DuoBenchTeleoperator
 
 __all__ = [
@@ -13,4 +14,5 @@ __all__ = [
     "DuoBenchRobotConfig",
     "DuoBenchTeleoperator",
     "DuoBenchTeleoperatorConfig",
+    "LeadArms",
 ]

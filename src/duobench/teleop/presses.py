@@ -9,7 +9,7 @@ KEEP, DISCARD = "keep", "discard"
 
 
 class Presses:
-    """Tells a press from a button that is held. One that is held at first counts after a release."""
+    """Tells a press from holding on. A button that is held at first counts after a release."""
 
     def __init__(self) -> None:
         """Begin as if every button were held."""

@@ -65,8 +65,8 @@ class LeRobotSource:
         if set(plain) != set(JOINT_NAMES) or len(plain) != len(teleoperator.action_features):
             raise LeaderError(
                 f"{self.device} gives {', '.join(teleoperator.action_features) or 'nothing'}; two "
-                f"leader arms give exactly {JOINT_NAMES[0]}{POSITION} to {JOINT_NAMES[-1]}{POSITION}, "
-                "seven joints in radians and a gripper on each side."
+                f"leader arms give exactly {JOINT_NAMES[0]}{POSITION} to "
+                f"{JOINT_NAMES[-1]}{POSITION}, seven joints in radians and a gripper on each side."
             )
         self._keys = [plain[name] for name in JOINT_NAMES]
 
