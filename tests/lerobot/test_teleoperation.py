@@ -53,9 +53,12 @@ from duobench.teleop.session import State
 from duobench.training.dataset import LearningData
 from duobench.types import ARM_JOINTS, DuoCommand
 from duobench.web.messages import unpack_frame
+from tests.docs.markdown import DOCS, table
 from tests.teleop.operator import Operator, hand, message
 from tests.web.pages import Page, get, open_page
 
+PAGE = DOCS / "lerobot_teleoperation.md"
+OF_LEROBOT = ("id", "calibration_dir")
 TASK = "carry_pot"
 KEYS = [f"{name}.pos" for name in JOINT_NAMES]
 SCRIPTS = Path(sys.executable).parent
@@ -283,6 +286,22 @@ def test_lerobots_control_loop_plays_our_environment(page: Page, teleoperator: A
     env.close()
 
 
+@pytest.mark.parametrize(
+    ("registry", "word"), [(TeleoperatorConfig, "teleop"), (RobotConfig, "robot")]
+)
+def test_the_page_on_it_names_every_option(registry: Any, word: str) -> None:
+    register_third_party_plugins()
+    config = registry.get_choice_class("duobench")()
+    own = {name: getattr(config, name) for name in vars(config) if name not in OF_LEROBOT}
+    rows = table(PAGE, "option")
+    said = dict.fromkeys(re.findall(rf"--{word}\.(\w+)", " ".join(row["option"] for row in rows)))
+    assert said.keys() == own.keys()
+    defaults = ", ".join(row["default"] for row in rows if f"--{word}." in row["option"])
+    for value in own.values():
+        shown = f"[{','.join(value)}]" if isinstance(value, tuple) else str(value)
+        assert (shown.lower() if isinstance(value, bool) else shown) in defaults
+
+
 # --- LeRobot's programs --------------------------------------------------------------------------
 
 
@@ -297,11 +316,11 @@ def run(words: list[str], folder: Path) -> str:
         text=True,
         errors="replace",
     )
+    assert process.stdout is not None
     lines: list[str] = []
     urls: queue.Queue[str] = queue.Queue()
 
     def listen() -> None:
-        assert process.stdout is not None
         for line in process.stdout:
             lines.append(line)
             if found := re.search(r"Open (http\S+)", line):
@@ -317,6 +336,7 @@ def run(words: list[str], folder: Path) -> str:
     finally:
         process.wait(300)
         listener.join()
+        process.stdout.close()
     assert process.returncode == 0, "".join(lines)[-3000:]
     return "".join(lines)
 
