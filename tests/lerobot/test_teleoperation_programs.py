@@ -1,0 +1,108 @@
+"""Programs of LeRobot lead our simulated robot by hands on the page, and record it.
+
+Runs in an environment with LeRobot and with the plugin, which `make test-lerobot` makes.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import re
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
+
+from lerobot.datasets import LeRobotDataset
+
+from duobench.envs.spaces import JOINT_NAMES
+from duobench.spatial import SE3
+from duobench.teleop.hand_arms import OPEN_HOME
+from duobench.training.dataset import LearningData
+from tests.teleop.operator import hand, message
+from tests.web.pages import Page, open_page
+
+SCRIPTS = Path(sys.executable).parent
+SECONDS = 4
+FPS = 30
+
+
+def run(words: list[str], folder: Path) -> str:
+    """Run a program of LeRobot, and raise both tools 3 cm while it runs; what it printed."""
+    process = subprocess.Popen(
+        [str(SCRIPTS / words[0]), *words[1:], "--teleop.type=duobench", "--robot.type=duobench"],
+        env={**os.environ, "HF_LEROBOT_HOME": str(folder / "home"), "HF_HUB_OFFLINE": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+    )
+    assert process.stdout is not None
+    lines: list[str] = []
+    urls: queue.Queue[str] = queue.Queue()
+
+    def listen() -> None:
+        for line in process.stdout:
+            lines.append(line)
+            if found := re.search(r"Open (http\S+)", line):
+                urls.put(found[1])
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    try:
+        with open_page(urls.get(timeout=120)) as page:
+            page.say(kind="drive")
+            page.hear_of("status", task="transfer_cube")  # the robot is there
+            lead_up(page)
+    finally:
+        process.wait(300)
+        listener.join()
+        process.stdout.close()
+    assert process.returncode == 0, "".join(lines)[-3000:]
+    return "".join(lines)
+
+
+def lead_up(page: Page) -> None:
+    """Send hands that rise, thirty times a second, for as long as the first of them is awaited."""
+    for number in range(1, 80):
+        height = 0.03 * min(1.0, max(0, number - 15) / 30)
+        both = hand(SE3.at(0.0, 0.0, height), squeeze=float(number > 10), trigger=0.0)
+        page.connection.send(message(number, both, both).decode())
+        threading.Event().wait(1 / FPS)
+
+
+def test_lerobot_teleoperate_runs(tmp_path: Path) -> None:
+    words = ["--robot.views=[]", f"--fps={FPS}", f"--teleop_time_s={SECONDS}"]
+    assert "Teleop loop time" in run(["lerobot-teleoperate", *words], tmp_path)
+
+
+def test_lerobot_record_records_what_can_be_trained_on(tmp_path: Path) -> None:
+    words = [
+        "--robot.views=[head]",
+        "--robot.image_size=64",
+        "--dataset.repo_id=local/led",
+        f"--dataset.root={tmp_path / 'set'}",
+        "--dataset.single_task=Transfer the cube.",
+        "--dataset.num_episodes=1",
+        f"--dataset.episode_time_s={SECONDS}",
+        f"--dataset.fps={FPS}",
+        "--dataset.push_to_hub=false",
+        "--dataset.rgb_encoder.vcodec=h264",
+        "--play_sounds=false",
+    ]
+    run(["lerobot-record", *words], tmp_path)
+    dataset = LeRobotDataset("local/led", root=tmp_path / "set", video_backend="pyav")
+    actions = np.array([dataset[row]["action"].numpy() for row in range(len(dataset))])
+    states = np.array([dataset[row]["observation.state"].numpy() for row in range(len(dataset))])
+    assert dataset.meta.robot_type == "franka_fr3_duo"
+    np.testing.assert_allclose(actions[0], OPEN_HOME.flat, atol=1e-6)
+    assert np.abs(actions[-1] - actions[0]).max() > 0.01
+    assert np.abs(states[-1] - actions[-1]).max() < 0.05
+    assert dataset[0]["observation.images.head"].shape == (3, 64, 64)
+    assert LearningData(tmp_path / "set").names["action"] == list(JOINT_NAMES)
