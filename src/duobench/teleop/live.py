@@ -40,7 +40,7 @@ class LiveSession:
         self._turn = 0
         server.on_message = self._take
         server.on_driver_lost = lambda: session.leave(time.monotonic())
-        self._show()
+        self.show()
 
     def run(self) -> Timings:
         """Run the session until it is over or `stop` is called; how long its steps took.
@@ -48,7 +48,7 @@ class LiveSession:
         Raises:
             OutputError: An episode cannot be written.
         """
-        return run(self._session, self._show, is_stopped=self._over.is_set, timings=self._timings)
+        return run(self._session, self.show, is_stopped=self._over.is_set, timings=self._timings)
 
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
@@ -61,7 +61,7 @@ class LiveSession:
         self._session.receive(data, time.monotonic())
         return None
 
-    def _show(self) -> None:
+    def show(self) -> None:
         """Show where everything is, after a turn of the loop."""
         status = self._session.status()
         if self._episode != status["count"]:
