@@ -1,0 +1,144 @@
+"""Time as devices see it: real, or virtual, which passes only while somebody waits.
+
+Everything periodic on real arms (followers, cameras, gripper reads) is a call that a clock makes.
+On a real clock each has a thread of its own; on a virtual one they take turns in the order of their
+times, so that what simulated devices do is the same on every machine.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+
+class Ticker(Protocol):
+    """A call that is made periodically until it is stopped."""
+
+    def stop(self) -> None:
+        """Make no more calls; a running one ends first. Stopping twice is harmless."""
+        ...
+
+
+class Clock(Protocol):
+    """Seconds that never go back, and who is called when."""
+
+    def now(self) -> float:
+        """Seconds since a moment that stays the same while the process lives."""
+        ...
+
+    def wait_until(self, time_s: float) -> None:
+        """Return at a time, or at once if it has passed."""
+        ...
+
+    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
+        """Make a call periodically, the first time one period from now.
+
+        Args:
+            period_s: Seconds from one call to the next; calls that come late are not made up for.
+            call: What is called. An error that it raises ends its thread, or reaches whoever waits
+                on a virtual clock: a call that can fail keeps its error for others to see.
+            name: What is done, for a list of threads.
+        """
+        ...
+
+
+class SystemClock:
+    """The machine's own monotonic clock."""
+
+    def now(self) -> float:
+        """Seconds of `time.monotonic`."""
+        return time.monotonic()
+
+    def wait_until(self, time_s: float) -> None:
+        """Sleep until a time."""
+        left = time_s - time.monotonic()
+        if left > 0.0:
+            time.sleep(left)
+
+    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
+        """Make a call periodically, in a thread of its own."""
+        return _Thread(period_s, call, name)
+
+
+class _Thread:
+    """A thread that makes one call on a fixed grid of times."""
+
+    def __init__(self, period_s: float, call: Callable[[], None], name: str) -> None:
+        self._period, self._call = period_s, call
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        due = time.monotonic() + self._period
+        while not self._is_over.wait(max(0.0, due - time.monotonic())):
+            self._call()
+            due = max(due + self._period, time.monotonic())
+
+    def stop(self) -> None:
+        """Make no more calls."""
+        self._is_over.set()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+
+
+class VirtualClock:
+    """Time that passes only in `wait_until`, with every periodic call made on the way, in order."""
+
+    def __init__(self) -> None:
+        """Begin at zero."""
+        self._now = 0.0
+        self._tickers: list[_Virtual] = []
+
+    def now(self) -> float:
+        """Seconds that were waited for so far."""
+        return self._now
+
+    def wait_until(self, time_s: float) -> None:
+        """Let time pass: make all calls that are due until then, in the order of their times."""
+        while self._tickers:
+            first = min(self._tickers, key=lambda ticker: ticker.due)  # the older one of two
+            if first.due > time_s:
+                break
+            self._now = max(self._now, first.due)
+            first.run()
+        self._now = max(self._now, time_s)
+
+    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
+        """Make a call periodically while somebody waits."""
+        ticker = _Virtual(self._tickers, self._now, period_s, call, name)
+        self._tickers.append(ticker)
+        return ticker
+
+
+class _Virtual:
+    """A periodic call on a virtual clock."""
+
+    def __init__(
+        self,
+        tickers: list[_Virtual],
+        now: float,
+        period_s: float,
+        call: Callable[[], None],
+        name: str,
+    ) -> None:
+        self.name = name
+        self._tickers, self._start, self._period, self._call = tickers, now, period_s, call
+        self._calls = 0
+
+    @property
+    def due(self) -> float:
+        """When the next call is made; multiplied, so that no rounding adds up."""
+        return self._start + (self._calls + 1) * self._period
+
+    def run(self) -> None:
+        """Make the call that is due."""
+        self._calls += 1
+        self._call()
+
+    def stop(self) -> None:
+        """Make no more calls."""
+        if self in self._tickers:
+            self._tickers.remove(self)

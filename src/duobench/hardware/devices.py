@@ -1,0 +1,200 @@
+"""What is asked of one arm, one gripper and one camera, whoever made it.
+
+A driver never blocks whoever asks it: it talks to its device in a thread of its own and gives the
+latest reading with the time at which it was taken. What goes wrong is part of a reading; only
+`connect` and what a person asks for (`recover`, `activate`) raise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+from duobench.backend import Image
+from duobench.types import Array
+
+
+class FaultKind(StrEnum):
+    """What sort of fault it is, which decides what it means for a trial."""
+
+    REFLEX = "reflex"
+    """The arm stopped because of a contact or of what it was told to do; it counts as a failure of
+    who led it."""
+    COMMUNICATION = "communication"
+    """A network, a cable, a computer or a camera; the trial is invalid."""
+    DEVICE = "device"
+    """Anything else that a device reports; the trial is invalid."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Fault:
+    """Something that a device reports as wrong."""
+
+    kind: FaultKind
+    """What sort of fault it is."""
+    text: str
+    """What is wrong, in words for people."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class ArmReading:
+    """One arm at one moment."""
+
+    time_s: float
+    """When it was measured, on the rig's clock."""
+    joints: Array
+    """Joint positions (7,) in radians."""
+    velocities: Array
+    """Joint velocities (7,) in rad/s."""
+    torques: Array
+    """Joint torques (7,) in N·m."""
+    is_tracking: bool
+    """Whether it follows what `command` says."""
+    fault: Fault | None = None
+    """What is wrong with it, if anything."""
+    state: Mapping[str, Array] = field(default_factory=dict[str, "Array"])
+    """The driver's full robot state by the names of its library, for recordings."""
+
+
+class Arm(Protocol):
+    """One arm, tracked by joint impedance."""
+
+    def connect(self) -> None:
+        """Reach the arm; nothing moves.
+
+        Raises:
+            BackendError: It cannot be reached.
+        """
+        ...
+
+    def read(self) -> ArmReading:
+        """The latest reading, after `connect`."""
+        ...
+
+    def start(self) -> None:
+        """Hold the measured joints and follow `command` from now on.
+
+        Raises:
+            BackendError: It cannot, for example because it reports a fault.
+        """
+        ...
+
+    def command(self, joints: Array, velocities: Array) -> None:
+        """Track a point of a smooth path; called by a follower at `FOLLOWER_HZ`.
+
+        Args:
+            joints: Joint positions (7,) in radians.
+            velocities: Joint velocities (7,) in rad/s.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Come to rest, damped, and follow no more commands until `start`."""
+        ...
+
+    def recover(self) -> None:
+        """Clear a fault on a person's word; nothing moves.
+
+        Raises:
+            BackendError: The fault stays.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop, and let go of the arm; closing twice is harmless."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GripperReading:
+    """One gripper at one moment."""
+
+    time_s: float
+    """When it was measured, on the rig's clock."""
+    opening: float
+    """Opening, 0 closed to 1 open."""
+    is_active: bool
+    """Whether it was activated, and moves when it is told to."""
+    has_object: bool = False
+    """Whether its fingers stopped at something."""
+    fault: Fault | None = None
+    """What is wrong with it, if anything; silence is a fault too."""
+
+
+class Gripper(Protocol):
+    """One gripper."""
+
+    def connect(self) -> None:
+        """Reach the gripper; nothing moves.
+
+        Raises:
+            BackendError: It cannot be reached.
+        """
+        ...
+
+    def activate(self) -> None:
+        """Move the fingers through their whole range, on a person's word only.
+
+        Raises:
+            BackendError: It does not become active.
+        """
+        ...
+
+    def read(self) -> GripperReading:
+        """The latest reading, after `connect`."""
+        ...
+
+    def command(self, opening: float) -> None:
+        """Go to an opening, 0 closed to 1 open; returns at once."""
+        ...
+
+    def hold(self) -> None:
+        """Keep the grip as it is: no more movement until the next command."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device, not of what it holds; closing twice is harmless."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Frame:
+    """One image of a camera, as it came from it."""
+
+    index: int
+    """Number of the frame since the camera was connected; a gap is a lost frame."""
+    time_s: float
+    """When it was taken, on the rig's clock."""
+    image: Image
+    """Red, green, blue (720, 1280, 3), not rectified."""
+
+
+class Camera(Protocol):
+    """One camera, which takes images all the time."""
+
+    def connect(self) -> None:
+        """Reach the camera and begin to take images.
+
+        Raises:
+            BackendError: It cannot be reached, or gives other images than asked for.
+        """
+        ...
+
+    def latest(self) -> Frame | None:
+        """The latest frame; None before the first one."""
+        ...
+
+    def listen(self, call: Callable[[Frame], None] | None) -> None:
+        """Have every frame from now on given to a call, in the camera's thread; None ends it."""
+        ...
+
+    @property
+    def fault(self) -> Fault | None:
+        """What is wrong with it, if anything."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the camera; closing twice is harmless."""
+        ...
