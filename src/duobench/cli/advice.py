@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -55,6 +55,20 @@ def find_folder(folder: Path, sign: str) -> None:
             raise AdvisedError(
                 f"{folder} is {kind}, not {KINDS[sign][0]}. Try: {verb.format(folder)}"
             )
+
+
+def find_runs(paths: Sequence[Path]) -> None:
+    """Find out that there is a run, whole or in shards, or a bundle, at each of some paths.
+
+    Raises:
+        AdvisedError: None was named, or there is none; it says what would do.
+    """
+    if not paths:
+        raise AdvisedError("Name a run: the folder that was given to --out of duobench eval.")
+    for path in paths:
+        is_pattern = bool(set("*?[") & set(str(path))) and not path.exists()
+        if not (path.is_file() or is_pattern or any(path.glob("shard-*-of-*/run.json"))):
+            find_folder(path, "run.json")
 
 
 def relative(path: Path) -> Path:

@@ -28,7 +28,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     policy: str,
     out: Path,
     tasks: tuple[str, ...] = (),
-    episodes: int = 20,
+    suite: str | None = None,
+    episodes: int | None = None,
     first_episode: int = 0,
     workers: int = 1,
     videos: int = 1,
@@ -42,7 +43,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     max_batch: int | None = None,
     server: str | None = None,
     format: str | None = None,
-    execute: int = 30,
+    execute: int | None = None,
+    latency: int = 0,
+    shard: str | None = None,
     wait: float = 60.0,
     key_file: Path | None = None,
     watch: bool = False,
@@ -60,7 +63,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             policy of your own, or openpi or vla-eval for one that is served, whichever it speaks.
         out: Folder of the run.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
-        episodes: Episodes of each task.
+        suite: paper (100 episodes of each task, 30 actions executed of a chunk), quick (10
+            episodes), or none for one of your own; other options change what a name stands for.
+        episodes: Episodes of each task. Default: 20, or what the suite says.
         first_episode: Index of the first episode; seeds follow from task and index alone.
         workers: Simulators that play side by side, in processes of their own; the policy has
             another one. The results do not depend on it. With 0 this process does everything, for a
@@ -82,7 +87,12 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         server: Address of a policy that is served, such as ws://127.0.0.1:8000.
         format: Message format of a server that is not of DuoBench: aloha, droid, libero, vla_eval,
             or FILE.toml.
-        execute: Actions of a chunk of a served policy that are executed before the next request.
+        execute: Actions of a chunk that are executed before the policy is asked again, at most.
+            Default: what the suite says; without one all, and 30 of a served policy.
+        latency: Control steps (1/30 s) from an observation to the first action of the chunk that
+            answers it; until then the chunk before goes on.
+        shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1;
+            it has a folder of its own in --out. See docs/scale.md.
         wait: Seconds to wait for a server that is not there.
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
         watch: Show on a page in the browser what is played. It costs nothing while nobody looks,
@@ -92,23 +102,33 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
-    from duobench.cli.advice import advising, for_evaluation
+    from duobench.cli.advice import advising, for_evaluation, relative
     from duobench.cli.display.progress import EpisodesPlayed, display
     from duobench.evaluation.evaluate import evaluate as play
     from duobench.evaluation.policies import PolicyChoice
     from duobench.results.folder import RunFolder
     from duobench.results.limits import TimeLimits
-    from duobench.results.suite import Suite, find_tasks
+    from duobench.results.suites.catalog import PAPER_EXECUTE, make_suite
+    from duobench.results.suites.merged import shard_folder
+    from duobench.results.suites.shard import Shard
 
     batching = _batching(batch, max_batch)
     _check_old_names(policy, layout)
-    remote = _remote(policy, server, format, execute, wait, key_file)
-    choice = PolicyChoice.parse(policy, batching=batching, server=remote)
-    suite = Suite(
-        tasks=find_tasks(tasks), episodes=episodes, first_episode=first_episode, look=look
+    played = make_suite(
+        suite,
+        tasks=tasks,
+        episodes=episodes,
+        first_episode=first_episode,
+        look=look,
+        execute=execute,
+        latency=latency,
     )
+    asked = played.execution.execute or PAPER_EXECUTE
+    remote = _remote(policy, server, format, asked, wait, key_file)
+    choice = PolicyChoice.parse(policy, batching=batching, server=remote)
     limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
-    folder = RunFolder(out)
+    part = None if shard is None else Shard.parse(shard)
+    folder = RunFolder(out if part is None else shard_folder(out, part))
     screen = console()
     if workers == 0 and not choice.is_scripted:
         screen.print("The policy plays in the process of the simulator, which it can see and move.")
@@ -121,7 +141,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     ):
         results = play(
             choice,
-            suite,
+            played,
             folder,
             videos=videos,
             limits=limits,
@@ -132,8 +152,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             unplayed_count_as_failures=unplayed_count_as_failures,
             command=command,
             watch=live,
+            shard=part,
         )
-    _show(folder.read_run(), results, out / folder.page.name, screen)
+    _show(folder.read_run(), results, relative(folder.page), screen)
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
+from types import NoneType, UnionType
 from typing import Literal, get_args, get_origin, get_type_hints
 
 from duobench.errors import DuoBenchError
@@ -59,7 +60,7 @@ def _check_options(words: Sequence[str], verb: Callable[..., None], program: str
             near = _near(name, flags)
             hint = f"Did you mean {near}?" if near else f"There are: {', '.join(flags)}."
             raise SpellingError(f"{program} has no option {name}. {hint}")
-        kind = flags[name.replace("_", "-")]
+        kind = _number_of(flags[name.replace("_", "-")])
         value = joined or (words[at + 1] if at + 1 < len(words) else "")
         if kind in NUMBERS and not _is_a(kind, value):
             raise SpellingError(f"{name} takes {NUMBERS[kind]}, not {value!r}.")
@@ -91,6 +92,13 @@ def _check_choice(words: Sequence[str], verb: Callable[..., None], program: str)
             f"{program} takes {', '.join(choices[:-1])} or {choices[-1]} as {name}, not "
             f"{words[0]!r}."
         )
+
+
+def _number_of(kind: object) -> object:
+    """What an option takes, without None where that is its default alone."""
+    if isinstance(kind, UnionType) and len(others := set(get_args(kind)) - {NoneType}) == 1:
+        return others.pop()
+    return kind
 
 
 def _is_a(kind: object, value: str) -> bool:

@@ -155,6 +155,10 @@ class DuoEnv(gym.Env[Observation, Any]):
         """
         return spaces.checked_action(action, spaces.JOINT_NAMES)
 
+    def hold_action(self) -> Array:
+        """The action that leaves the command of both arms as it is."""
+        return self.backend.last_command.flat
+
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
         """Advance one control step; truncated where the arms cannot go on, see the class.
 

@@ -1,4 +1,4 @@
-"""The loop that executes the actions of a chunk, one control step each."""
+"""How chunks of actions are executed, and the loop that does it, one control step each."""
 
 from __future__ import annotations
 
@@ -9,6 +9,46 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
+
+from duobench import checks
+from duobench.errors import OptionError
+from duobench.types import CONTROL_HZ
+
+MAX_LATENCY = 300
+"""Longest latency in control steps: ten seconds, after which most episodes would be over."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ChunkExecution:
+    """What is executed of the chunks of a policy, and when."""
+
+    execute: int | None = None
+    """Actions of a chunk that are executed before the policy is asked again, at most; None takes
+    all."""
+    latency: int = 0
+    """Control steps from an observation to the first action of the chunk that answers it."""
+
+    def __post_init__(self) -> None:
+        """Reject what no loop can do."""
+        if self.execute is not None and not checks.count(self.execute):
+            raise OptionError(
+                f"The number of actions executed of a chunk is 1 or more, got {self.execute!r}."
+            )
+        latency = checks.whole(self.latency)
+        if latency is None or not 0 <= latency <= MAX_LATENCY:
+            raise OptionError(
+                f"A latency is a whole number of control steps, 0 to {MAX_LATENCY}, got "
+                f"{self.latency!r}."
+            )
+
+    @property
+    def latency_s(self) -> float:
+        """The latency in seconds."""
+        return self.latency / CONTROL_HZ
+
+
+WHOLE_CHUNKS = ChunkExecution()
+"""All actions of a chunk, at once."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

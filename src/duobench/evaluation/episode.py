@@ -242,7 +242,14 @@ class EpisodeRunner:
         error, before = None, getattr(policy, "busy_s", None)
         try:
             with self._clock.playing(), watch.rollout(env):
-                rollout(env, policy, seed=episode.seed, watchers=watchers, busy=busy)
+                rollout(
+                    env,
+                    policy,
+                    seed=episode.seed,
+                    watchers=watchers,
+                    busy=busy,
+                    execution=self.run.suite.execution,
+                )
         except (RenderingError, MachineryError, VideoError) as fault:
             if recording is not None:
                 recording.discard()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 
 from duobench.errors import EvaluationError, UnplayedError
 from duobench.evaluation.episode import EpisodeResult, Job
@@ -22,6 +23,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
 from duobench.results.run import Run
 from duobench.results.suite import Episode, Suite
+from duobench.results.suites.shard import Shard
 
 
 def evaluate(  # noqa: PLR0913
@@ -38,6 +40,7 @@ def evaluate(  # noqa: PLR0913
     unplayed_count_as_failures: bool = False,
     command: str = "",
     watch: RunWatch | None = None,
+    shard: Shard | None = None,
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
@@ -61,6 +64,8 @@ def evaluate(  # noqa: PLR0913
             because a process dies in them each time.
         command: The command that starts the run, for its description and the report.
         watch: Shows what is played while it is played; no result depends on it.
+        shard: Which part of the episodes is played; None plays all. Each part has a folder of its
+            own, and `open_sources` reads all parts as one run.
 
     Returns:
         What all records of the run add up to.
@@ -80,10 +85,10 @@ def evaluate(  # noqa: PLR0913
     executor = executor_for(job, workers, watch)
     observing = observers if watch is None else [*observers, watch]
     with locked(folder.path), closing(executor):
-        run = executor.prepare()
+        run = replace(executor.prepare(), shard=shard)
         if fresh or folder.has_only_errors_of_another(run):
             folder.clear()
-        if not folder.has_records:
+        if run.size and not folder.has_records:
             executor.rehearse(run.episodes()[0])
         folder.begin(run)
         finished = _finished(folder, run, retry_broken=retry_broken)
@@ -101,7 +106,7 @@ def evaluate(  # noqa: PLR0913
         if watch is not None:
             watch.end()
         results = write_report(folder)
-        _check_complete(folder, suite, results, unplayed)
+        _check_complete(folder, run, results, unplayed)
         return results
 
 
@@ -129,7 +134,7 @@ def _write(
 
 
 def _check_complete(
-    folder: RunFolder, suite: Suite, results: Results, unplayed: Mapping[Episode, str]
+    folder: RunFolder, run: Run, results: Results, unplayed: Mapping[Episode, str]
 ) -> None:
     """Say which episodes have no record, and why.
 
@@ -141,9 +146,9 @@ def _check_complete(
         raise UnplayedError.of(
             {f"{each.task.id}, episode {each.index}": why for each, why in unplayed.items()}
         )
-    if results.overall.episodes < suite.size:
+    if results.overall.episodes < run.size:
         raise EvaluationError(
-            f"{suite.size - results.overall.episodes} of {suite.size} records are missing from "
+            f"{run.size - results.overall.episodes} of {run.size} records are missing from "
             f"{folder.path} although their episodes were played: somebody has removed them. "
             "Run the evaluation again: it plays what is missing."
         )

@@ -113,6 +113,8 @@ class EpisodeRecorder:
         task, last = self._episode.task, self._last
         return EpisodeRecord(
             suite_version=SUITE_VERSION,
+            suite=run.suite.label,
+            execution=run.suite.execution,
             task=task.id,
             episode=self._episode.index,
             seed=self._episode.seed,

@@ -8,9 +8,11 @@ from functools import partial
 from typing import Any, Protocol, TypeVar
 
 import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
 
 from duobench.envs.duo_env import base_of
-from duobench.envs.execution import Step, execute, optional_method
+from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution, Step, execute, optional_method
 from duobench.envs.reset_options import SPLIT
 from duobench.policy.compatibility import check_fits
 from duobench.policy.policy import Policy, as_chunk
@@ -66,14 +68,22 @@ def rollout(
     seed: int,
     watchers: Iterable[Watcher] = (),
     busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
+    execution: ChunkExecution = WHOLE_CHUNKS,
 ) -> None:
     """Run one episode.
 
-    The actions of a chunk are executed in order, until the episode is over. Images are rendered
-    only when somebody asks for them: the policy, which sees one observation a chunk, or a watcher
-    that needs frames. At other steps the observation has no `pixels`, unless a wrapper around the
-    environment is an `ObservationWrapper` or has an observation space of its own. A wrapper of any
-    other kind that reads `pixels` must do without them where they are missing.
+    The actions of a chunk are executed in order, until the episode is over, or only its first
+    ones if the execution says so. With a latency of K steps, a chunk that answers the
+    observation of step t is executed from step t + K on; until then what was answered before
+    goes on, and at the start of an episode the arms hold their command. So the policy is asked
+    as often as without, and K actions always wait. A policy with a method
+    `expect_latency(steps)` is told first.
+
+    Images are rendered only when somebody asks for them: the policy, which sees one observation
+    a chunk, or a watcher that needs frames. At other steps the observation has no `pixels`,
+    unless a wrapper around the environment is an `ObservationWrapper` or has an observation
+    space of its own. A wrapper of any other kind that reads `pixels` must do without them where
+    they are missing.
 
     A policy that disturbs its own actions may say in an attribute `intended_action` what it wanted
     its last action, a chunk of one, to be; that is what a recorder around the environment records.
@@ -86,6 +96,7 @@ def rollout(
         watchers: Called in this order.
         busy: Surrounds everything that the policy does, and the check of what it returned, which
             may wait for a lazy array.
+        execution: What is executed of the policy's chunks, and when.
 
     Raises:
         PolicyError: If the policy does not fit the environment, or returns something that is no
@@ -104,7 +115,10 @@ def rollout(
             ending.push(partial(_end, watcher))
         observation, info = env.reset(seed=seed)
         hashed = policy_seed(base_of(env).task, seed, info.get(SPLIT) or EVAL)
+        waiting = _held(env, execution.latency)
         with busy():
+            if expect := getattr(policy, "expect_latency", None):
+                expect(execution.latency)
             policy.reset(info["instruction"], hashed)
         for watcher in watching:
             watcher.on_episode_start(env, observation, info)
@@ -113,13 +127,21 @@ def rollout(
         number, is_over = 0, False
         while not is_over:
             with busy():
-                chunk = as_chunk(policy.act(observation), action_size)
+                answered = as_chunk(policy.act(observation), action_size)[: execution.execute]
+            queue = np.concatenate([waiting, answered])
+            chunk, waiting = queue[: len(answered)], queue[len(answered) :]
             if (wanted := getattr(policy, "intended_action", None)) is not None:
                 optional_method(env, "intend")(wanted)
             for step in execute(env, chunk, before=number, render_last=not needs_frames):
                 for watcher in watching:
                     watcher.on_step(step)
                 observation, number, is_over = step.observation, step.number, step.is_last
+
+
+def _held(env: gym.Env, steps: int) -> NDArray[np.float32]:
+    """Actions (steps, n) with which both arms hold their command."""
+    held = np.asarray(env.get_wrapper_attr("hold_action")(), dtype=np.float32)
+    return np.tile(held, (steps, 1))
 
 
 def _changes_observations(env: gym.Env) -> bool:

@@ -72,7 +72,7 @@ class Verification:
     @property
     def missing(self) -> int:
         """Episodes of the run that have no record."""
-        return self.run.suite.size - len(self.findings)
+        return self.run.size - len(self.findings)
 
     @property
     def is_verified(self) -> bool:

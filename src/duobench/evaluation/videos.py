@@ -154,6 +154,8 @@ class Replay:
         is_known = task.id in catalog.names()
         self._reference = task.id if is_known else task.reference if import_tasks else None
         self._chunk = run.metadata.horizon
+        if self._chunk is not None:
+            self._chunk = min(self._chunk, run.suite.execution.execute or self._chunk)
         self._env: gym.Env | None = None
         self._overview: Overview | None = None
         self._config: EnvConfig | None = None

@@ -49,14 +49,19 @@ class Expert:
         self._variety = variety
         self._task_id = task_id
         self._kinematics = Kinematics()
+        self._latency = 0
         self._episode: tuple[Arms, Script] | None = None
         self.intended_action: NDArray[np.float32] | None = None
         """The last action (16,) without the noise in what was executed; None before the first."""
 
+    def expect_latency(self, steps: int) -> None:
+        """Expect that an action is executed so many control steps after its answer."""
+        self._latency = steps
+
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
         """Begin an episode; the simulation must already be reset."""
         sample = VarietySample(self._variety, self._task_id, seed)
-        arms = Arms(self._simulation, self._kinematics, sample)
+        arms = Arms(self._simulation, self._kinematics, sample, self._latency)
         self._episode = arms, self._script(arms)
         self.intended_action = None
 

@@ -57,6 +57,7 @@ class Arms:
         simulation: Simulation,
         kinematics: Kinematics | None = None,
         variety: VarietySample | None = None,
+        latency: int = 0,
     ) -> None:
         """Start at what the arms were last commanded.
 
@@ -64,6 +65,7 @@ class Arms:
             simulation: Read only; a script never writes to it.
             kinematics: Solver to share between episodes; a new one if not given.
             variety: What this episode does differently; nothing if not given.
+            latency: Control steps from an action to its execution.
         """
         self.sim = simulation
         self.kinematics = kinematics or Kinematics()
@@ -78,6 +80,8 @@ class Arms:
         """Tool pose that each arm is being led to, in the table frame."""
         self.variety = variety or VarietySample()
         """What this episode does differently."""
+        self.latency = latency
+        """Control steps from an action to its execution: so much later a script sees its effect."""
         self.freedom: Array = np.zeros(len(SIDES))
         """How far each arm's motion may differ at this moment (2,), 0 to 1."""
 
@@ -223,7 +227,8 @@ def move(
 
     yield from follow(arms, path, seconds, freedom=freedom)
     if arrive:
-        yield from wait_until(lambda: arrived(arms, goals, tolerance), MAX_ARRIVAL_STEPS)
+        steps = MAX_ARRIVAL_STEPS + arms.latency
+        yield from wait_until(lambda: arrived(arms, goals, tolerance), steps)
 
 
 def line_to(arms: Arms, start: SE3, goal: SE3, freedom: float) -> Callable[[float], SE3]:
@@ -242,7 +247,7 @@ def grip(arms: Arms, *sides: Side, opening: float = CLOSED) -> Script:
     """Bring grippers to an opening and wait until their fingers have come to rest."""
     for side in sides:
         arms.openings[side.index] = opening
-    yield from wait(3)
+    yield from wait(3 + arms.latency)
     last = np.array([arms.opening(side) for side in sides])
     for _ in range(MAX_GRIP_STEPS):
         yield

@@ -88,7 +88,7 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
             f"{MAX_BYTES // 2} bytes altogether; evaluate fewer episodes in a run."
         )
     manifest = Manifest(
-        missing=description.suite.size - len(episodes),
+        missing=description.size - len(episodes),
         parts={name: hashlib.sha256(content).hexdigest() for name, content in parts.items()},
     )
     write(path, _packed({_MANIFEST: encode(manifest, BUNDLE_SCHEMA).encode(), **parts}))
@@ -138,10 +138,10 @@ class Bundle(RunReader):
         records = {record_name(each.task.id, each.index) for each in self.finished(run)}
         if foreign := self._parts.keys() - records - {DESCRIPTION}:
             raise FileError(f"{min(foreign)} belongs to no episode of its run.")
-        if self.manifest.missing != run.suite.size - len(records):
+        if self.manifest.missing != run.size - len(records):
             raise FileError(
                 f"Its manifest says that {self.manifest.missing} records are missing, not "
-                f"{run.suite.size - len(records)}."
+                f"{run.size - len(records)}."
             )
 
 

@@ -35,10 +35,17 @@ class RunFolder(RunReader):
         """What was run."""
         self.timing = self.path / "timing.jsonl"
         """How long each episode took: one JSON object a line, see `TimeNote`."""
+        self.parts: tuple[Path, ...] = ()
+        """Folders in it that runs lie in."""
         self.summary = self.path / "summary.json"
         """The results as JSON."""
         self.page = self.path / "index.html"
         """The report."""
+
+    @property
+    def timings(self) -> list[Path]:
+        """Where it is noted how long episodes took."""
+        return [self.timing]
 
     def file(self, name: str) -> Path:
         """A file by its name, whether or not there is one."""

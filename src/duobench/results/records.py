@@ -12,16 +12,18 @@ from typing import Annotated, ClassVar, TypedDict
 from msgspec import Meta
 
 from duobench.envs.config import EnvConfig
+from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.errors import (
     EvaluationError,
     PolicyFailedError,
     PolicyTimeoutError,
     traceback_text,
 )
+from duobench.results.suite import CUSTOM
 from duobench.results.targets import unpack_targets
 from duobench.types import Array
 
-RECORD_SCHEMA = 5
+RECORD_SCHEMA = 6
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 OLDEST_RECORD_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
@@ -54,6 +56,10 @@ class EpisodeRecord:
     """First schema whose files hold a checksum."""
     suite_version: str
     """Version of the benchmark's episodes that the seed belongs to."""
+    suite: str = CUSTOM
+    """Name and version of the suite, see `Suite.label`."""
+    execution: ChunkExecution = WHOLE_CHUNKS
+    """What was executed of the policy's chunks, and when."""
     task: str
     """Id of the task."""
     episode: int

@@ -25,9 +25,10 @@ from duobench.results.reporting.replays import PageReplays
 from duobench.results.reporting.times import duration, read_notes, run_times, side_by_side
 from duobench.results.reporting.videos import PageVideos
 from duobench.results.run import Run
+from duobench.results.suites.catalog import deviations, latency_text, suite_text
 from duobench.types import CONTROL_HZ
 
-SUMMARY_SCHEMA = 2
+SUMMARY_SCHEMA = 3
 """Version of the summary's fields."""
 _MOST_UNMET = 6
 """Constraints that did not hold of one stage that the page shows; others are folded away."""
@@ -52,7 +53,8 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
 
     Args:
         folder: The folder of the run, beside whose records it is written.
-        source: What reads the run, where that is not its folder; this holds no run then.
+        source: What reads the run, where that is not its folder; this holds no run then, or the
+            shards of it.
 
     Returns:
         What the records of the run, finished or not, add up to.
@@ -77,8 +79,11 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
 def _check_free(folder: RunFolder) -> None:
     """Reject a folder that holds anything but a report without its run."""
     is_report = folder.page.exists() and not folder.description.exists()
-    if folder.path.is_dir() and any(folder.path.iterdir()) and not is_report:
-        raise OtherRunError(f"{folder.path} is not empty and holds no report of a bundle.")
+    there = set(folder.path.iterdir()) if folder.path.is_dir() else set()
+    if there - set(folder.parts) and not is_report:
+        raise OtherRunError(
+            f"{folder.path} is not empty and holds no report of a bundle or of shards."
+        )
 
 
 def summary_json(run: Run, results: Results) -> str:
@@ -89,9 +94,14 @@ def summary_json(run: Run, results: Results) -> str:
         "policy_version": run.metadata.version,
         "privileged": run.privileged,
         "suite_version": run.suite.version,
+        "suite": run.suite.label,
+        "suite_deviations": deviations(run.suite),
+        "execute": run.suite.execution.execute,
+        "latency": run.suite.execution.latency,
+        "shard": run.shard and str(run.shard),
         "versions": run.versions,
         "first_episode": run.suite.first_episode,
-        "expected_episodes": run.suite.size,
+        "expected_episodes": run.size,
         "tasks": {
             one.task.id: {
                 **_score(one.score),
@@ -121,7 +131,7 @@ def _score(score: Score) -> dict[str, Any]:
 def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -> str:
     """The page as HTML text."""
     videos, replays = PageVideos(folder, run), PageReplays(folder, results)
-    times = run_times(results, read_notes(folder.timing))
+    times = run_times(results, read_notes(*folder.timings))
     return render(
         "duobench.results",
         "report.html.j2",
@@ -137,6 +147,9 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
         failed_stages=failed_stages,
         most_unmet=_MOST_UNMET,
         clipping=clipping,
+        suite_text=suite_text,
+        expected=lambda members: sum(run.counts[one.task.id] for one in members),
+        latency_text=latency_text,
         video=videos.video,
         video_command=videos.command,
         poster=videos.poster,

@@ -17,8 +17,9 @@ from duobench.randomness import SUITE_VERSION
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import Episode, Suite
+from duobench.results.suites.shard import Shard
 
-RUN_SCHEMA = 5
+RUN_SCHEMA = 6
 """Version of the description's fields."""
 OLDEST_RUN_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
@@ -48,6 +49,8 @@ class Run:
     """How many observations the policy answers together, if that is known."""
     command: str = ""
     """The command that started it, without what another machine has elsewhere; empty if none."""
+    shard: Shard | None = None
+    """Which part of the suite's episodes it has; None for all."""
 
     def __post_init__(self) -> None:
         """Reject an impossible number of videos."""
@@ -72,9 +75,24 @@ class Run:
         """Every episode of every task, task by task."""
         return [
             Episode(task=task, index=index, has_video=nth < self.videos, split=self.config.split)
-            for task in self.suite.tasks
+            for place, task in enumerate(self.suite.tasks)
             for nth, index in enumerate(self.suite.indices)
+            if self.shard is None or self.shard.has(place, index)
         ]
+
+    @property
+    def size(self) -> int:
+        """How many episodes it has."""
+        return sum(self.counts.values())
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many episodes it has of each task, by the task's id."""
+        return {
+            task.id: sum(self.shard is None or self.shard.has(place, index) for index in indices)
+            for indices in (self.suite.indices,)
+            for place, task in enumerate(self.suite.tasks)
+        }
 
     def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
         """Why a record is not that of an episode of this run; None if it is."""
@@ -85,6 +103,8 @@ class Run:
             "policy_version": self.metadata.version,
             "config": self.config,
             "suite_version": self.suite.version,
+            "suite": self.suite.label,
+            "execution": self.suite.execution,
             "max_stage": episode.task.max_stage,
         }
         if self.suite.version == SUITE_VERSION:  # seeds of another one are not known here
@@ -114,6 +134,10 @@ class Run:
             **{f"task {task.id}": task for task in suite.tasks},
             "first episode": suite.first_episode,
             "suite version": suite.version,
+            "suite": suite.label,
+            "actions executed of a chunk": suite.execution.execute or "all",
+            "latency": suite.execution.latency,
+            "shard": self.shard,
             "videos": self.videos,
             **_fields("time limit", self.limits),
             **(_fields("policy's", self.metadata) if with_metadata else {}),

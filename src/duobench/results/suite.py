@@ -6,10 +6,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.errors import EvaluationError
 from duobench.looks import catalog as looks
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.tasks import catalog
+
+CUSTOM = "custom"
+"""Name of a suite that somebody put together."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -83,6 +87,12 @@ class Suite:
     """Name of the look of all episodes; see `duobench.looks.catalog.look`."""
     version: str = SUITE_VERSION
     """Version of the benchmark's episodes."""
+    name: str = CUSTOM
+    """Name of the suite that it is, or that it was made from; see `results.suites.catalog`."""
+    revision: int = 1
+    """Version of the suite of that name: of what it fixes beside the episodes."""
+    execution: ChunkExecution = WHOLE_CHUNKS
+    """What is executed of the chunks of a policy, and when."""
 
     def __post_init__(self) -> None:
         """Reject an empty or impossible suite."""
@@ -97,6 +107,11 @@ class Suite:
         ids = [task.id for task in self.tasks]
         if twice := sorted({task_id for task_id in ids if ids.count(task_id) > 1}):
             raise EvaluationError(f"Named more than once: {', '.join(twice)}. Name each task once.")
+
+    @property
+    def label(self) -> str:
+        """Name and version, as records have them: "custom", or such as "paper 1"."""
+        return CUSTOM if self.name == CUSTOM else f"{self.name} {self.revision}"
 
     @property
     def indices(self) -> range:

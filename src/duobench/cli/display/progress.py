@@ -113,9 +113,9 @@ class EpisodesPlayed:
         going_on = f", {len(finished)} already finished" if finished else ""
         heading = (
             f"Policy {run.title}: {counted(len(suite.tasks), 'task')}, "
-            f"{counted(suite.size, 'episode')}{going_on}"
+            f"{counted(run.size, 'episode')}{going_on}"
         )
-        self._shown.begin(heading, {task.id: suite.episodes for task in suite.tasks})
+        self._shown.begin(heading, run.counts)
         for record in finished:
             self._shown.advance(record.task, succeeded=record.success, earlier=True)
 

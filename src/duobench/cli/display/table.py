@@ -27,7 +27,7 @@ def results_table(run: Run, results: Results) -> Table:
     Returns:
         A table that rich prints.
     """
-    expected_episodes = run.suite.episodes
+    counts = run.counts
     table = Table(title=Text(run.title), box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
     table.add_column("Task", no_wrap=True)
     errors = ("Errors",) if results.overall.errors else ()
@@ -37,14 +37,14 @@ def results_table(run: Run, results: Results) -> Table:
     for category in results.categories:
         members = [one for one in results.tasks if one.task.category == category.label]
         for one in members:
-            cells = _cells(one.task.id, one.score, expected_episodes, bool(errors))
+            cells = _cells(one.task.id, one.score, counts[one.task.id], bool(errors))
             table.add_row(*cells, _stages(one))
         if len(members) > 1:
-            expected = expected_episodes * len(members)
+            expected = sum(counts[one.task.id] for one in members)
             cells = _cells(category.label, category, expected, bool(errors))
             table.add_row(*cells, style="italic")
         table.add_section()
-    expected = expected_episodes * len(results.tasks)
+    expected = run.size
     cells = _cells(results.overall.label, results.overall, expected, bool(errors))
     table.add_row(*cells, style="bold")
     return table

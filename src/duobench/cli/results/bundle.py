@@ -7,24 +7,32 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import find_folder, relative
+from duobench.cli.advice import AdvisedError, find_runs, relative
 from duobench.cli.display.console import console, counted
 
 
-def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
+def bundle(folder: tyro.conf.Positional[tuple[Path, ...]], out: Path | None = None) -> None:
     """Write a run and its records into one file for publication, without videos and timing.
 
     Args:
-        folder: What was given to --out of duobench eval; the run need not be finished.
+        folder: What was given to --out of duobench eval; the run need not be finished. Or the
+            folders of all shards of a run.
         out: The file. Default: NAME.duobench.zip beside the folder NAME.
     """
-    find_folder(folder, "run.json")
+    find_runs(folder)
     from duobench.results.bundle import BUNDLE_SUFFIX, write_bundle
-    from duobench.results.folder import RunFolder
+    from duobench.results.source import open_sources
+    from duobench.results.suites.merged import check_whole
 
-    whole = folder.resolve()  # which has a name, also where `.` was given
+    if any(path.is_file() for path in folder):
+        raise AdvisedError(
+            f"{folder[0]} is a file, which holds no evaluation; give the folder of a run."
+        )
+    reader = open_sources(folder)
+    check_whole(reader)
+    whole = reader.path.resolve()  # which has a name, also where `.` was given
     path = out or relative(whole.with_name(f"{whole.name}{BUNDLE_SUFFIX}"))
-    manifest = write_bundle(RunFolder(folder), path)
+    manifest = write_bundle(reader, path)
     screen = console()
     if manifest.missing:
         missing = counted(manifest.missing, "episode")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import advising, find_folder
+from duobench.cli.advice import advising, find_runs
 from duobench.cli.display.console import console
 from duobench.errors import DuoBenchError, OtherRunError
 
@@ -16,8 +16,9 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path) -> None:
 
     Args:
         runs: Folders of two or more runs (--out of duobench eval), each alone or as NAME=FOLDER to
-            give it a name. paper:ACT, paper:pi05 and paper:xvla show the paper's results beside
-            them, which were measured elsewhere, on other tasks, and are tested against nothing.
+            give it a name; of a run in shards, the folder that they lie in. paper:ACT, paper:pi05
+            and paper:xvla show the paper's results beside them, which were measured elsewhere, on
+            other tasks, and are tested against nothing.
         out: Folder of the comparison; an earlier one in it is replaced.
     """
     from duobench.results.comparison.entrants import split_name
@@ -25,8 +26,8 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path) -> None:
 
     for run in runs:
         path = split_name(run)[1]
-        if not run.startswith(SCHEME) and not path.is_file():
-            find_folder(path, "run.json")
+        if not run.startswith(SCHEME):
+            find_runs([path])
     from duobench.results.compare import compare as compare_runs
     from duobench.results.compare import write_comparison
     from duobench.results.comparison import words

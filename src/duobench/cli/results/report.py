@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, find_folder
+from duobench.cli.advice import AdvisedError, find_runs, relative
 from duobench.cli.display.console import console, counted
 from duobench.cli.doctor import load_engine
 
@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 
     from duobench.evaluation.replays import Replays
     from duobench.evaluation.videos import Videos
+    from duobench.results.folder import RunFolder
+    from duobench.results.reader import RunReader
 
 
 def report(
-    source: tyro.conf.Positional[Path],
+    source: tyro.conf.Positional[tuple[Path, ...]],
     out: Path | None = None,
     videos: tuple[str, ...] = (),
     replays: tuple[str, ...] = (),
@@ -34,8 +36,9 @@ def report(
 
     Args:
         source: What was given to --out of duobench eval, whose run need not be finished, or a file
-            that duobench bundle has written.
-        out: Folder of the report of a bundle; that of a run lies in the run's own folder.
+            that duobench bundle has written, or the folders of all shards of a run.
+        out: Folder of the report of a bundle, or of shards that do not lie in one folder; that of a
+            run lies in the run's own folder.
         videos: Make videos of these finished episodes first, from what was sent in them: failures,
             all, or TASK:EPISODE such as bin_sort:3, one or several. One that is there stays.
         replays: Show these finished episodes in 3D on the page: as for --videos, but failures and
@@ -43,28 +46,20 @@ def report(
         import_tasks: For videos and replays, import tasks that are not of the benchmark. This runs
             the code of the modules that the run names.
     """
-    is_bundle = source.is_file()
-    if not is_bundle:
-        find_folder(source, "run.json")
-    if is_bundle != (out is not None):
-        raise AdvisedError(
-            f"{source} is a bundle: say with --out where its report shall be."
-            if is_bundle
-            else "--out is for the report of a bundle; that of a run lies in the run's own folder."
-        )
+    find_runs(source)
     from duobench.cli.display.table import results_table
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results, write_report
-    from duobench.results.source import open_source
+    from duobench.results.source import open_sources
 
-    reader = open_source(source)
+    reader = open_sources(source)
+    run_folder = _place(reader, out)
     run, results = read_results(reader)
     screen = console()
     # First, so that the table of a folder can be had by who may only read it.
     screen.print(results_table(run, results))
-    folder = out or source
-    run_folder = RunFolder(folder)
-    write_report(run_folder, reader if is_bundle else None)
+    elsewhere = None if isinstance(reader, RunFolder) else reader
+    write_report(run_folder, elsewhere)
     impossible = 0
     if videos or replays:
         load_engine()
@@ -79,10 +74,28 @@ def report(
                 records = pick(run, [each for one in results.tasks for each in one.records], words)
                 todo = partial(make, run_folder, run, records, import_tasks=import_tasks)
                 impossible += _make(what, todo, screen, import_tasks)
-        write_report(run_folder, reader if is_bundle else None)
-    screen.print(f"Report: {folder / run_folder.page.name}")
+        write_report(run_folder, elsewhere)
+    screen.print(f"Report: {relative(run_folder.page)}")
     if impossible:
         sys.exit(1)
+
+
+def _place(reader: RunReader, out: Path | None) -> RunFolder:
+    """Where the report of a run is written."""
+    from duobench.results.folder import RunFolder
+    from duobench.results.suites.merged import MergedFolder, MergedRun
+
+    if isinstance(reader, MergedRun):
+        if out is None and len({shard.path.parent for shard in reader.shards}) > 1:
+            raise AdvisedError("The shards lie in several folders: say with --out where to report.")
+        return MergedFolder(out or reader.path, reader)
+    if isinstance(reader, RunFolder) != (out is None):
+        raise AdvisedError(
+            f"{reader.path} is a bundle: say with --out where its report shall be."
+            if out is None
+            else "--out is for the report of a bundle; that of a run lies in the run's own folder."
+        )
+    return RunFolder(out or reader.path)
 
 
 def _make(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import find_folder
+from duobench.cli.advice import find_runs
 from duobench.cli.display.console import console, counted
 from duobench.cli.doctor import load_engine
 
@@ -22,27 +22,27 @@ NAMED = 3
 
 
 def verify(
-    source: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool = False
+    source: tyro.conf.Positional[tuple[Path, ...]], workers: int = 1, import_tasks: bool = False
 ) -> None:
     """Play the joint targets in the records of a run again, without its policy, and compare.
 
     The exit code is 1 if anything comes out differently, or if nothing could be verified.
 
     Args:
-        source: Folder of the run, or a file that duobench bundle has written.
+        source: Folder of the run, a file that duobench bundle has written, or the folders of all
+            shards of a run, or the folder that they lie in.
         workers: Processes that verify side by side.
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the run names.
     """
-    if not source.is_file():
-        find_folder(source, "run.json")
+    find_runs(source)
     load_engine()
     from duobench.cli.display.progress import display
     from duobench.evaluation.verify import verify as verify_run
-    from duobench.results.source import open_source
+    from duobench.results.source import open_sources
 
     screen = console()
-    opened = open_source(source)
+    opened = open_sources(source)
     with display(screen, "episode") as shown:
         found = verify_run(opened, workers=workers, import_tasks=import_tasks, progress=shown.tell)
     _show(found, screen, import_tasks)

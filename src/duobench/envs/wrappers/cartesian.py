@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.duo_env import Transition
@@ -51,6 +52,13 @@ class CartesianActions(ActionModeWrapper):
                     "orientation; send a quaternion of length one."
                 )
         return numbers
+
+    def hold_action(self) -> Array:
+        """The action (16,) that leaves the commanded tool poses and openings as they are."""
+        command = self.base.backend.last_command
+        poses = self.kinematics.forward(command.joints)
+        rows = [[*poses[side].tquat, command.openings[side.index]] for side in SIDES]
+        return np.ravel(rows)
 
     def step(self, action: Any) -> Transition:
         """Advance one control step towards the poses.

@@ -35,6 +35,15 @@ class RelativeJointActions(ActionModeWrapper):
 
     mode = JOINT_RELATIVE
 
+    def hold_action(self) -> Array:
+        """The action (16,) that leaves the command as it is: openings alone are not zero."""
+        action = self.base.backend.last_command.flat
+        slots = spaces.opening_slots(len(action))
+        openings = action[slots].copy()
+        action[:] = 0.0
+        action[slots] = openings
+        return action
+
     def step(self, action: Any) -> Transition:
         """Advance one control step.
 
@@ -104,6 +113,11 @@ class RelativeCartesianActions(ActionModeWrapper):
         result = self.env.step(np.ravel(poses))
         self._targets = targets
         return result
+
+    def hold_action(self) -> Array:
+        """The action (14,) that leaves the command as it is: openings alone are not zero."""
+        openings = self.base.backend.last_command.openings
+        return np.ravel([[*np.zeros(6), openings[side.index]] for side in SIDES])
 
     def _starts(self) -> dict[Side, SE3]:
         """Where this displacement starts for each side."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 
 import gymnasium as gym
+import numpy as np
 
 from duobench.data.replay import command_config
 from duobench.envs.config import EnvConfig
@@ -20,6 +21,10 @@ from duobench.results.run import Run
 from duobench.results.suite import Episode, TaskInfo, find_tasks
 from duobench.tasks import catalog
 from duobench.types import Array
+
+HOLD_TOLERANCE = 1e-3
+"""Difference in radians, or parts of an opening, that holding a command may make in action modes
+that solve for joints."""
 
 
 class TargetPlayer:
@@ -54,6 +59,7 @@ class TargetPlayer:
         recorder = EpisodeRecorder(episode)
         env = self._environment(record.config)
         observation, info = env.reset(seed=episode.seed)
+        _check_latency(record, targets, info["sent"])
         watching = (recorder, *watchers)
         for watcher in watching:
             watcher.on_episode_start(env, observation, info)
@@ -98,6 +104,17 @@ class TargetPlayer:
             self.close()
             self._env, self._config = make_env(self._task.reference, **asdict(config)), config
         return self._env
+
+
+def _check_latency(record: EpisodeRecord, targets: Array, first: Array) -> None:
+    """Reject targets that move before the first chunk can have been answered.
+
+    Raises:
+        EvaluationError: They do.
+    """
+    latency = record.execution.latency
+    if not np.allclose(targets[:latency], first, rtol=0, atol=HOLD_TOLERANCE):
+        raise EvaluationError(f"It does not hold its command for a latency of {latency} steps.")
 
 
 def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:

@@ -56,7 +56,7 @@ class RunWatch:
 
     def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
         """Say what is played."""
-        self._title, self._finished, self._total = run.title, len(finished), run.suite.size
+        self._title, self._finished, self._total = run.title, len(finished), run.size
         self._publish()
 
     def on_episode(self, played: EpisodeRecord) -> None:  # noqa: ARG002 - the protocol's signature

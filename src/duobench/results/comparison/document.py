@@ -48,7 +48,10 @@ def _entrant(one: Entrant) -> dict[str, Any]:
             "suite_version": run.suite.version,
             "look": run.suite.look,
             "first_episode": run.suite.first_episode,
-            "expected_episodes": run.suite.size,
+            "expected_episodes": run.size,
+            "suite": run.suite.label,
+            "execute": run.suite.execution.execute,
+            "latency": run.suite.execution.latency,
             "versions": run.versions,
         }
     return facts

@@ -9,6 +9,7 @@ from duobench.results.comparison.entrants import Entrant
 from duobench.results.records import EpisodeRecord, SampledLayout
 from duobench.results.run import Run
 from duobench.results.suite import TaskInfo
+from duobench.results.suites.catalog import execute_text, latency_text
 
 Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
 
@@ -55,11 +56,16 @@ def same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pai
 
 def differing_conditions(a: Run, b: Run) -> list[str]:
     """What was not the same around the two policies, one phrase each."""
-    return [
+    found = [
         f"{name.replace('_', ' ')} {_named(ours)} and {_named(theirs)}"
         for name in _CONDITIONS
         if (ours := getattr(a.config, name)) != (theirs := getattr(b.config, name))
     ]
+    if a.suite.execution.latency != b.suite.execution.latency:
+        found.append(f"{latency_text(a.suite)} and {latency_text(b.suite)}")
+    if a.suite.execution.execute != b.suite.execution.execute:
+        found.append(f"executed {execute_text(a.suite)} and {execute_text(b.suite)}")
+    return found
 
 
 def _named(value: object) -> str:

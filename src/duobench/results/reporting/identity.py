@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Suite
+from duobench.results.suites.catalog import execute_text, latency_text, suite_text
 
 Facts = Mapping[str, str]
 """Values in words by name, in the order in which they are shown."""
@@ -28,9 +29,9 @@ def identity(run: Run) -> Facts:
     return {
         "Policy": run.policy if policy.name == run.policy else f"{run.policy} ({policy.name})",
         "Its version": policy.version or UNKNOWN,
-        "Suite": f"version {suite.version}, layouts of the split {config.split}",
+        "Suite": _suite(run),
         "Tasks": ", ".join(task.id for task in suite.tasks),
-        "Episodes": f"{_indices(suite)}, {suite.episodes} of each task",
+        "Episodes": f"{_indices(suite)}, {suite.episodes} of each task{_shard(run)}",
         "Look": suite.look,
         "Cameras": images,
         "Other observations": ", ".join(filter(None, ("joints, openings, tool poses", objects))),
@@ -38,6 +39,7 @@ def identity(run: Run) -> Facts:
         "Chunk": "of varying or unknown length"
         if policy.horizon is None
         else f"{policy.horizon} action{'s' if policy.horizon > 1 else ''}",
+        "Executed": f"{execute_text(suite)}, {latency_text(suite)}",
         "Instructions": config.instructions,
         "Inference": ", ".join(filter(None, inference)) or UNKNOWN,
         "Time limits": f"{run.limits.act_s:g} s an answer, {run.limits.episode_s:g} s an episode",
@@ -67,6 +69,15 @@ def _absent(name: str) -> str:
 def _indices(suite: Suite) -> str:
     first, last = suite.indices[0], suite.indices[-1]
     return f"number {first}" if first == last else f"numbers {first}–{last}"
+
+
+def _suite(run: Run) -> str:
+    name, split = suite_text(run.suite), run.config.split
+    return f"{name}, version {run.suite.version}, layouts of the split {split}"
+
+
+def _shard(run: Run) -> str:
+    return f"; shard {run.shard}, {run.size} episodes" if run.shard else ""
 
 
 def _batching(run: Run) -> str | None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import msgspec
@@ -82,14 +83,15 @@ Notes = Mapping[tuple[str, int], TimeNote]
 """Notes by task and episode."""
 
 
-def read_notes(path: Path) -> Notes:
-    """The notes in a file; none where there is no file.
+def read_notes(*paths: Path) -> Notes:
+    """The notes in files; none where there is no file.
 
     Lines that are no notes, such as one that a crash cut off, are left out. Of an episode that was
     played again the last one counts.
     """
     notes = {}
-    for line in path.read_bytes().splitlines() if path.exists() else ():
+    lines = [path.read_bytes().splitlines() for path in paths if path.exists()]
+    for line in chain.from_iterable(lines):
         with suppress(msgspec.MsgspecError):
             note = msgspec.json.decode(line, type=TimeNote)
             notes[note.task, note.episode] = note

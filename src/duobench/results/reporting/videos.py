@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from contextlib import suppress
+from pathlib import Path
 from urllib.parse import quote
 
 from PIL import Image
@@ -35,7 +36,7 @@ class PageVideos:
     def video(self, record: EpisodeRecord) -> str | None:
         """Link to the video of an episode; None if there is none."""
         path = self._folder.video(record.task, record.episode)
-        return self._link(record.task, path.name) if path.exists() else None
+        return self._link(path) if path.exists() else None
 
     def poster(self, record: EpisodeRecord) -> str | None:
         """Link to the last frame of a video; None if there is none.
@@ -50,7 +51,7 @@ class PageVideos:
                 buffer = io.BytesIO()
                 Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_QUALITY)
                 write(path, buffer.getvalue())
-        return self._link(record.task, path.name) if path.exists() else None
+        return self._link(path) if path.exists() else None
 
     def featured(self, result: TaskResult) -> list[EpisodeRecord]:
         """Episodes of a task whose videos are shown: the first one for each last stage.
@@ -78,5 +79,5 @@ class PageVideos:
         is_known = {task.id for task in self._run.suite.tasks} <= set(catalog.names())
         return _COMMAND.format(what, choice) + ("" if is_known else _IMPORTING)
 
-    def _link(self, task_id: str, name: str) -> str:
-        return quote(f"videos/{task_id}/{name}")
+    def _link(self, path: Path) -> str:
+        return quote(path.relative_to(self._folder.path).as_posix())

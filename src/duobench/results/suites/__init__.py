@@ -1,0 +1,1 @@
+"""Suites by name, and runs that lie in several folders."""
