@@ -17,6 +17,7 @@ from duobench.cli.render import render
 from duobench.cli.replay import replay
 from duobench.cli.results.bundle import bundle
 from duobench.cli.results.compare import compare
+from duobench.cli.results.leaderboard import leaderboard
 from duobench.cli.results.report import report
 from duobench.cli.results.verify import verify
 from duobench.cli.serve import serve
@@ -38,6 +39,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "compare": compare,
     "verify": verify,
     "bundle": bundle,
+    "leaderboard": leaderboard,
     "record": record,
     "replay": replay,
     "view": view,

@@ -1,0 +1,202 @@
+"""A leaderboard of real bundles: verified once, refused with a reason, never trusted."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from duobench.cli import main
+from duobench.data.processes import Progress
+from duobench.errors import EvaluationError
+from duobench.evaluation import leaderboard
+from duobench.evaluation.leaderboard import make_leaderboard
+from duobench.results.bundle import write_bundle
+from duobench.results.folder import RunFolder
+from duobench.results.leaderboard.board import Board
+from duobench.results.leaderboard.site import DOCUMENT, VERDICTS
+from tests.evaluation import toy_tasks
+from tests.evaluation.forging import Document, copied, rewritten
+
+RECORD = "records/bin_sort/00000.json"
+
+
+def play(path: Path, policy: str, tasks: str = "bin_sort", episodes: int = 1) -> RunFolder:
+    words = ["--tasks", tasks, "--episodes", str(episodes), "--videos", "0", "--workers", "0"]
+    main(["eval", "--policy", policy, "--out", str(path), *words])
+    return RunFolder(path)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, RunFolder]:
+    folder = tmp_path_factory.mktemp("runs")
+    return {name: play(folder / name, name) for name in ("hold", "random")}
+
+
+@pytest.fixture
+def folder(runs: dict[str, RunFolder], tmp_path: Path) -> Path:
+    for name, run in runs.items():
+        write_bundle(run, tmp_path / "bundles" / f"{name}.duobench.zip")
+    return tmp_path / "bundles"
+
+
+class Listener:
+    """Hears which bundles are verified, and how many episodes of them."""
+
+    def __init__(self) -> None:
+        self.episodes: dict[str, int] = {}
+
+    def __call__(self, name: str) -> Progress:
+        return lambda done, _total: self.episodes.update({name: done})
+
+
+def made(folder: Path, out: Path) -> tuple[Board, dict[str, int]]:
+    listener = Listener()
+    board, page = make_leaderboard(folder, out, started=listener)
+    assert page.is_file()
+    return board, listener.episodes
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+def forged(run: RunFolder, folder: Path, edit: Callable[[Document], None]) -> None:
+    """Put a bundle of a forged copy of a run into a folder."""
+    copy = copied(run, folder.parent / "forged")
+    rewritten(copy.file(RECORD), edit)
+    write_bundle(copy, folder / "forged.duobench.zip")
+
+
+def reason(board: Board, name: str) -> str:
+    (found,) = (one.reason for one in board.refused if one.file == name)
+    return found
+
+
+def test_every_bundle_is_verified_once(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "site"
+    board, played = made(folder, out)
+    assert played == {"hold.duobench.zip": 1, "random.duobench.zip": 1}
+    assert [one.name for one in board.partial] == ["hold", "random"]
+    assert board.entries[0].verdicts["exact"] == 1
+    before = contents(out)
+    again, played = made(folder, out)
+    assert (again, played) == (board, {})
+    assert contents(out) == before
+
+
+def test_bytes_do_not_depend_on_what_was_there_before(folder: Path, tmp_path: Path) -> None:
+    made(folder, tmp_path / "all at once")
+    last = folder / "random.duobench.zip"
+    last.rename(tmp_path / last.name)
+    shutil.copy(folder / "hold.duobench.zip", folder / "other.duobench.zip")
+    made(folder, tmp_path / "one by one")
+    (folder / "other.duobench.zip").unlink()
+    (tmp_path / last.name).rename(last)
+    _, played = made(folder, tmp_path / "one by one")
+    assert played == {last.name: 1}
+    assert contents(tmp_path / "one by one") == contents(tmp_path / "all at once")
+
+
+def test_what_an_interrupted_call_has_verified_is_kept(folder: Path, tmp_path: Path) -> None:
+    def interrupt(name: str) -> Progress:
+        if name.startswith("random"):
+            raise KeyboardInterrupt
+        return lambda _done, _total: None
+
+    with pytest.raises(KeyboardInterrupt):
+        make_leaderboard(folder, tmp_path / "site", started=interrupt)
+    assert not (tmp_path / "site" / DOCUMENT).exists()
+    assert made(folder, tmp_path / "site")[1] == {"random.duobench.zip": 1}
+
+
+def test_another_version_verifies_anew(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made(folder, tmp_path / "site")
+    monkeypatch.setattr(leaderboard, "SUITE_VERSION", "another")
+    assert len(made(folder, tmp_path / "site")[1]) == 2
+
+
+def test_a_verdict_that_was_edited_or_damaged_is_not_believed(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "site"
+    made(folder, out)
+    first, second = sorted((out / VERDICTS).glob("*.json"))
+    first.write_text(first.read_text().replace('"exact": 1', '"exact": 100'))
+    second.write_bytes(second.read_bytes()[:50])
+    assert len(made(folder, out)[1]) == 2
+
+
+def test_claims_that_are_not_earned_are_refused(
+    runs: dict[str, RunFolder], folder: Path, tmp_path: Path
+) -> None:
+    def winning(record: Document) -> None:
+        stage = record["max_stage"]
+        record.update(success=True, success_at_end=True, final_stage=stage)
+        record.update(stage_changes=[[10 * k, k] for k in range(1, stage + 1)])
+
+    forged(runs["hold"], folder, winning)
+    board, _ = made(folder, tmp_path / "site")
+    assert reason(board, "forged.duobench.zip").startswith("Contradicted. bin_sort, episode 0: ")
+    assert len(board.entries) == 2
+    page = (tmp_path / "site" / "index.html").read_text()
+    assert page.index('<h2 id="refused">') < page.index("forged.duobench.zip")
+    again, played = made(folder, tmp_path / "site")
+    assert (again, played) == (board, {})
+
+
+def test_what_cannot_be_played_again_must_have_failed(
+    runs: dict[str, RunFolder], folder: Path, tmp_path: Path
+) -> None:
+    forged(runs["hold"], folder, lambda record: record.update(sent=None, clipped=None))
+    board, _ = made(folder, tmp_path / "site")
+    assert "cannot be verified, though no error ended it" in reason(board, "forged.duobench.zip")
+
+
+def test_hostile_and_damaged_archives_are_refused(folder: Path, tmp_path: Path) -> None:
+    whole = (folder / "hold.duobench.zip").read_bytes()
+    (folder / "cut.duobench.zip").write_bytes(whole[:2000])
+    (folder / "empty.duobench.zip").write_bytes(b"")
+    (folder / "text.duobench.zip").write_text("<script>alert(1)</script>")
+    (folder / "flipped.duobench.zip").write_bytes(whole.replace(b"records/", b"../../x/"))
+    (folder / "twin.duobench.zip").write_bytes(whole)
+    (folder / "link.duobench.zip").symlink_to("/dev/zero")
+    (folder / "folder.duobench.zip").mkdir()
+    (folder / "notes.txt").write_text("mine")
+    board, _ = made(folder, tmp_path / "site")
+    assert {one.file.removesuffix(".duobench.zip") for one in board.refused} == {
+        *("cut", "empty", "text", "flipped", "twin"),
+    }
+    assert "No bundle has a part '../../x/" in reason(board, "flipped.duobench.zip")
+    assert reason(board, "twin.duobench.zip") == "It is the same file as hold.duobench.zip."
+    assert not any(str(tmp_path) in one.reason for one in board.refused)
+    assert len(board.entries) == 2
+
+
+def test_too_large_files_are_not_even_read(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (folder / "huge.duobench.zip").open("wb") as file:
+        file.truncate(2**40)  # a file with a hole, which takes no room
+    monkeypatch.setattr(leaderboard, "_entry", lambda *_: pytest.fail("it was read"))
+    (folder / "hold.duobench.zip").unlink()
+    (folder / "random.duobench.zip").unlink()
+    board, _ = made(folder, tmp_path / "site")
+    assert "larger than" in reason(board, "huge.duobench.zip")
+
+
+def test_tasks_of_others_are_refused_and_not_imported(folder: Path, tmp_path: Path) -> None:
+    run = play(tmp_path / "nod", "hold", toy_tasks.NOD_NAME)
+    write_bundle(run, folder / "nod.duobench.zip")
+    board, _ = made(folder, tmp_path / "site")
+    assert reason(board, "nod.duobench.zip") == "It has a task that is none of the benchmark: nod."
+
+
+def test_folder_without_a_bundle_is_said(tmp_path: Path) -> None:
+    with pytest.raises(EvaluationError, match=r"no file whose name ends in \.duobench\.zip"):
+        make_leaderboard(tmp_path, tmp_path / "site")
+    assert not (tmp_path / "site").exists()
