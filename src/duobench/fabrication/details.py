@@ -42,6 +42,13 @@ def _size(what: str, metres: float, tolerance: float = MATING) -> Dimension:
     return Dimension(what=what, mm=round(1000 * metres, 3), tolerance_mm=tolerance)
 
 
+def _narrow(play: float) -> float:
+    """Width in metres of a dovetail, or of its slot, in the plane of the rim's outside."""
+    depth, root, end = maze_board.DOVETAIL
+    share = maze_board.ROOT / (depth + maze_board.ROOT + play)
+    return root + share * (end - root) + 2 * play
+
+
 _SOCKET = 2 * (hexagon_peg.ACROSS_FLATS / 2 + hexagon_peg.CLEARANCE)
 _KEY, _RING = gate.KEY[0], gate.RING_THICKNESS
 
@@ -59,11 +66,11 @@ DIMENSIONS: Mapping[str, tuple[Dimension, ...]] = {
     "pour_marbles/right_cup": (_size("inside, between flats", 2 * cup.INNER_RADIUS, FREE),),
     "ball_maze/board/floor": (
         _size("way between walls", maze_board.PITCH - maze_board.WALL, FREE),
-        _size("slot for a dovetail, at the outside", maze_board.DOVETAIL[1] + 2 * JOINT_PLAY),
+        _size("slot for a dovetail, at the rim's outside", _narrow(JOINT_PLAY)),
         _size("slot for a dovetail, at its end", maze_board.DOVETAIL[2] + 2 * JOINT_PLAY),
     ),
     "ball_maze/board/grip": (
-        _size("dovetail at its root", maze_board.DOVETAIL[1]),
+        _size("dovetail where it leaves the stay", _narrow(0.0)),
         _size("dovetail at its end", maze_board.DOVETAIL[2]),
         _size("bar, thickness", maze_board.BAR[0], FREE),
     ),

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from duobench.errors import FabricationError
+from duobench.errors import FabricationError, check_known
 from duobench.fabrication.coupon import ID as COUPON
 from duobench.fabrication.coupon import fit_coupon
-from duobench.fabrication.parts import PrintJob, job_of
+from duobench.fabrication.parts import ALL_VARIANTS, PrintJob, job_of
 from duobench.fabrication.recipe import RECIPE_SCHEMA, Recipe, recipe_of
 from duobench.fabrication.recipe_page import UNTRIED, recipe_page
 from duobench.fabrication.sheet import layout_sheet, neutral_layout
@@ -50,7 +50,7 @@ class PrintChoice:
             {
                 "tasks": ", ".join(each.tasks),
                 "variants": ", ".join(each.variants) or "by default",
-                "seed": each.seed,
+                "seed": "none" if each.seed is None else each.seed,
                 "paper": each.paper,
                 "version": each.version,
             }
@@ -93,6 +93,9 @@ def write_prints(
     ids = [task.id for task in tasks]
     if taken := sorted({name for name in ids if ids.count(name) > 1 or name == COUPON}):
         raise FabricationError(f"Each folder needs a name of its own, got twice: {taken}.")
+    choices = {name for task in tasks for p in task.props if p.choice for name in p.variants}
+    for name in variants:
+        check_known("variant", name, {*choices, ALL_VARIANTS})
     layouts = layouts or {}
     jobs = [job_of(task, variants or _variants(task, layouts.get(task.id))) for task in tasks]
     choice = PrintChoice(tasks=ids, variants=list(variants), seed=seed, paper=paper.value)

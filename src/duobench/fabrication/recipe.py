@@ -5,6 +5,7 @@ Filament and time are estimates from the volume, `MATERIAL_PER_SECOND` says how.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,8 +153,8 @@ def recipe_of(job: PrintJob) -> Recipe:
         assembly=list(details.ASSEMBLY.get(job.id, ())),
         bought=list(job.bought),
         notes=_notes(job),
-        filament_g=round(sum(part.filament_g for part in parts), 1),
-        hours=round(sum(part.hours for part in parts), 1),
+        filament_g=round(math.fsum(part.filament_g for part in parts), 1),
+        hours=round(math.fsum(part.hours for part in parts), 1),
     )
 
 

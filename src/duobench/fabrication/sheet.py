@@ -117,6 +117,7 @@ def _marks(task: Task, layout: Layout) -> Iterator[Mark]:
         pose = layout.poses[prop.name]
         x, y, z = (1000 * float(v) for v in pose.translation)
         yaw = math.degrees(pose.yaw)
+        name = " ".join(filter(None, (prop.name, layout.variants.get(prop.choice or ""))))
         solids = prop.prints(layout.variants)
         poses = [SE3(), *(part.pose for part in prop.parts)]
         lowest = min(
@@ -124,13 +125,13 @@ def _marks(task: Task, layout: Layout) -> Iterator[Mark]:
             for solid, at in zip(solids, poses, strict=True)
         )
         if z / 1000 + lowest > CONTACT:
-            yield Mark(name=prop.name, x=x, y=y, yaw=yaw, on_table=False)
+            yield Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
             continue
         contact, seen = (
             tuple(_on_table(outline, pose) for outline in outlines_of(prop, variants, below=below))
             for variants, below in ((layout.variants, CONTACT), (layout.variants, None))
         )
-        yield Mark(name=prop.name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
+        yield Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
 
 
 def _on_table(outline: Array, pose: SE3) -> Array:
