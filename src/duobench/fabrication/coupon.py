@@ -10,7 +10,7 @@ import math
 
 from duobench.fabrication.parts import PrintedPart, PrintJob, upright
 from duobench.objects import hexagon_peg, joint_blocks
-from duobench.objects.blocks import CHARCOAL, YELLOW
+from duobench.objects.blocks import PALE, YELLOW
 from duobench.objects.shapes import circle
 from duobench.objects.solid import mesh_of
 
@@ -26,7 +26,7 @@ PEG_HEIGHT = 0.020
 """Height of the pegs in metres."""
 WALL = 0.004
 """Least thickness of the walls in metres."""
-DIMPLE = (0.0012, 0.0006, 0.004)
+DIMPLE = (0.0010, 0.0006, 0.003)
 """Radius, depth and distance of the dimples in metres."""
 _HEXAGON, _SQUARE = 6, 4
 
@@ -81,4 +81,4 @@ def _plate(name: str, corners: int, across: float, plays: tuple[float, ...]) -> 
             at = x + apart * (dimple - (number - 1) / 2)
             pit = m.cylinder(2 * depth, radius, radius, 16, True)
             plate -= pit.translate((at, -tall / 2 - WALL - strip / 2, HEIGHT))
-    return upright(name, mesh_of(plate), CHARCOAL)
+    return upright(name, mesh_of(plate), PALE)
