@@ -12,6 +12,7 @@ from duobench.cli.display.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
+from duobench.cli.print_ import print_
 from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.replay import replay
@@ -50,6 +51,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "data": data.verbs,
     "export": export.verbs,
     "train": train,
+    "print": print_,
     "doctor": doctor,
 }
 GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
