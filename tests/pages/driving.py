@@ -93,6 +93,18 @@ def opened(*scripts: Path | str) -> Iterator[Page]:
         window.close()
 
 
+def take_the_drive(page: Page, url: str, show: Callable[[], None]) -> None:
+    """Open the page of a session, and press its button; `show` lets the session say where it is."""
+    page.goto(url)
+    drive = page.get_by_role("button", name="Drive")
+    end = time.monotonic() + WAIT_S
+    while not drive.is_visible():
+        assert time.monotonic() < end, page.locator("body").inner_text()
+        show()
+        page.wait_for_timeout(50)
+    drive.click()
+
+
 def complaints_of(page: Page) -> list[str]:
     """What a page says on its console from now on that it should not, and what it throws."""
     found: list[str] = []

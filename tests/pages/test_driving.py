@@ -3,9 +3,11 @@
 import json
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.pages.driving import Operated, broken_rules, operated
 
@@ -55,6 +57,12 @@ def drag(page: Operated, canvas: tuple[float, float], across: int, down: int) ->
     mouse.up()
     assert page.settle()["right"]["squeeze"] == 0
     return start
+
+
+def turned(samples: list[dict[str, Any]]) -> np.ndarray:
+    """How a squeezed hand has turned, as a rotation vector in the world."""
+    first, last = (Rotation.from_quat(samples[i]["pose"][3:], scalar_first=True) for i in (0, -1))
+    return (last * first.inv()).as_rotvec()
 
 
 def test_a_viewer_sends_nothing(page: Operated, canvas: tuple[float, float]) -> None:
@@ -156,6 +164,50 @@ def test_shift_turns_it_as_a_ball(page: Operated, canvas: tuple[float, float]) -
     first, last = (np.array(samples[i]["pose"][3:]) for i in (0, -1))
     assert np.linalg.norm(last) == pytest.approx(1)
     assert abs(first @ last) == pytest.approx(math.cos(0.25))  # half of 100 times 0.005
+
+
+@pytest.mark.parametrize("sideways", [False, True], ids=["wheel", "as browsers say it"])
+def test_shift_and_the_wheel_turn_it_about_the_line_of_sight(
+    page: Operated, canvas: tuple[float, float], sideways: bool
+) -> None:
+    page.page.mouse.click(*canvas)
+    page.page.keyboard.down("Shift")
+    start = len(page.hands())
+    page.page.mouse.wheel(*((100, 0) if sideways else (0, 100)))
+    page.wait(lambda: page.settle()["right"]["squeeze"] == 0)
+    page.page.keyboard.up("Shift")
+    shift, samples = page.motion("right", start)
+    assert shift == [0, 0, 0]
+    np.testing.assert_allclose(turned(samples), [0.05, 0, 0], atol=1e-9)  # the camera looks along x
+
+
+def test_space_makes_every_motion_a_quarter(page: Operated, canvas: tuple[float, float]) -> None:
+    page.page.mouse.click(*canvas)
+    page.page.keyboard.down(" ")
+    shift, _ = page.motion("right", drag(page, canvas, 100, 0))
+    np.testing.assert_allclose(shift, [0, -25 * METRES_A_PIXEL, 0], atol=1e-6)
+    start = len(page.hands())
+    page.page.keyboard.press("PageUp")
+    page.settle()
+    np.testing.assert_allclose(page.motion("right", start)[0], [0, 0, 0.00125], atol=1e-9)
+    start = len(page.hands())
+    page.page.mouse.wheel(0, 100)
+    page.wait(lambda: page.settle()["right"]["squeeze"] == 0)
+    np.testing.assert_allclose(page.motion("right", start)[0], [-0.005, 0, 0], atol=1e-6)
+    page.page.keyboard.up(" ")
+    shift, _ = page.motion("right", drag(page, canvas, 100, 0))
+    np.testing.assert_allclose(shift, [0, -100 * METRES_A_PIXEL, 0], atol=1e-6)
+
+
+def test_q_and_e_turn_it_about_the_vertical(page: Operated, canvas: tuple[float, float]) -> None:
+    page.page.mouse.click(*canvas)
+    for key, angle in (("q", 0.05), ("E", -0.05)):
+        start = len(page.hands())
+        page.page.keyboard.press(key)
+        page.settle()
+        shift, samples = page.motion("right", start)
+        assert shift == [0, 0, 0]
+        np.testing.assert_allclose(turned(samples), [0, 0, angle], atol=1e-9)
 
 
 def test_keys_choose_the_arm_and_the_grippers(page: Operated, canvas: tuple[float, float]) -> None:

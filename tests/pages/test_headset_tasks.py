@@ -7,8 +7,6 @@ second without a graphics card, and nobody leads an arm so.
 from __future__ import annotations
 
 import json
-import time
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,21 +15,15 @@ import pytest
 from playwright.sync_api import Page
 from scipy.spatial.transform import Rotation
 
-from duobench.data import Actor, ActorKind, DataSet, find_problems
-from duobench.teleop.hands import HandDevice
-from duobench.teleop.live import LiveSession
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session, State
-from duobench.web.page import assets
-from duobench.web.server import PageServer
-from tests.pages.driving import complaints_of, opened
+from duobench.data import DataSet, find_problems
+from duobench.teleop.session import State
+from tests.pages.leading import follower, led
 from tests.pages.test_headset import IWER, LOOK, ROOM_FROM_WORLD, ROOM_HEAD, WEAR, in_room
 from tests.teleop.operator import Operator
 
 WINDOW = {"width": 640, "height": 400}
 SHOWN = 2e-3
 """How near a sample is to where its controller was put, in metres and parts of a quaternion."""
-LONGEST_S = 300
 SET = """([head, left, right]) => {
   worn.position.set(...head[0]); worn.quaternion.set(...head[1]);
   for (const [side, hand] of [["left", left], ["right", right]]) {
@@ -74,53 +66,25 @@ def is_held(sample: dict[str, Any], hands: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("task", ["carry_pot", "transfer_cube"])
 def test_a_task_is_solved_in_a_headset(tmp_path: Path, task: str) -> None:
-    data = DataSet.open(tmp_path)
-    actor = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="headset")
-    device = HandDevice(lockstep=True)
-    session = Session(make_recorder(task, data, actor), device, episodes=1, lockstep=True)
-    operator = Operator(session)
-    end = time.monotonic() + LONGEST_S
-    with closing(PageServer(assets())) as server, opened(IWER, WEAR) as page:
-        live = LiveSession(session, server)
-        samples: list[dict[str, Any]] = []
-        give = server.on_message
-
-        def take(is_driver: bool, data: bytes) -> str | None:
-            message = json.loads(data)
-            if message["kind"] == "hands":
-                samples.append(message)
-            return give(is_driver, data)
-
-        server.on_message = take
-        complaints = complaints_of(page)
-        page.set_viewport_size(WINDOW)
-        page.goto(server.url)
-        drive = page.get_by_role("button", name="Drive")
-        while not drive.is_visible():
-            assert time.monotonic() < end, complaints
-            live.show()
-            page.wait_for_timeout(50)
-        drive.click()
+    actor = follower("headset")
+    with led(tmp_path, task, actor, WINDOW, IWER, WEAR) as one:
+        session, page, samples = one.session, one.page, one.samples
+        operator = Operator(session)
         wanted = json.loads(operator.next_message())  # open hands, which have to be seen first
         hold(page, wanted)
         page.get_by_role("button", name="Enter VR").click()
         while session.state is not State.OVER:
-            assert time.monotonic() < end, session.status()
             if wanted["kind"] == "keep":
                 page.evaluate('worn.controllers.right.updateButtonValue("a-button", 1)')
             else:
                 hold(page, wanted)
             while session.state is not State.OVER:
-                session.wait(1.0)
-                session.advance(time.monotonic())
-                live.show()
+                one.turn()
                 if wanted["kind"] == "keep" or (samples and is_held(samples[-1], wanted)):
                     break
-                assert time.monotonic() < end, session.status()
             if session.state is not State.OVER:
                 wanted = json.loads(operator.next_message())
-        assert complaints == []
-    session.close()
+    data = DataSet.open(tmp_path)
     (recording,) = data.recordings()
     assert recording.info.actor == actor
     assert recording.info.outcome is not None

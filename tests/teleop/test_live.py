@@ -18,7 +18,7 @@ from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.live import WATCHING, LiveSession
 from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session
+from duobench.teleop.session import AWAY, Session
 from duobench.web.geometry import Geometry
 from duobench.web.messages import unpack_frame
 from duobench.web.server import PageServer
@@ -111,6 +111,35 @@ def test_a_driver_who_leaves_lets_go_and_frees_the_place(session: Session) -> No
             driver.send(squeeze=1)
             next_page.hear_of("status", clutch={"left": False, "right": False})
             assert session.device.clutch == (False, False)
+
+
+def test_a_recording_waits_while_the_driver_is_away(session: Session) -> None:
+    with running(session) as server, open_page(server.url) as watcher:
+        with open_page(server.url) as page:
+            page.say(kind="drive")
+            driver = Driver(page)
+            driver.send(squeeze=0)
+            for number in range(10):
+                driver.send(squeeze=1, height=0.005 * number)
+            watcher.hear_of("status", step=10, state="recording")
+        paused = watcher.hear_of("status", state="paused")
+        assert paused["note"] == AWAY
+        commanded = session.env.base.backend.last_command.joints
+        with open_page(server.url) as next_page:
+            next_page.say(kind="drive")
+            driver = Driver(next_page)
+            driver.send(squeeze=0)
+            assert watcher.hear_of("status", state="recording")["note"] == ""
+            driver.send(squeeze=1)
+            led = {"left": True, "right": True}
+            assert watcher.hear_of("status", clutch=led)["step"] == 12
+    now = session.env.base.backend.last_command.joints
+    np.testing.assert_allclose(now, commanded, rtol=0, atol=1e-3)
+    session.close()
+    data = session.env.data
+    assert data is not None
+    (recording,) = data.recordings()
+    assert recording.clutch.tolist() == [[True, True]] * 10 + [[False, False], [True, True]]
 
 
 def test_what_is_no_message_is_refused_and_the_session_lives(session: Session) -> None:

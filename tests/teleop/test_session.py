@@ -165,6 +165,71 @@ def test_a_driver_who_leaves_lets_go_and_the_next_one_has_another_clock(desk: De
     assert desk.session.status()["clutch"] == {"left": True, "right": False}
 
 
+def test_an_arm_that_is_let_go_stays_where_it_was_led_last(desk: Desk) -> None:
+    desk.begin()
+    desk.send()
+    desk.send()  # both rest here, before they are led elsewhere
+    for number in range(30):
+        desk.send(left=1, right=1, shift=UP * min(1.0, number / 20))
+    there = desk.tools()
+    desk.say("recentre")
+    for _ in range(10):
+        desk.send(left=1, right=1, shift=UP)
+    desk.session.leave(desk.now)
+    for _ in range(10):
+        desk.send()
+    for side, tool in desk.tools().items():
+        assert tool.distance(there[side])[0] < 1e-3
+
+
+def test_a_recording_waits_for_a_driver_who_has_gone(desk: Desk) -> None:
+    desk.begin()
+    desk.send(left=1, right=1, trigger=0.75)
+    session, step = desk.session, desk.session.status()["step"]
+    before = session.env.state_hash()
+    session.leave(desk.now)
+    desk.wait(100)
+    assert session.state is State.PAUSED
+    assert "Nobody drives" in session.status()["note"]
+    assert session.status()["step"] == step
+    assert session.env.state_hash() == before
+    desk.send(left=1, right=1, shift=UP)
+    assert session.state is State.RECORDING
+    assert session.status()["note"] == ""
+    assert session.status()["step"] == step + 1
+    assert session.status()["clutch"] == {"left": False, "right": False}
+    session.leave(desk.now)
+    desk.say("discard")
+    assert session.state is State.WAITING
+    assert desk.recordings() == []
+
+
+def test_a_recording_waits_for_a_driver_who_is_not_heard_of(desk: Desk) -> None:
+    desk.begin()
+    desk.wait(round(0.9 * CONTROL_HZ))
+    assert desk.session.state is State.RECORDING
+    desk.wait(round(0.2 * CONTROL_HZ))
+    step = desk.session.status()["step"]
+    desk.wait(100)
+    assert (desk.session.state, desk.session.status()["step"]) == (State.PAUSED, step)
+    desk.send()
+    assert desk.session.state is State.RECORDING
+
+
+def test_a_pause_leaves_no_gap(desk: Desk) -> None:
+    desk.begin()
+    for _ in range(3):
+        desk.session.leave(desk.now)
+        desk.wait(50)
+        desk.send()
+        desk.send(left=1)
+    desk.session.close()
+    (recording,) = desk.recordings()
+    assert len(recording) == 7
+    np.testing.assert_allclose(np.diff(recording.time), 1 / CONTROL_HZ)
+    assert recording.clutch[1:].tolist() == 3 * [[False, False], [True, False]]
+
+
 def test_recentre_lets_both_hands_go(desk: Desk) -> None:
     desk.begin()
     desk.say("recentre")

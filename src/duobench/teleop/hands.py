@@ -18,6 +18,8 @@ from duobench.types import SIDES, DuoCommand, DuoState, Side
 
 OPEN_TRIGGER = 0.5
 """A trigger below this is open enough for an episode to begin."""
+AWAY_S = 1.0
+"""Seconds without a fresh sample after which the operator is taken to be away."""
 MEANT = 0.05
 """Change of a trigger from which on its gripper follows it."""
 
@@ -82,9 +84,10 @@ class Arm:
         was_closed = self.clutch.is_closed
         wanted = self.clutch.follow(hand, commanded)
         if wanted is None:
-            if was_closed or self._rest is None:
+            if self._rest is None:
                 self._rest = commanded  # the arm stops where it is, not where it was going
             return self._rest, False
+        self._rest = None
         if not was_closed:
             self._shaper.reset()
         shaped = self._shaper(wanted, measured)
@@ -152,6 +155,12 @@ class HandDevice:
         if self.sampled_s is None:
             return True
         return not self._lockstep and now_s - self.sampled_s > MAX_AGE_S
+
+    def is_away(self, now_s: float) -> bool:
+        """Whether the operator has gone, or nothing fresh was heard of one for `AWAY_S`."""
+        if self.sampled_s is None:
+            return True
+        return not self._lockstep and now_s - self.sampled_s > AWAY_S
 
     def prompt(self, now_s: float) -> str | None:
         """What to do before the episode begins: open both hands, then squeeze one."""

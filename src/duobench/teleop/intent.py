@@ -43,6 +43,10 @@ class Device(Protocol):
         """The operator has gone: everything is let go."""
         ...
 
+    def is_away(self, now_s: float) -> bool:
+        """Whether nobody leads for so long that the recording has to wait."""
+        ...
+
     def prompt(self, now_s: float) -> str | None:
         """What the operator has to do before the episode begins; None once it has begun."""
         ...

@@ -24,6 +24,7 @@ LONGEST_QUEUE = 1024
 """Messages that may wait for the next control step; beyond, the oldest are forgotten."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
+AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
 
 
 class State(StrEnum):
@@ -36,10 +37,16 @@ class State(StrEnum):
     """The operator leads, every step is recorded."""
     SUCCESS = "success"
     """The task is solved; the recording goes on for a moment."""
+    PAUSED = "paused"
+    """The operator is away: nothing moves and nothing is recorded until one is back."""
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
     OVER = "over"
     """There are as many episodes as were wanted."""
+
+
+_RUNNING = (State.RECORDING, State.SUCCESS)
+"""States in which control steps are made and recorded."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -89,12 +96,12 @@ class Session:
         """What the operator leads with."""
         self.lockstep = lockstep
         """Whether each message of hands is one control step."""
-        self.state = State.WAITING
-        """Where the episode is."""
         self.note = ""
         """A sentence for the operator."""
         self.feeling = Feeling(env)
         """What the operator's hands are to feel."""
+        self._state = State.WAITING
+        self._is_paused = False
         self._wanted = episodes
         self._instruction = instruction
         self._messages: deque[tuple[Message | _Gone, float]] = deque(maxlen=LONGEST_QUEUE)
@@ -123,7 +130,7 @@ class Session:
         self._has_message.set()
 
     def leave(self, now_s: float) -> None:
-        """The operator has gone, or the connection is lost: both hands let go."""
+        """The operator has gone, or the connection is lost: both hands let go, and time stops."""
         self._messages.append((_Gone(), now_s))
         self._has_message.set()
 
@@ -150,15 +157,16 @@ class Session:
             OutputError: An episode cannot be written.
         """
         has_hands = self._handle()
-        if self.lockstep and not has_hands:
+        self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
+        if self._is_paused or (self.lockstep and not has_hands):
             return False
-        if self.state is State.WAITING:
+        if self._state is State.WAITING:
             prompt = self.device.prompt(now_s)
             if prompt is not None:
                 self.note = prompt
                 return False
-            self.state, self.note = State.RECORDING, ""
-        if self.state not in {State.RECORDING, State.SUCCESS}:
+            self._state, self.note = State.RECORDING, ""
+        if self._state not in _RUNNING:
             return False
         self._step(now_s)
         return True
@@ -172,9 +180,14 @@ class Session:
         Raises:
             OutputError: It cannot be written.
         """
-        if self.state is State.WAITING:
+        if self._state is State.WAITING:
             self.env.discard()
         self.env.close()
+
+    @property
+    def state(self) -> State:
+        """Where the episode is."""
+        return State.PAUSED if self._is_paused else self._state
 
     @property
     def kept(self) -> int:
@@ -202,7 +215,7 @@ class Session:
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
             "stage_changes": [list(change) for change in self._stage_changes],
-            "note": self.note,
+            "note": AWAY if self._is_paused else self.note,
         }
 
     def _handle(self) -> bool:
@@ -247,32 +260,32 @@ class Session:
         self.feeling.update(intent)
         if terminated or truncated:
             self._end("Solved." if info["success"] else "Time is up.")
-        elif info["success"] and self.state is State.RECORDING:
-            self.state, self.note = State.SUCCESS, "Solved: open the hands and retreat."
+        elif info["success"] and self._state is State.RECORDING:
+            self._state, self.note = State.SUCCESS, "Solved: open the hands and retreat."
 
     def _end(self, note: str) -> None:
-        self.state, self.note = State.DECIDE, f"{note} Keep the episode or discard it."
+        self._state, self.note = State.DECIDE, f"{note} Keep the episode or discard it."
         if self._is_kept:
             self._keep()
 
     def _keep(self) -> None:
-        if self.state is State.SUCCESS:
+        if self._state is State.SUCCESS:
             self._is_kept, self.note = True, "Solved; it will be kept."
-        elif self.state is State.RECORDING:
+        elif self._state is State.RECORDING:
             self.note = UNSOLVED
-        elif self.state is State.DECIDE:
+        elif self._state is State.DECIDE:
             self.env.keep()
             self._kept += 1
             self._next()
 
     def _discard(self) -> None:
-        if self.state is not State.OVER:
+        if self._state is not State.OVER:
             self.env.discard()
             self._next()
 
     def _instruct(self, text: str) -> None:
         self._instruction = text
-        if self.state is State.WAITING:
+        if self._state is State.WAITING:
             self.env.discard()
             self._reset()
         else:
@@ -281,7 +294,7 @@ class Session:
     def _next(self) -> None:
         self._number += 1
         if self._kept >= self._wanted:
-            self.state, self.note = State.OVER, "All episodes are recorded."
+            self._state, self.note = State.OVER, "All episodes are recorded."
         else:
             self._reset()
 
@@ -294,7 +307,8 @@ class Session:
         _, self._info = env.reset(seed=seed, options=options)
         self._seen: DuoState = env.base.backend.read()
         self._steps, self._stage_changes, self._is_kept = 0, [], False
-        self.state, self.note = State.WAITING, ""
+        self._is_paused = False
+        self._state, self.note = State.WAITING, ""
         self.device.begin(env.base.backend.last_command)
         self.feeling.begin()
 

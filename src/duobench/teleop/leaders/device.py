@@ -89,6 +89,10 @@ class LeaderDevice:
     def lose(self) -> None:
         """The page has gone; leader arms go on without it."""
 
+    def is_away(self, now_s: float) -> bool:  # noqa: ARG002
+        """Never: where leaders do not answer, the robot stays where it is."""
+        return False
+
     def prompt(self, now_s: float) -> str | None:
         """What to do before the episode begins: bring the leaders to the robot, and move them."""
         sample = self._read(now_s)

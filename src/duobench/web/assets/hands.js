@@ -172,7 +172,7 @@ export class Hands {
     const elapsed = now - this.#ticked;
     this.#ticked = now;
     if (elapsed > STALL_MS) this.letGo();
-    if (!this.#isDriving) return;
+    if (!this.#isDriving || (document.hidden && !this.tracked)) return; // nobody looks
     const seconds = elapsed > STALL_MS ? 0 : elapsed / 1000;
     for (const device of this.devices) device.update(seconds, now);
     if (now < this.#due || this.#socket.bufferedAmount > BACKLOG_BYTES) return;

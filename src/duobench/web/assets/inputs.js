@@ -9,13 +9,15 @@ const CONTROLS = {
   "Mouse, with the pointer on the scene": [
     ["Drag", "move the tool as you see it"],
     ["Ctrl and drag, or the wheel", "move it away and back"],
-    ["Shift and drag", "turn it"],
+    ["Shift and drag, Shift and wheel", "turn it"],
     ["Drag with the right button, or Ctrl and wheel", "move the camera"],
   ],
   "Keys, while the scene is in focus": [
     ["1, 2 or Tab", "left arm, right arm, or the other one"],
     ["Arrow keys, Page Up, Page Down", "move the tool along the table, up and down"],
     ["Shift and these", "turn it"],
+    ["Q, E", "turn it about the vertical"],
+    ["Space, held", "a quarter of every motion, by mouse or keys"],
     ["F, J", "left, right gripper: tap to close or open, hold for as long as you hold"],
     ["K, D", "keep or discard the episode"],
     ["+, -, 0", "camera nearer, farther, or as at first"],

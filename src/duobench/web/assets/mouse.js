@@ -6,21 +6,30 @@ const TABLE = [0.45, 0, 0.1]; // what a pixel is measured at while no tool's pla
 const LEAST_DEPTH = 0.1; // metres, of a tool right before the camera or behind it
 const RADIANS_A_PIXEL = 0.005;
 const WHEEL = 0.0002; // metres a pixel of the wheel: 2 cm a notch
+const WHEEL_TURN = 0.0005; // radians a pixel of the wheel: 0.05 a notch
 const WHEEL_MS = 250; // how long a turn of the wheel keeps the hand squeezed
 const STEP = { move: 0.005, turn: 0.05 }; // a tap of a key, in m and rad
 const SPEED = { move: 0.15, turn: 0.8 }; // a key held down, in m/s and rad/s
 const TAP_MS = 300; // what is pressed for longer is held
-const ARROWS = {
+const FINE = 0.25; // of all this, while the space bar is held
+const STEERING = {
   ArrowRight: ["right", 1],
   ArrowLeft: ["right", -1],
   ArrowUp: ["away", 1],
   ArrowDown: ["away", -1],
   PageUp: ["up", 1],
   PageDown: ["up", -1],
+  q: ["upright", 1],
+  e: ["upright", -1],
 };
 const GRIPPERS = { f: "left", j: "right" };
 const ARMS = { 1: "left", 2: "right" };
 const SAYS = { k: "keep", d: "discard" };
+
+/** What a key is called here: letters are small, whether Shift is held or not. */
+function nameOf({ key }) {
+  return key.length === 1 ? key.toLowerCase() : key;
+}
 
 /** Moves the active hand by mouse and keys, on an element that shows what `orbit` sees. */
 export class Mouse {
@@ -30,8 +39,9 @@ export class Mouse {
   #orbit;
   #hands;
   #drag = null;
-  #keys = new Map(); // arrow key held down → when it was pressed
+  #keys = new Map(); // key of `STEERING` held down → when it was pressed
   #grippers = new Map(); // gripper's key held down → when it was pressed
+  #share = 1; // of every motion
 
   constructor({ element, orbit, hands }) {
     this.#element = element;
@@ -56,6 +66,7 @@ export class Mouse {
     listen(element, "dblclick", () => true);
     listen(window, "keydown", this.#keydown);
     listen(window, "keyup", this.#keyup);
+    addEventListener("blur", () => (this.#share = 1));
   }
 
   /** Go on moving for the keys that are held down. */
@@ -88,8 +99,8 @@ export class Mouse {
     const drag = this.#drag;
     const hand = this.#hands.hand;
     if (!drag || !hand.isHeldBy("mouse")) return false;
-    const across = event.clientX - drag.x;
-    const down = event.clientY - drag.y;
+    const across = (event.clientX - drag.x) * this.#share;
+    const down = (event.clientY - drag.y) * this.#share;
     Object.assign(drag, { x: event.clientX, y: event.clientY });
     const { right, up, forward } = this.#orbit;
     if (event.shiftKey) {
@@ -113,16 +124,17 @@ export class Mouse {
     if (event.ctrlKey) return false; // the camera's: also what a pinch on a touchpad gives
     if (document.activeElement !== this.#element) return false; // scrolls the page
     const hand = this.#hands.hand;
-    const pixels = event.deltaY * (event.deltaMode ? 33 : 1); // from lines
+    const turned = event.deltaY || event.deltaX; // many browsers scroll sideways with Shift
+    const pixels = turned * (event.deltaMode ? 33 : 1) * this.#share; // from lines
     hand.hold("wheel", performance.now() + WHEEL_MS);
-    hand.move(this.#orbit.forward.map((value) => -value * pixels * WHEEL));
+    if (event.shiftKey) turnInView(hand, this.#orbit, 0, 0, pixels * WHEEL_TURN);
+    else hand.move(this.#orbit.forward.map((value) => -value * pixels * WHEEL));
     return true;
   }
 
   #keydown(event) {
     if (!this.#isMine(event)) return false;
-    const { key } = event;
-    const letter = key.toLowerCase();
+    const key = nameOf(event);
     const now = performance.now();
     if (key === "Escape") {
       this.#element.blur();
@@ -131,12 +143,14 @@ export class Mouse {
       this.#hands.active = this.#hands.active === "left" ? "right" : "left";
     } else if (key in ARMS) {
       this.#hands.active = ARMS[key];
-    } else if (letter in SAYS) {
-      if (!event.repeat) this.#hands.say(SAYS[letter]);
-    } else if (letter in GRIPPERS) {
-      if (!event.repeat) this.#toggle(letter, now);
-    } else if (key in ARROWS) {
-      if (!event.repeat) this.#arrow(event, now);
+    } else if (key in SAYS) {
+      if (!event.repeat) this.#hands.say(SAYS[key]);
+    } else if (key in GRIPPERS) {
+      if (!event.repeat) this.#toggle(key, now);
+    } else if (key in STEERING) {
+      if (!event.repeat) this.#steer(key, event.shiftKey, now);
+    } else if (key === " ") {
+      this.#share = FINE;
     } else {
       return false;
     }
@@ -144,12 +158,13 @@ export class Mouse {
   }
 
   #keyup(event) {
-    const letter = event.key.toLowerCase();
-    if (this.#keys.delete(event.key)) this.#hands.hand.release(event.key);
-    const since = this.#grippers.get(letter);
-    this.#grippers.delete(letter);
+    const key = nameOf(event);
+    if (key === " ") this.#share = 1;
+    if (this.#keys.delete(key)) this.#hands.hand.release(key);
+    const since = this.#grippers.get(key);
+    this.#grippers.delete(key);
     const now = performance.now();
-    if (since !== undefined && now - since > TAP_MS) this.#toggle(letter, now, false);
+    if (since !== undefined && now - since > TAP_MS) this.#toggle(key, now, false);
     return false;
   }
 
@@ -159,26 +174,29 @@ export class Mouse {
     return event.target === this.#element || event.target === document.body;
   }
 
-  #toggle(letter, now, isDown = true) {
-    const hand = this.#hands[GRIPPERS[letter]];
+  #toggle(key, now, isDown = true) {
+    const hand = this.#hands[GRIPPERS[key]];
     hand.press("keys", hand.trigger > 0.5 ? 0 : 1);
-    if (isDown) this.#grippers.set(letter, now);
+    if (isDown) this.#grippers.set(key, now);
   }
 
-  #arrow(event, now) {
-    this.#hands.hand.hold(event.key);
-    this.#keys.set(event.key, now);
-    this.#isTurning = event.shiftKey;
-    this.#step(event.key, STEP, 1);
+  #steer(key, isTurning, now) {
+    this.#hands.hand.hold(key);
+    this.#keys.set(key, now);
+    this.#isTurning = isTurning;
+    this.#step(key, STEP, 1);
   }
 
   #isTurning = false;
 
   #step(key, amount, times) {
-    const [axis, sign] = ARROWS[key];
+    const [axis, direction] = STEERING[key];
+    const sign = direction * this.#share;
     const hand = this.#hands.hand;
-    if (this.#isTurning) {
-      const angle = sign * amount.turn * times;
+    const angle = sign * amount.turn * times;
+    if (axis === "upright") {
+      hand.turn([0, 0, 1], angle);
+    } else if (this.#isTurning) {
       const turns = { right: [angle, 0, 0], away: [0, -angle, 0], up: [0, 0, angle] };
       turnInView(hand, this.#orbit, ...turns[axis]);
     } else {

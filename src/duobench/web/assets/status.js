@@ -11,7 +11,10 @@ const STATES = {
   playing: "Playing",
   paused: "Paused",
 };
-const CLOSING = { keep: ["success", "decide"], discard: ["recording", "success", "decide"] };
+const CLOSING = {
+  keep: ["success", "decide"],
+  discard: ["recording", "success", "decide", "paused"],
+};
 
 /** Fills the page; `tell` sends a message to the server. */
 export class Status {

@@ -1,0 +1,101 @@
+"""A session that is led from its page in a real browser, in lockstep: its messages are its time."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Page
+
+from duobench.data import Actor, ActorKind, DataSet
+from duobench.teleop.hands import HandDevice
+from duobench.teleop.live import LiveSession
+from duobench.teleop.recorder import make_recorder
+from duobench.teleop.session import Session
+from duobench.web.page import assets
+from duobench.web.server import PageServer
+from tests.pages.driving import complaints_of, opened, take_the_drive
+
+SHOWN = 10
+"""Turns after which the page is shown where everything is: without a graphics card it has little
+time for anything else."""
+LONGEST_S = 540
+"""Seconds that an episode may take on a slow machine."""
+TIME_LIMIT_S = 1800.0
+"""Simulated seconds that it may take. While a browser without a graphics card draws and the program
+waits for it, the page goes on to send sixty messages a second, each of which is a control step."""
+
+
+class Led:
+    """A session, its page, and what the page has sent."""
+
+    def __init__(self, session: Session, server: PageServer, page: Page) -> None:
+        self.session, self.page = session, page
+        self.samples: list[dict[str, Any]] = []
+        """Every message of hands, in order."""
+        self._arrivals: list[float] = []
+        self._live, self._turns = LiveSession(session, server), 0
+        self._give = server.on_message
+        self._end = time.monotonic() + LONGEST_S
+        server.on_message = self._take
+
+    def turn(self) -> None:
+        """One turn of the session's loop."""
+        assert time.monotonic() < self._end, self.session.status()
+        self.session.wait(1.0)
+        self.session.advance(time.monotonic())
+        self._turns += 1
+        if self._turns % SHOWN == 0:
+            self._live.show()
+
+    def show(self) -> None:
+        """Show where everything is."""
+        self._live.show()
+
+    def follow(self, messages: int = 2) -> None:
+        """Go on until that many messages are executed that the page sends after now."""
+        last = len(self.samples) + messages - 1
+        while len(self.samples) <= last or (self._executed_s < self._arrivals[last]):
+            self.turn()
+
+    @property
+    def _executed_s(self) -> float:
+        newest = self.session.device.sampled_s
+        return -1.0 if newest is None else newest
+
+    def _take(self, is_driver: bool, data: bytes) -> str | None:
+        message = json.loads(data)
+        if message["kind"] == "hands":
+            self._arrivals.append(time.monotonic())
+            self.samples.append(message)
+        return self._give(is_driver, data)
+
+
+@contextmanager
+def led(
+    folder: Path, task: str, actor: Actor, window: dict[str, int], *scripts: Path | str
+) -> Iterator[Led]:
+    """A session of one episode whose page is open and drives; it must have nothing to complain."""
+    data = DataSet.open(folder)
+    recorder = make_recorder(task, data, actor, time_limit_s=TIME_LIMIT_S)
+    device = HandDevice(lockstep=True)
+    with (
+        closing(Session(recorder, device, episodes=1, lockstep=True)) as session,
+        closing(PageServer(assets())) as server,
+        opened(*scripts) as page,
+    ):
+        one = Led(session, server, page)
+        complaints = complaints_of(page)
+        page.set_viewport_size(window)  # pyright: ignore[reportArgumentType]
+        take_the_drive(page, server.url, one.show)
+        yield one
+        assert complaints == []
+
+
+def follower(device: str) -> Actor:
+    """A program that leads in the place of a person."""
+    return Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device=device)
