@@ -7,7 +7,7 @@ import threading
 from duobench.errors import DuoBenchError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Arm
-from duobench.hardware.motion.follower import Follower
+from duobench.hardware.motion.follower import Follower, MotionLimits
 from duobench.hardware.rig import FOLLOWER_HZ
 from duobench.types import Array
 
@@ -38,6 +38,11 @@ class Leader:
         if ticker is not None:
             ticker.stop()
         self.hold()
+
+    def limit(self, limits: MotionLimits) -> None:
+        """Bound the arm by other limits from now on."""
+        with self._lock:
+            self._follower.limits = limits
 
     def aim(self, joints: Array) -> None:
         """Approach a target (7,) in radians over the next control period."""
