@@ -113,6 +113,19 @@ class DataSet:
             check_known("task in the data set", task, found)
         return [path for path in self.episodes() if not wanted or path.parent.name in wanted]
 
+    def videos_of(self, episode: Path) -> dict[str, Path]:
+        """Videos that a finished episode says it has, by camera; those without a frame are none.
+
+        Raises:
+            DataError: The episode cannot be read.
+        """
+        found = Recording.read_info(episode).videos
+        return {
+            camera: episode.with_name(f"{episode.stem}.{camera}{VIDEO_SUFFIX}")
+            for camera, facts in found.items()
+            if facts.frames
+        }
+
     def partials(self) -> list[Path]:
         """Files of episodes that are being recorded, or whose recording was killed."""
         return sorted((self.path / EPISODES).glob(f"*/*{stream.SUFFIX}"))

@@ -287,7 +287,8 @@ class Recorder(DuoWrapper):
     def _begin_videos(self, stream: EpisodeRows) -> None:
         """Record what the cameras see from the first step on; a person may take long to begin."""
         videos = _videos_of(stream)
-        if videos is not None and not videos.is_listening:
+        if self._robot is not None and videos is not None and not videos.is_listening:
+            self._robot.duo.measure()
             state = self.base.backend.read()
             observation = {
                 "agent_pos": state.flat.astype(np.float32),

@@ -476,6 +476,10 @@ class HardwareDuo:
         """What both grippers say at this moment."""
         return {side: self.grippers[side].read() for side in SIDES}
 
+    def measure(self) -> None:
+        """Measure the state anew, for whoever begins long after the last command."""
+        self._measure()
+
     def _measure(self) -> None:
         readings, grippers = self.readings(), self.gripper_readings()
         joints = np.array([readings[side].joints for side in SIDES])

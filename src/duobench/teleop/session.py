@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from collections import deque
 from dataclasses import dataclass
@@ -306,8 +305,5 @@ def _so_far(env: Recorder) -> tuple[int, int]:
         return 0, 0
     episodes = data.episodes(env.task)
     outcomes = [Recording.read_info(path).outcome for path in episodes]
-    begun = [path for path in data.partials() if path.parent.name == env.task]
-    names = [path.stem for path in (*episodes, *begun)]
-    numbers = [int(name) for name in names if re.fullmatch(r"[0-9]+", name)]
     kept = sum(outcome is not None and outcome.kept for outcome in outcomes)
-    return kept, max(numbers, default=-1) + 1
+    return kept, data.next_number(env.task)

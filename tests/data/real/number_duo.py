@@ -84,6 +84,9 @@ class NumberDuo(NumberArms):
         self.pass_time(PERIOD_S)
         return super().command(command)
 
+    def measure(self) -> None:
+        self.calls.append("measure")
+
     def frames(self) -> Mapping[str, Frame]:
         return {n: c.frame for n, c in self.cameras.items() if c.frame is not None}
 

@@ -66,6 +66,10 @@ class Duo(Protocol):
         """The cameras by name."""
         ...
 
+    def measure(self) -> None:
+        """Measure the state of the arms anew."""
+        ...
+
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""
         ...

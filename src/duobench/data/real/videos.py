@@ -26,8 +26,9 @@ from duobench.files import writing
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, Array
 from duobench.video import H264, VideoWriter
 
-QUEUE = 30
-"""Frames of a camera that wait for its encoder at most: a second, and 83 MB."""
+QUEUE = 20
+"""Frames of a camera that wait for its encoder at most: 0.7 seconds, which is what a kill may cost,
+and 55 MB."""
 _REMEMBERED = 64
 """Accepted frames that a row may still belong to."""
 _LONGEST_WAIT_S = 60.0
