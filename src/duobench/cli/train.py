@@ -56,7 +56,9 @@ def train(
     from duobench.training import training
 
     try:
-        trainings = training.plan_all(policy, data, out, tasks=tasks, steps=steps, small=small, domain_ids=domain_ids)
+        trainings = training.plan_all(
+            policy, data, out, tasks=tasks, steps=steps, small=small, domain_ids=domain_ids
+        )
     except DataError as error:
         if not (data / DESCRIPTION).exists():
             raise

@@ -180,6 +180,15 @@ class DataSet:
                 return self.new_stream(info, sizes, f"{number:05d}", robot)
             number += 1
 
+    def kept(self, task: str) -> int:
+        """How many finished episodes of a task are kept.
+
+        Raises:
+            DataError: One cannot be read.
+        """
+        outcomes = (Recording.read_info(path).outcome for path in self.episodes(task))
+        return sum(outcome is not None and outcome.kept for outcome in outcomes)
+
     def next_number(self, task: str) -> int:
         """The first number after those of all episodes of a task, finished or not."""
         names = (path.name.partition(".")[0] for path in (self.path / EPISODES / task).glob("*"))

@@ -116,7 +116,6 @@ class Recorder(DuoWrapper):
         self._steps_left: int | None = None  # None before success
         self._keep = keep
         self._stream: EpisodeRows | None = None
-        self._start_info: Info = {}
         observed = getattr(env.observation_space, "spaces", {})
         if missing := [name for name in OBSERVED if name not in observed]:
             raise DataError(
@@ -167,7 +166,6 @@ class Recorder(DuoWrapper):
             self._stream = self.data.new_stream(described, sizes, self.next_name, self._robot)
         self.next_name = self._intended = self._steps_left = None
         self._stream.append(self._seen(self._stream, observation, info))
-        self._start_info = info
         return observation, info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
@@ -278,23 +276,20 @@ class Recorder(DuoWrapper):
             "success_at_end": info["success_at_end"],
             "state": self._physics(),
         }
-        if self._robot is not None:
-            row |= self._robot.states(stream.info.robot_state_names)
-            if (videos := _videos_of(stream)) is not None:
-                row |= videos.see(self._robot.duo.frames(), row["time"])
-        return row
+        return row if self._robot is None else row | self._seen_by(self._robot, stream, row["time"])
+
+    def _seen_by(self, robot: Robot, stream: EpisodeRows, time_s: float) -> dict[str, Any]:
+        """What a row holds of what a rig alone sees."""
+        row = robot.states(stream.info.robot_state_names)
+        videos = _videos_of(stream)
+        return row if videos is None else row | videos.see(robot.duo.frames(), time_s)
 
     def _begin_videos(self, stream: EpisodeRows) -> None:
         """Record what the cameras see from the first step on; a person may take long to begin."""
-        videos = _videos_of(stream)
-        if self._robot is not None and videos is not None and not videos.is_listening:
-            self._robot.duo.measure()
-            state = self.base.backend.read()
-            observation = {
-                "agent_pos": state.flat.astype(np.float32),
-                "tcp_pose": state.tcp_poses.astype(np.float32).ravel(),
-            }
-            stream.correct(self._seen(stream, observation, self._start_info))
+        videos, robot = _videos_of(stream), self._robot
+        if robot is not None and videos is not None and not videos.is_listening:
+            row = robot.observe()
+            stream.correct(row | self._seen_by(robot, stream, row["time"]))
             videos.listen()
 
     def _end(self, *, cut: bool, kept: bool = True, reason: str | None = None) -> None:

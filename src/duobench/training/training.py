@@ -164,7 +164,7 @@ def plan(
     rows = None
     if tasks:
         rows = [row for row, task in enumerate(source.episodes() or []) if task in learned]
-    settings = _data_settings(recipe, source, rows)
+    settings = _data_settings(source, rows)
     if domain_ids:
         settings.append(_domain_setting(kind, recipe, source))
     out = out.absolute()
@@ -226,7 +226,7 @@ def _tasks(source: LearningData, wanted: Sequence[str], *, needed: bool = False)
     return tuple(dict.fromkeys(wanted)) or there
 
 
-def _data_settings(recipe: Recipe, source: LearningData, rows: list[int] | None) -> list[Setting]:
+def _data_settings(source: LearningData, rows: list[int] | None) -> list[Setting]:
     settings = [
         Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
         Setting("dataset.root", str(source.path), "given"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -84,8 +85,13 @@ class NumberDuo(NumberArms):
         self.pass_time(PERIOD_S)
         return super().command(command)
 
-    def measure(self) -> None:
-        self.calls.append("measure")
+    @property
+    def clock(self) -> SimpleNamespace:
+        return SimpleNamespace(now=lambda: self.time)
+
+    def gripper_readings(self) -> Mapping[Side, SimpleNamespace]:
+        openings = self.last_command.openings
+        return {side: SimpleNamespace(opening=openings[side.index]) for side in SIDES}
 
     def frames(self) -> Mapping[str, Frame]:
         return {n: c.frame for n, c in self.cameras.items() if c.frame is not None}

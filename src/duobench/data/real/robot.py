@@ -11,7 +11,8 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.data.schema import RigFacts, VideoFacts
-from duobench.types import SIDES, Array, Side
+from duobench.robot.kinematics import tcp_poses
+from duobench.types import SIDES, Array, DuoState, Side
 
 _MEASURED = ("time_s", "joints", "velocities", "torques")
 """What every driver measures, beside its own robot state."""
@@ -66,16 +67,21 @@ class Duo(Protocol):
         """The cameras by name."""
         ...
 
-    def measure(self) -> None:
-        """Measure the state of the arms anew."""
-        ...
-
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""
         ...
 
     def readings(self) -> Mapping[Side, Any]:
-        """The latest reading of each arm."""
+        """What each arm says at this moment."""
+        ...
+
+    def gripper_readings(self) -> Mapping[Side, Any]:
+        """What each gripper says at this moment, with its `opening`."""
+        ...
+
+    @property
+    def clock(self) -> Any:
+        """The clock of the rig, whose `now` gives seconds."""
         ...
 
 
@@ -102,14 +108,7 @@ class Robot:
             waits: Whether cameras wait for the encoder of their videos.
         """
         rig = duo.rig
-        devices = [
-            device for part in (rig.arms, rig.grippers, rig.cameras) for device in part.values()
-        ]
-        facts = RigFacts(
-            name=rig.name,
-            hash=rig.hash,
-            drivers=tuple(dict.fromkeys(str(device.driver) for device in devices)),
-        )
+        facts = RigFacts(name=rig.name, hash=rig.hash, drivers=drivers_of(rig))
         return Robot(
             duo=duo, facts=facts, cameras=msgspec.to_builtins(dict(rig.cameras)), waits=waits
         )
@@ -121,6 +120,22 @@ class Robot:
             "cameras": self.cameras,
             "videos": {name: VideoFacts() for name in self.duo.cameras},
             "robot_state_names": self.state_names(),
+        }
+
+    def observe(self) -> dict[str, Any]:
+        """What is seen of the arms at this moment, by the names of a recording's columns.
+
+        For whoever begins long after the last command, when the environment last looked.
+        """
+        readings, grippers = self.duo.readings(), self.duo.gripper_readings()
+        joints = np.array([readings[side].joints for side in SIDES])
+        openings = np.array([grippers[side].opening for side in SIDES])
+        state = DuoState(joints=joints, openings=openings, tcp_poses=tcp_poses(joints))
+        return {
+            "agent_pos": state.flat.astype(np.float32),
+            "tcp_pose": state.tcp_poses.astype(np.float32).ravel(),
+            "joint_velocity": np.concatenate([readings[side].velocities for side in SIDES]),
+            "time": self.duo.clock.now(),
         }
 
     def state_names(self) -> dict[str, tuple[str, ...]]:
@@ -146,6 +161,12 @@ class Robot:
                 )
             found[f"{side}_robot_state"] = values
         return found
+
+
+def drivers_of(rig: Any) -> tuple[str, ...]:
+    """What talks to the arms, grippers and cameras of a rig, each kind once."""
+    parts = (rig.arms, rig.grippers, rig.cameras)
+    return tuple(dict.fromkeys(str(device.driver) for part in parts for device in part.values()))
 
 
 def _parts(reading: Reading) -> list[tuple[str, Any]]:
