@@ -13,6 +13,7 @@ from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
 from duobench.cli.real import record as real_record
+from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
 from duobench.cli.record import record
 from duobench.cli.render import render
@@ -64,6 +65,7 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "export": {"lerobot": export.lerobot},
     "real": {
         "record": real_record.record,
+        "teleop": real_teleop.teleop,
     },
 }
 """Verbs that have verbs of their own."""
