@@ -13,6 +13,9 @@ from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
 from duobench.cli.print_ import print_
+from duobench.cli.real import record as real_record
+from duobench.cli.real import teleop as real_teleop
+from duobench.cli.real import verbs as real_verbs
 from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.replay import replay
@@ -52,6 +55,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "export": export.verbs,
     "train": train,
     "print": print_,
+    "real": real_verbs,
     "doctor": doctor,
 }
 GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
@@ -63,6 +67,10 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
         "split": data.split,
     },
     "export": {"lerobot": export.lerobot},
+    "real": {
+        "record": real_record.record,
+        "teleop": real_teleop.teleop,
+    },
 }
 """Verbs that have verbs of their own."""
 
