@@ -55,10 +55,16 @@ def same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pai
 
 def differing_conditions(a: Run, b: Run) -> list[str]:
     """What was not the same around the two policies, one phrase each."""
+    domains = [] if a.domain == b.domain else [f"domain {a.domain} and {b.domain}"]
+    rigs = ["another rig"] if a.is_real and b.is_real and a.rig != b.rig else []
     return [
-        f"{name.replace('_', ' ')} {_named(ours)} and {_named(theirs)}"
-        for name in _CONDITIONS
-        if (ours := getattr(a.config, name)) != (theirs := getattr(b.config, name))
+        *domains,
+        *rigs,
+        *(
+            f"{name.replace('_', ' ')} {_named(ours)} and {_named(theirs)}"
+            for name in _CONDITIONS
+            if (ours := getattr(a.config, name)) != (theirs := getattr(b.config, name))
+        ),
     ]
 
 
