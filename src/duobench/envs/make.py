@@ -11,19 +11,13 @@ from typing import Any
 
 import gymnasium as gym
 
-from duobench.envs import action_modes
 from duobench.envs.config import VARIED, EnvConfig
 from duobench.envs.ids import WRAPPERS
 from duobench.envs.sim_env import SimEnv, sim_of
-from duobench.envs.wrappers.action_chunks import ActionChunks
+from duobench.envs.stacking import stack_on
 from duobench.envs.wrappers.base import DuoWrapper
-from duobench.envs.wrappers.binary_gripper import BinaryGripper
-from duobench.envs.wrappers.cameras import Cameras
-from duobench.envs.wrappers.object_states import ObjectStates
 from duobench.envs.wrappers.randomized_reset import RandomizedReset
 from duobench.envs.wrappers.task_stages import TaskStages
-from duobench.envs.wrappers.time_limit import TimeLimit
-from duobench.references import load
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 
@@ -86,19 +80,5 @@ def with_wrappers(env: gym.Env) -> gym.Env:
 
 def _stack(env: gym.Env, config: EnvConfig, horizon: int | None) -> DuoWrapper:
     is_varied = config.instructions == VARIED
-    stack: DuoWrapper = TaskStages(
-        RandomizedReset(env, config.split, varied_instructions=is_varied)
-    )
-    if horizon is not None:
-        stack = TimeLimit(stack, horizon)
-    for path in action_modes.get(config.action_mode).wrappers:
-        stack = load(path, "wrapper", callable)(stack)
-    if config.binary_gripper:
-        stack = BinaryGripper(stack)
-    if config.chunk is not None:
-        stack = ActionChunks(stack, config.chunk)
-    if config.object_state:
-        stack = ObjectStates(stack)
-    if config.cameras:
-        stack = Cameras(stack, config.cameras, config.image_size)
-    return stack
+    judged = TaskStages(RandomizedReset(env, config.split, varied_instructions=is_varied))
+    return stack_on(judged, config, horizon)

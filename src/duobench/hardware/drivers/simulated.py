@@ -1,0 +1,335 @@
+"""Arms, grippers and cameras that are computed, with faults that tests give them.
+
+They stand in for hardware behind the same protocols: to try a set-up without a robot, and to test
+what happens when something breaks. Arms have no mass and grippers touch nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from duobench.backend import Image
+from duobench.errors import BackendError
+from duobench.hardware.clock import Clock, Ticker
+from duobench.hardware.devices import ArmReading, Fault, FaultKind, Frame, GripperReading
+from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.types import ARM_JOINTS, Array
+
+ARM_RATE = 60.0
+"""Natural frequency of a simulated arm in rad/s, critically damped."""
+STEP_S = 0.002
+"""Longest step of its motion in seconds."""
+GRIPPER_SPEED = 1.76
+"""Openings a second: 150 mm/s over 85 mm [data sheet of the 2F-85]."""
+SILENCE_S = 0.2
+"""Seconds without an answer after which a gripper's silence is a fault."""
+LOST_S = 0.5
+"""Seconds without an image after which a camera's silence is a fault."""
+MARK = 16
+"""Edge in pixels of one square of the number in a simulated image."""
+MARKS = 24
+"""Binary digits of that number."""
+
+
+class SimulatedArm:
+    """An arm that tracks as a damped spring does, or exactly after a lag."""
+
+    def __init__(
+        self, clock: Clock, joints: Array, *, is_exact: bool = False, lag_s: float = 0.0
+    ) -> None:
+        """Put an arm somewhere.
+
+        Args:
+            clock: The rig's clock.
+            joints: Where it is at first (7,), in radians.
+            is_exact: Whether it is where it is told to be, `lag_s` later.
+            lag_s: Seconds that an exact arm is behind.
+        """
+        self._clock, self._is_exact, self._lag = clock, is_exact, lag_s
+        self._joints = np.array(joints, dtype=np.float64)
+        self._velocities = np.zeros(ARM_JOINTS)
+        self._target, self._speed = self._joints.copy(), np.zeros(ARM_JOINTS)
+        self._waiting: deque[tuple[float, Array, Array]] = deque()
+        self._time = clock.now()
+        self._is_tracking = False
+        self._fault: Fault | None = None
+        self._last: ArmReading | None = None
+        self.is_silent = False
+        """Whether it gives no new readings, as an arm whose cable is out."""
+        self.is_stubborn = False
+        """Whether a fault stays when a person wants to clear it."""
+        self.is_reachable = True
+        """Whether `connect` finds it."""
+        self.commands: int = 0
+        """How often it was told where to be."""
+
+    def connect(self) -> None:
+        """Reach the arm."""
+        if not self.is_reachable:
+            raise BackendError("The simulated arm does not answer.")
+
+    def read(self) -> ArmReading:
+        """The state at this moment; the last one while it is silent."""
+        if self.is_silent and self._last is not None:
+            return self._last
+        self._move()
+        self._last = ArmReading(
+            time_s=self._clock.now(),
+            joints=self._joints.copy(),
+            velocities=self._velocities.copy(),
+            torques=np.zeros(ARM_JOINTS),
+            is_tracking=self._is_tracking,
+            fault=self._fault,
+            state={"q": self._joints.copy(), "dq": self._velocities.copy()},
+        )
+        return self._last
+
+    def start(self) -> None:
+        """Hold the joints and follow commands."""
+        if self._fault is not None:
+            raise BackendError(f"The arm cannot start: {self._fault.text}")
+        self._move()
+        self._target, self._speed = self._joints.copy(), np.zeros(ARM_JOINTS)
+        self._waiting.clear()
+        self._is_tracking = True
+
+    def command(self, joints: Array, velocities: Array) -> None:
+        """Track a point of a path; nothing is said if it cannot, as with the real one."""
+        self.commands += 1
+        self._move()
+        if self._is_tracking:
+            self._waiting.append((self._clock.now() + self._lag, joints.copy(), velocities.copy()))
+
+    def stop(self) -> None:
+        """Come to rest where it is."""
+        self._move()
+        self._is_tracking = False
+
+    def recover(self) -> None:
+        """Clear a fault."""
+        if self._fault is not None and self.is_stubborn:
+            raise BackendError(f"The fault stays: {self._fault.text}")
+        self._fault = None
+
+    def close(self) -> None:
+        """Stop."""
+        self.stop()
+
+    def fail(self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.REFLEX) -> None:
+        """Report a fault from now on, and follow no more commands."""
+        self.stop()
+        self._fault = Fault(kind=kind, text=text)
+
+    def put(self, joints: Array) -> None:
+        """Put the arm elsewhere, as a person does who leads it by hand."""
+        self._move()
+        self._joints = np.array(joints, dtype=np.float64)
+        self._velocities = np.zeros(ARM_JOINTS)
+        self._target = self._joints.copy()
+        self._waiting.clear()
+
+    def _move(self) -> None:
+        """Move on to the present."""
+        now = self._clock.now()
+        while self._time < now:
+            end = min(now, self._time + STEP_S)
+            if self._waiting and self._waiting[0][0] < end:
+                end = max(self._time, self._waiting[0][0])
+            self._step(end - self._time)
+            self._time = end
+            while self._waiting and self._waiting[0][0] <= end:
+                _, self._target, self._speed = self._waiting.popleft()
+        while self._waiting and self._waiting[0][0] <= now:
+            _, self._target, self._speed = self._waiting.popleft()
+
+    def _step(self, dt: float) -> None:
+        if self._is_exact and self._is_tracking:
+            self._joints, self._velocities = self._target.copy(), self._speed.copy()
+            return
+        pull = ARM_RATE * ARM_RATE * (self._target - self._joints) if self._is_tracking else 0.0
+        speed = self._speed if self._is_tracking else 0.0
+        push = 2.0 * ARM_RATE * (speed - self._velocities)
+        self._velocities = self._velocities + dt * (pull + push)
+        self._joints = self._joints + dt * self._velocities
+
+
+class SimulatedGripper:
+    """A gripper whose fingers move at a finite speed."""
+
+    def __init__(self, clock: Clock, opening: float = 1.0) -> None:
+        """Begin at an opening, 0 closed to 1 open."""
+        self._clock = clock
+        self._opening = self._target = opening
+        self._time = clock.now()
+        self._last: GripperReading | None = None
+        self._fault: Fault | None = None
+        self.is_silent = False
+        """Whether it answers no more."""
+        self.is_active = True
+        """Whether it was activated."""
+        self.object_opening: float | None = None
+        """Opening at which the fingers meet an object, if there is one between them."""
+
+    def connect(self) -> None:
+        """Reach the gripper."""
+
+    def activate(self) -> None:
+        """Become active."""
+        self.is_active = True
+
+    def read(self) -> GripperReading:
+        """The state at this moment; the last one, and then a fault, while it is silent."""
+        now = self._clock.now()
+        if self.is_silent and self._last is not None:
+            age = now - self._last.time_s
+            if age > SILENCE_S:
+                text = f"The gripper has not answered for {age:.2f} s."
+                fault = Fault(kind=FaultKind.COMMUNICATION, text=text)
+                return replace(self._last, fault=fault)
+            return self._last
+        self._move()
+        self._last = GripperReading(
+            time_s=now,
+            opening=self._opening,
+            is_active=self.is_active,
+            has_object=self._opening == self.object_opening,
+            fault=self._fault,
+        )
+        return self._last
+
+    def command(self, opening: float) -> None:
+        """Go to an opening."""
+        self._move()
+        self._target = min(max(opening, 0.0), 1.0)
+
+    def hold(self) -> None:
+        """Stay where the fingers are."""
+        self._move()
+        self._target = self._opening
+
+    def close(self) -> None:
+        """Let go of the device."""
+
+    def fail(self, fault: Fault | None) -> None:
+        """Report a fault from now on; None clears it."""
+        self._fault = fault
+
+    def _move(self) -> None:
+        now = self._clock.now()
+        most = GRIPPER_SPEED * (now - self._time)
+        self._time = now
+        moved = self._opening + min(max(self._target - self._opening, -most), most)
+        if self.object_opening is not None and self._opening >= self.object_opening > moved:
+            moved = self.object_opening
+        self._opening = moved
+
+
+class SimulatedCamera:
+    """A camera of which every image shows its number, or what a source gives."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        fps: float = 30.0,
+        source: Callable[[int, float], Image] | None = None,
+    ) -> None:
+        """Describe a camera.
+
+        Args:
+            clock: The rig's clock.
+            fps: Images a second.
+            source: Gives the image (720, 1280, 3) of a number and a time; a pattern without one.
+        """
+        self._clock, self._fps = clock, fps
+        self._source = source or numbered_image
+        self._ticker: Ticker | None = None
+        self._frame: Frame | None = None
+        self._listener: Callable[[Frame], None] | None = None
+        self._count = 0
+        self._connected = clock.now()
+        self._fault: Fault | None = None
+        self.is_silent = False
+        """Whether it takes no more images, while its count goes on."""
+
+    def connect(self) -> None:
+        """Begin to take images."""
+        if self._ticker is None:
+            self._connected = self._clock.now()
+            self._take()
+            self._ticker = self._clock.every(1.0 / self._fps, self._take, "simulated camera")
+
+    def latest(self) -> Frame | None:
+        """The latest frame."""
+        return self._frame
+
+    def listen(self, call: Callable[[Frame], None] | None) -> None:
+        """Have every frame given to a call."""
+        self._listener = call
+
+    @property
+    def fault(self) -> Fault | None:
+        """What is wrong; silence is a fault too."""
+        if self._fault is not None or self._ticker is None:
+            return self._fault
+        last = self._connected if self._frame is None else self._frame.time_s
+        age = self._clock.now() - last
+        if age <= LOST_S:
+            return None
+        return Fault(
+            kind=FaultKind.COMMUNICATION, text=f"The camera has given no image for {age:.2f} s."
+        )
+
+    def fail(self, fault: Fault | None) -> None:
+        """Report a fault from now on; None clears it."""
+        self._fault = fault
+
+    def close(self) -> None:
+        """Take no more images."""
+        ticker, self._ticker = self._ticker, None
+        if ticker is not None:
+            ticker.stop()
+
+    def _take(self) -> None:
+        index, self._count = self._count, self._count + 1
+        if self.is_silent:
+            return
+        now = self._clock.now()
+        self._frame = frame = Frame(index=index, time_s=now, image=self._source(index, now))
+        if self._listener is not None:
+            self._listener(frame)
+
+
+def numbered_image(index: int, _time_s: float = 0.0) -> Image:
+    """An image (720, 1280, 3) that shows a number as white and black squares along its top."""
+    image = _BACKGROUND.copy()
+    for digit in range(MARKS):
+        value = 255 if index >> digit & 1 else 0
+        image[:MARK, digit * MARK : (digit + 1) * MARK] = value
+    return image
+
+
+def number_of(image: Image) -> int:
+    """The number that `numbered_image` wrote into an image of native size, encoded or not."""
+    middle = MARK // 2
+    return sum(
+        1 << digit
+        for digit in range(MARKS)
+        if int(image[middle, digit * MARK + middle].astype(int).sum()) > 3 * 127
+    )
+
+
+def _background() -> Image:
+    """A gentle colour gradient, so that a wrong orientation or order of colours shows."""
+    image = np.empty((NATIVE_HEIGHT, NATIVE_WIDTH, 3), dtype=np.uint8)
+    image[..., 0] = np.linspace(40, 220, NATIVE_WIDTH).astype(np.uint8)
+    image[..., 1] = np.linspace(220, 40, NATIVE_HEIGHT).astype(np.uint8)[:, None]
+    image[..., 2] = 90
+    return image
+
+
+_BACKGROUND = _background()

@@ -1,0 +1,183 @@
+"""The environment of real arms: the spaces and wrappers of the simulated one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+from numpy.typing import ArrayLike
+
+from duobench.envs.config import EnvConfig
+from duobench.envs.duo_env import DuoEnv, Info, Observation
+from duobench.envs.reset_options import (
+    INSTRUCTION,
+    LAYOUT,
+    LAYOUT_SEED,
+    LOOK,
+    SPLIT,
+    checked_instruction,
+    checked_reset_options,
+    checked_seed,
+)
+from duobench.envs.stacking import stack_on
+from duobench.envs.wrappers.base import DuoWrapper
+from duobench.envs.wrappers.task_stages import Judge, TaskStages
+from duobench.errors import OptionError, check_known
+from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.judge import DeclaredJudge
+from duobench.hardware.opening import open_rig
+from duobench.hardware.rig import Rig
+from duobench.randomness import EVAL, SPLITS
+from duobench.sim.layout import Layout
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+
+FAULT_KIND = "fault_kind"
+"""Key of `info` that says what sort of fault ended an episode; only there where one did."""
+OF_REAL = (LAYOUT, LAYOUT_SEED, SPLIT, INSTRUCTION)
+"""Options of a reset that mean something on real arms."""
+
+
+class RealEnv(DuoEnv):
+    """A `DuoEnv` on real arms.
+
+    Info also holds `late_s`, how many seconds too late the command came, and `image_ages`, the age
+    of each camera's latest image in seconds. Where a fault ended the episode, `fault_kind` says of
+    what sort it is: a `FaultKind`, such as "reflex". It is not there where a person held the arms.
+
+    A reset brings the arms home, for which the operator has to have confirmed, and takes the
+    options `layout` (where people are to put the objects, as a `Layout` or its JSON form), `split`
+    and `layout_seed` (kept in info), and `instruction`.
+    """
+
+    backend: HardwareDuo
+
+    def __init__(
+        self,
+        backend: HardwareDuo,
+        task: Task,
+        *,
+        prepare: Callable[[Mapping[str, Any]], None] | None = None,
+    ) -> None:
+        """Connect to a rig; nothing moves.
+
+        Args:
+            backend: The rig.
+            task: What the arms are to do.
+            prepare: Called with a reset's options before the arms go home; it may wait for the
+                operator, who clears the table and confirms.
+
+        Raises:
+            BackendError: A device cannot be reached.
+        """
+        super().__init__(backend, task)
+        self.rig = backend
+        """The rig."""
+        self.prepare = prepare
+        """Called with a reset's options before the arms go home."""
+        self._layout = Layout(poses={})
+
+    @property
+    def layout(self) -> Layout:
+        """Where people were asked to put the objects; empty if nothing was said."""
+        return self._layout
+
+    @property
+    def subinstructions(self) -> dict[int, str]:
+        """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
+        return self.definition.subinstructions(self._layout)
+
+    def _begin(self, options: Mapping[str, Any]) -> Info:
+        options = checked_reset_options(options, (*OF_REAL, LOOK))
+        split = options.get(SPLIT) or EVAL
+        check_known("split", split, SPLITS)
+        seed = checked_seed(options.get(LAYOUT_SEED))
+        task = self.definition
+        self._layout = _layout_of(task, options.get(LAYOUT), seed or 0, split)
+        words = checked_instruction(options.get(INSTRUCTION), len(task.instructions))
+        number = words if isinstance(words, int) else 0
+        own = task.instruct(self._layout, number)
+        self._instruction = words if isinstance(words, str) else own
+        if self.prepare is not None:
+            self.prepare(options)
+        self.backend.home()
+        return {LAYOUT: self._layout.to_json(), "seed": seed, SPLIT: split}
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Bring the arms home and begin an episode; a seed is kept as that of the layout.
+
+        Raises:
+            OptionError: The seed or an option is none.
+            BackendError: The operator has not confirmed, or the arms cannot get home.
+        """
+        given = checked_reset_options(options)
+        if seed is not None:
+            given.setdefault(LAYOUT_SEED, checked_seed(seed))
+        return super().reset(seed=seed, options=given)
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
+        """Advance one control step; see `DuoEnv.step`."""
+        observation, reward, terminated, truncated, info = super().step(action)
+        fault = self.rig.fault
+        if truncated and fault is not None:
+            info[FAULT_KIND] = str(fault.kind)
+        return observation, reward, terminated, truncated, info
+
+    def _info(self, clipped: Any = None) -> Info:
+        ages = self.rig.image_ages()
+        return {**super()._info(clipped), "late_s": self.rig.late_s, "image_ages": ages}
+
+
+def _layout_of(task: Task, given: Any, seed: int, split: str) -> Layout:
+    """The layout that a reset asks for; without one, only variants, which instructions need."""
+    if isinstance(given, Layout):
+        return given
+    if given is not None:
+        return Layout.from_json(given)
+    if not task.variants:
+        return Layout(poses={})
+    return Layout(poses={}, variants=next(task.layouts(seed, split)).variants)
+
+
+def make_real_env(
+    rig: HardwareDuo | Rig | Path | str,
+    task: str | Task,
+    *,
+    judge: Judge | None = None,
+    prepare: Callable[[Mapping[str, Any]], None] | None = None,
+    **options: Any,
+) -> DuoWrapper:
+    """An environment of a task on real arms, with the wrappers of the simulated one.
+
+    Args:
+        rig: A rig, or what `open_rig` takes.
+        task: A task, its id, or its import path "module:ATTRIBUTE".
+        judge: Who says which stage is reached; a `DeclaredJudge` where none is given, which is
+            `env.get_wrapper_attr("judge")`.
+        prepare: Called with a reset's options before the arms go home; see `RealEnv`.
+        options: The fields of `EnvConfig` as `EnvConfig.from_options` takes them, such as
+            `action_mode`, `cameras`, `image_size`, `horizon`; `speed_fraction` is the rig's.
+
+    Raises:
+        UnknownNameError: There is no such task, option, camera or mode.
+        OptionError: A value is invalid, or asks for what only a simulation has.
+        BackendError: A device cannot be reached.
+    """
+    duo = rig if isinstance(rig, HardwareDuo) else open_rig(rig)
+    definition = cast("Task", catalog.get(task))
+    config = EnvConfig.from_options({"cameras": tuple(duo.cameras), **options})
+    if config.object_state or config.render_mode is not None:
+        raise OptionError("Object states and `render` need a simulation; leave them out.")
+    for name in config.cameras:
+        check_known("camera of this rig", name, duo.cameras)
+    horizon = config.horizon or definition.horizon
+    if horizon != definition.horizon:
+        definition = replace(definition, horizon=horizon)
+    base = RealEnv(duo, definition, prepare=prepare)
+    base.config = config
+    judge = judge or DeclaredJudge(definition.max_stage, duo.clock.now)
+    return stack_on(TaskStages(base, judge), config, horizon)

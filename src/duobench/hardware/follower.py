@@ -1,0 +1,178 @@
+"""A follower: thirty targets a second become a smooth path that an arm can be told to track.
+
+Nothing between us and the arm bounds what it is told: a target that is far away would be jumped to,
+which trips a reflex. A follower leads a reference towards the targets, linearly over the control
+period as the simulation does, within limits of position, speed and acceleration. It is arithmetic;
+who calls it, and when, is up to others.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from duobench.errors import ActionError, OptionError
+from duobench.hardware.rig import MAX_ACCELERATION, MAX_SPEED_FRACTION, ArmConfig
+from duobench.robot.joints import JOINT_RANGES
+from duobench.robot.speeds import speed_limits
+from duobench.types import ARM_JOINTS, CONTROL_HZ, Array
+
+PERIOD = 1.0 / CONTROL_HZ
+"""Seconds over which a target is approached linearly."""
+RANGE_MARGIN = 0.05
+"""Distance in radians that a reference keeps from the ends of the joints' ranges."""
+GAIN = 25.0
+"""Speed in rad/s for each radian that the reference is behind [measured: 8 mrad behind]."""
+MAX_STEP_S = 0.02
+"""Longest time that one call moves a reference by: after a freeze it goes on, it does not leap."""
+BRAKING_SHARE = 0.8
+"""Part of the acceleration that the approach of a far target is planned with."""
+
+LOWEST, HIGHEST = JOINT_RANGES.T + np.array([[RANGE_MARGIN], [-RANGE_MARGIN]])
+"""Where a reference may be (7,), in radians."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MotionLimits:
+    """How fast a reference may move."""
+
+    speed_fraction: float = MAX_SPEED_FRACTION
+    """Part of the joints' speed limits, which depend on where they are."""
+    acceleration: float = MAX_ACCELERATION
+    """Largest acceleration in rad/s²."""
+
+    def __post_init__(self) -> None:
+        """Reject what no rig may allow."""
+        if not 0.0 < self.speed_fraction <= MAX_SPEED_FRACTION:
+            raise OptionError(
+                f"speed_fraction is over 0 and at most {MAX_SPEED_FRACTION}, got "
+                f"{self.speed_fraction}."
+            )
+        if not 0.0 < self.acceleration <= MAX_ACCELERATION:
+            raise OptionError(
+                f"acceleration is over 0 and at most {MAX_ACCELERATION:g} rad/s², got "
+                f"{self.acceleration}."
+            )
+
+    @staticmethod
+    def of(config: ArmConfig) -> MotionLimits:
+        """Those that a rig's file gives an arm."""
+        return MotionLimits(speed_fraction=config.speed_fraction, acceleration=config.acceleration)
+
+
+class Follower:
+    """Leads the reference of one arm; the same calls give the same path."""
+
+    def __init__(self, joints: Array, limits: MotionLimits) -> None:
+        """Begin at rest at the measured joints (7,) in radians."""
+        self._limits = limits
+        self.reset(joints)
+
+    def reset(self, joints: Array) -> None:
+        """Begin again, at rest at the measured joints (7,) in radians.
+
+        Raises:
+            ActionError: They are not seven finite numbers.
+        """
+        start = _checked(joints)
+        self.reference = start
+        """Where the arm is told to be (7,), in radians."""
+        self.velocity = np.zeros(ARM_JOINTS)
+        """How fast the reference moves (7,), in rad/s."""
+        self._begin, self._end = start, start
+        self._elapsed = PERIOD
+        self._is_held = False
+
+    @property
+    def target(self) -> Array:
+        """The last target (7,) in radians, within the range."""
+        return self._end.copy()
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the reference does not move."""
+        return not self.velocity.any()
+
+    def aim(self, joints: Array) -> None:
+        """Approach a target, linearly over one control period from now; ends a hold.
+
+        Args:
+            joints: Joint positions (7,) in radians; those out of range are clipped.
+
+        Raises:
+            ActionError: They are not seven finite numbers. Nothing changes.
+        """
+        target = np.clip(_checked(joints), LOWEST, HIGHEST)
+        self._begin = self.reference if self._is_held else self._ramped()
+        self._end, self._elapsed, self._is_held = target, 0.0, False
+
+    def hold(self) -> None:
+        """Come to rest as soon as the acceleration allows, and stay there until `aim`."""
+        self._is_held = True
+
+    def advance(self, dt: float) -> tuple[Array, Array]:
+        """Move the reference on.
+
+        Args:
+            dt: Seconds since the last call.
+
+        Returns:
+            Joint positions (7,) in radians and velocities (7,) in rad/s for the arm to track.
+        """
+        dt = min(max(dt, 0.0), MAX_STEP_S)
+        if dt == 0.0:
+            return self.reference.copy(), self.velocity.copy()
+        wanted = np.zeros(ARM_JOINTS) if self._is_held else self._wanted(dt)
+        change = self._limits.acceleration * dt
+        velocity = np.minimum(np.maximum(wanted, self.velocity - change), self.velocity + change)
+        self.velocity = velocity = _within(self.reference, velocity, self._limits, dt)
+        self.reference = self.reference + velocity * dt
+        if self._is_held and not velocity.any():
+            self._begin, self._end = self.reference, self.reference
+        return self.reference.copy(), velocity.copy()
+
+    def _wanted(self, dt: float) -> Array:
+        """The velocity that the targets ask for; without a new target it ends at rest."""
+        before = self._ramped()
+        self._elapsed = min(self._elapsed + dt, PERIOD)
+        after = self._ramped()
+        behind = after - (self.reference + (after - before))
+        # Far behind, only as fast as the acceleration can still take back on the way.
+        braking = 2.0 * BRAKING_SHARE * self._limits.acceleration
+        correction = np.minimum(GAIN * np.abs(behind), np.sqrt(braking * np.abs(behind)))
+        wanted = (after - before) / dt + np.copysign(correction, behind)
+        # So near and slow that one more call reaches the target: end there, exactly at rest.
+        rests = (after == before) & (np.abs(behind) < self._limits.acceleration * dt * dt)
+        rests &= np.abs(self.velocity) <= self._limits.acceleration * dt
+        return np.where(rests, 0.0, wanted)
+
+    def _ramped(self) -> Array:
+        share = self._elapsed / PERIOD
+        return self._begin + share * (self._end - self._begin)
+
+
+def _within(reference: Array, velocity: Array, limits: MotionLimits, dt: float) -> Array:
+    """The velocity next to one that the joint's position allows, so that it can always stop."""
+    low, high = speed_limits(reference)
+    # Braking before the ends of the range, the way of this call included.
+    reach = 2.0 * limits.acceleration
+    up = np.maximum(HIGHEST - reference, 0.0)
+    down = np.maximum(reference - LOWEST, 0.0)
+    high = np.minimum(limits.speed_fraction * high, _stopping(up, reach, dt))
+    low = np.maximum(limits.speed_fraction * low, -_stopping(down, reach, dt))
+    return np.minimum(np.maximum(velocity, low), high)
+
+
+def _stopping(distance: Array, reach: float, dt: float) -> Array:
+    """The speed from which a joint that moves on for `dt` can stop within a distance."""
+    step = 0.5 * reach * dt
+    return np.maximum(np.sqrt(step * step + reach * distance) - step, 0.0)
+
+
+def _checked(joints: Array) -> Array:
+    values = np.array(joints, dtype=np.float64)
+    if values.shape != (ARM_JOINTS,) or not all(map(math.isfinite, values.tolist())):
+        raise ActionError(f"An arm takes {ARM_JOINTS} finite joint positions, got {joints!r}.")
+    return values

@@ -1,0 +1,87 @@
+"""From a rig's file to a rig: each device by the driver that the file names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from duobench.hardware.clock import Clock, SystemClock
+from duobench.hardware.devices import Arm, Camera, Gripper
+from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
+from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.guard import Guard
+from duobench.hardware.rig import (
+    ArmConfig,
+    ArmDriver,
+    CameraConfig,
+    CameraDriver,
+    GripperConfig,
+    GripperDriver,
+    Rig,
+)
+from duobench.references import load
+from duobench.robot.joints import HOME_JOINTS
+from duobench.types import SIDES, Side
+
+SIMULATED = "simulated"
+"""Name of the rig without hardware."""
+_DRIVERS = "duobench.hardware.drivers"
+DRIVERS: Mapping[str, str] = {
+    ArmDriver.FRANKY: f"{_DRIVERS}.franky_arm:FrankyArm",
+    GripperDriver.ROBOTIQ: f"{_DRIVERS}.robotiq:RobotiqGripper",
+    CameraDriver.REALSENSE: f"{_DRIVERS}.realsense:RealSenseCamera",
+    CameraDriver.UVC: f"{_DRIVERS}.uvc:UvcCamera",
+    CameraDriver.FILE: f"{_DRIVERS}.uvc:FileCamera",
+}
+"""Import paths of the drivers of hardware, each called with a device's configuration and a clock;
+their libraries are loaded when one is made."""
+
+
+def open_rig(
+    rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True
+) -> HardwareDuo:
+    """A rig, not connected yet: `start` does that.
+
+    Args:
+        rig: A rig, its file, or "simulated".
+        clock: Its clock; the machine's own where none is given.
+        guard: Whether our own simulation keeps the arms apart and off the table.
+
+    Raises:
+        FileError: The file cannot be read, or is no rig.
+    """
+    clock = clock or SystemClock()
+    if rig == SIMULATED:
+        rig = Rig.simulated()
+    elif not isinstance(rig, Rig):
+        rig = Rig.read(Path(rig))
+    return HardwareDuo(
+        rig,
+        clock,
+        arms={side: _arm(side, rig.arms[side], clock) for side in SIDES},
+        grippers={side: _gripper(rig.grippers[side], clock) for side in SIDES},
+        cameras={name: _camera(config, clock) for name, config in rig.cameras.items()},
+        guard=Guard() if guard else None,
+    )
+
+
+def _driver(name: str) -> Callable[..., object]:
+    return load(DRIVERS[name], "driver", callable)
+
+
+def _arm(side: Side, config: ArmConfig, clock: Clock) -> Arm:
+    if config.driver is ArmDriver.SIMULATED:
+        return SimulatedArm(clock, HOME_JOINTS[side.index])
+    return _driver(config.driver)(config, clock)  # pyright: ignore[reportReturnType]
+
+
+def _gripper(config: GripperConfig, clock: Clock) -> Gripper:
+    if config.driver is GripperDriver.SIMULATED:
+        return SimulatedGripper(clock)
+    return _driver(config.driver)(config, clock)  # pyright: ignore[reportReturnType]
+
+
+def _camera(config: CameraConfig, clock: Clock) -> Camera:
+    if config.driver is CameraDriver.SIMULATED:
+        return SimulatedCamera(clock, fps=config.fps)
+    return _driver(config.driver)(config, clock)  # pyright: ignore[reportReturnType]

@@ -1,0 +1,214 @@
+"""Who may move the arms, and when: the states of a rig, and the operator's word.
+
+Nothing moves before the operator confirmed that the arms are free to. A hold takes the confirmation
+back; after a fault only the operator recovers the arms.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from duobench.errors import BackendError
+from duobench.hardware.devices import Fault
+
+
+class State(StrEnum):
+    """What a rig is doing."""
+
+    OFF = "off"
+    """Nothing is connected."""
+    CONNECTED = "connected"
+    """Everything answers; the arms follow nothing."""
+    HOMING = "homing"
+    """The arms move home, slowly."""
+    READY = "ready"
+    """The arms are at home and wait for the first command."""
+    RUNNING = "running"
+    """The arms follow commands."""
+    HOLDING = "holding"
+    """Somebody holds the arms; nothing is wrong with them."""
+    FAULTED = "faulted"
+    """Something is wrong; both arms hold until the operator recovers them."""
+    RECOVERING = "recovering"
+    """The operator has a fault cleared."""
+
+
+HELD = (State.HOLDING, State.FAULTED, State.RECOVERING)
+"""States in which commands move nothing, whatever they are."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Change:
+    """One change of the state."""
+
+    time_s: float
+    """When, on the rig's clock."""
+    state: State
+    """The new state."""
+    reason: str = ""
+    """Why, where there is something to say."""
+
+
+class Supervisor:
+    """The state of one rig. Its methods may be called from any thread."""
+
+    def __init__(self, now: Callable[[], float], recover: Callable[[], None]) -> None:
+        """Begin with everything off.
+
+        Args:
+            now: The rig's clock.
+            recover: Clears the faults of all devices; raises BackendError where one stays.
+        """
+        self._now, self._recover = now, recover
+        self._changed = threading.Condition(threading.RLock())
+        self._state = State.OFF
+        self._reason: str | None = None
+        self._fault: Fault | None = None
+        self._is_confirmed = False
+        self._log: list[Change] = []
+
+    @property
+    def state(self) -> State:
+        """What the rig is doing."""
+        return self._state
+
+    @property
+    def fault(self) -> Fault | None:
+        """What is wrong; None while nothing is, also while a person holds the arms."""
+        return self._fault
+
+    @property
+    def reason(self) -> str | None:
+        """Why the arms are held; None while they are not."""
+        return self._reason
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the operator has said that the arms may move."""
+        return self._is_confirmed
+
+    @property
+    def log(self) -> tuple[Change, ...]:
+        """Every change of the state."""
+        with self._changed:
+            return tuple(self._log)
+
+    # --- the operator's word ---------------------------------------------------------------------
+
+    def confirm(self) -> None:
+        """The operator says: nobody is near, the arms may move.
+
+        It holds until the arms are held or stopped, or `revoke`.
+
+        Raises:
+            BackendError: Something is wrong, or nothing is connected.
+        """
+        with self._changed:
+            if self._state in {State.FAULTED, State.RECOVERING}:
+                raise BackendError(
+                    f"The arms are held: {self._reason} Recover them first, then confirm."
+                )
+            if self._state is State.OFF:
+                raise BackendError("There is nothing to confirm: the rig is not connected.")
+            self._is_confirmed = True
+            self._changed.notify_all()
+
+    def revoke(self) -> None:
+        """Nothing may begin to move any more until the operator confirms again."""
+        with self._changed:
+            self._is_confirmed = False
+
+    def wait_for_confirmation(self, timeout_s: float | None = None) -> bool:
+        """Wait until the operator has confirmed, and return whether that is so."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._is_confirmed, timeout_s)
+
+    def recover(self) -> None:
+        """The operator has all faults cleared. Nothing moves; confirm and go home next.
+
+        Raises:
+            BackendError: A fault stays, or there is none.
+        """
+        with self._changed:
+            if self._state not in {State.FAULTED, State.HOLDING}:
+                raise BackendError(f"There is nothing to recover from: the rig is {self._state}.")
+            reason, fault = self._reason, self._fault
+            self._to(State.RECOVERING)
+        try:
+            self._recover()
+        except BackendError as error:
+            with self._changed:
+                self._reason, self._fault = reason, fault
+                self._to(State.FAULTED if fault else State.HOLDING, str(error))
+            raise
+        with self._changed:
+            self._reason = self._fault = None
+            self._is_confirmed = False
+            self._to(State.CONNECTED)
+
+    # --- for the backend -------------------------------------------------------------------------
+
+    def check_confirmed(self) -> None:
+        """Reject what would move the arms without the operator's word.
+
+        Raises:
+            BackendError: The operator has not confirmed, or something is wrong.
+        """
+        with self._changed:
+            if self._state in {State.FAULTED, State.RECOVERING}:
+                raise BackendError(f"The arms are held: {self._reason} Recover them first.")
+            if not self._is_confirmed:
+                raise BackendError(
+                    "Nothing moves before the operator has confirmed that the arms are free to."
+                )
+
+    def begin(self, state: State) -> None:
+        """Go to a state in which the arms move.
+
+        Raises:
+            BackendError: The operator has not confirmed, or something is wrong.
+        """
+        with self._changed:
+            self.check_confirmed()
+            self.enter(state)
+
+    def enter(self, state: State, *, only_from: tuple[State, ...] | None = None) -> bool:
+        """Go to a state that is no held one, and forget why the arms were held.
+
+        Returns:
+            False, without a change, where the state was none of `only_from`.
+        """
+        with self._changed:
+            if only_from is not None and self._state not in only_from:
+                return False
+            self._reason = self._fault = None
+            if state is State.OFF:
+                self._is_confirmed = False
+            self._to(state)
+            return True
+
+    def hold(self, reason: str, fault: Fault | None = None) -> bool:
+        """Hold the arms; the first reason is kept, but a fault is kept over a person's hold.
+
+        Returns:
+            Whether this changed anything.
+        """
+        with self._changed:
+            if self._state is State.OFF or self._fault is not None:
+                return False
+            if self._reason is not None and fault is None:
+                return False
+            if self._reason is None:
+                self._reason = reason
+            self._fault = fault
+            self._is_confirmed = False
+            self._to(State.HOLDING if fault is None else State.FAULTED, reason)
+            return True
+
+    def _to(self, state: State, reason: str = "") -> None:
+        self._state = state
+        self._log.append(Change(time_s=self._now(), state=state, reason=reason))
+        self._changed.notify_all()
