@@ -10,6 +10,7 @@ import gymnasium as gym
 
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
+from duobench.envs.reset_options import LAYOUT
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicySource
@@ -18,36 +19,33 @@ from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.trials.judging import PersonJudge
 from duobench.evaluation.trials.plan import Plan, Trial
 from duobench.hardware.devices import FaultKind
+from duobench.hardware.env import FAULT_KIND
 from duobench.policy import Policy
 from duobench.results.limits import TimeLimits
 from duobench.results.records import REAL, EpisodeRecord, Judged
 from duobench.results.run import Run
 from duobench.results.suite import Suite
 from duobench.sim.layout import Layout
+from duobench.tasks import catalog
 from duobench.versions import package_versions, record_versions
 
 if TYPE_CHECKING:
     from duobench.evaluation.rollout import Info, Observation, Step
 
-FAULT_KIND = "fault_kind"
-"""Key of `info` that says what sort of fault ended an episode on real arms."""
 MakeEnv = Callable[[EnvConfig, PersonJudge], gym.Env]
 """Makes the environment of a configuration on the arms, judged by a person."""
 
 
 class LaidOut(DuoWrapper):
-    """Says in `info` how a person has laid the objects out, and the instruction of that layout."""
+    """Begins every episode with the layout that a person has placed."""
 
     layout: Layout | None = None
     """The layout of the next episode."""
 
     def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode."""
-        observation, info = self.env.reset(seed=seed, options=options)
-        if self.layout is not None:
-            info["layout"] = self.layout.to_json()
-            info["instruction"] = self.base.definition.instruct(self.layout)
-        return observation, info
+        placed = {} if self.layout is None else {LAYOUT: self.layout}
+        return self.env.reset(seed=seed, options={**(options or {}), **placed})
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -123,7 +121,7 @@ class Players:
 
         Args:
             plan: What is played.
-            sources: The policies in the order of the plan; they belong to this from now on.
+            sources: The policies in the order of the plan.
             make_env: Makes an environment on the arms.
             judge: The person who judges.
             command: The command that started it, if there is one.
@@ -136,7 +134,7 @@ class Players:
         """The description of a policy's run."""
         plan, chosen = self._plan, self._plan.policies[policy]
         metadata = chosen.metadata
-        horizon = plan.task.horizon
+        usual = catalog.get(plan.task.reference).horizon
         return Run(
             policy=chosen.spec,
             suite=Suite(
@@ -151,7 +149,7 @@ class Players:
                 action_mode=metadata.action_mode,
                 control_rate_hz=metadata.control_rate_hz,
                 image_size=metadata.image_size or IMAGE_SIZE,
-                horizon=horizon,
+                horizon=None if plan.task.horizon == usual else plan.task.horizon,
             ),
             versions=package_versions(),
             batching=self._sources[policy].batching,
@@ -201,11 +199,6 @@ class Players:
             machinery=machinery,
             ended_by_success=last.terminated,
         )
-
-    def close(self) -> None:
-        """Free the policies; the arms belong to somebody else."""
-        for source in self._sources:
-            source.close()
 
     def _prepared(self, policy: int) -> tuple[LaidOut, Policy]:
         if policy not in self._made:
