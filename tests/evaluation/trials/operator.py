@@ -76,9 +76,12 @@ class Operator:
         """Judge an episode chunk by chunk, until it is over; what the page says then."""
         chunks = [*presses, *[()] * (STEPS // toys.CHUNK - len(presses))]
         for each in chunks:
+            assert toys.Patient.waiting.acquire(timeout=toys.TIMEOUT_S)
             for stage in each:
                 self.press(stage)
             toys.Patient.gate.release()
+            if self.status["stage"] == len(self.status["stages"]):
+                break
         return self.phase("judging")
 
     def finish(self) -> None:
@@ -143,11 +146,15 @@ def operated(stand: Stand, script: Callable[[Operator], None]) -> Iterator[list[
         thread.join()
 
 
-def run(stand: Stand, script: Callable[[Operator], None]) -> bool:
+def run(
+    stand: Stand,
+    script: Callable[[Operator], None],
+    report: Callable[[], dict[str, object]] = dict,
+) -> bool:
     """Run a session that a script operates; whether nothing is missing at the end."""
     with operated(stand, script) as failures:
         is_complete = stand.session.run()
-        stand.session.tell()
+        stand.session.tell(**report())
     if failures:
         raise failures[0]
     return is_complete

@@ -21,6 +21,7 @@ class Patient:
     """Moves the left wrist a little; acts when it is let."""
 
     gate: ClassVar[threading.Semaphore] = threading.Semaphore(0)
+    waiting: ClassVar[threading.Semaphore] = threading.Semaphore(0)
     name = "patient"
     direction = 1.0
 
@@ -32,12 +33,14 @@ class Patient:
     def reset(self, instruction: str, seed: int) -> None:
         assert instruction
         assert seed
-        while self.gate.acquire(blocking=False):
-            pass
+        for semaphore in (self.gate, self.waiting):
+            while semaphore.acquire(blocking=False):
+                pass
 
     def act(self, observation: Mapping[str, Any]) -> NDArray[np.float64]:
         assert observation["pixels"]["head"].shape == (*IMAGE_SIZE, 3)
-        assert Patient.gate.acquire(timeout=TIMEOUT_S)
+        self.waiting.release()
+        assert self.gate.acquire(timeout=TIMEOUT_S)
         chunk = np.tile(observation["agent_pos"].astype(np.float64), (CHUNK, 1))
         chunk[:, 6] += self.direction * 0.005 * np.arange(1, CHUNK + 1)
         return chunk

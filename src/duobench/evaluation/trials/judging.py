@@ -76,7 +76,8 @@ class PersonJudge:
             max_stage: The task's last stage.
         """
         self._max_stage = max_stage
-        self._lock = threading.Lock()
+        self._pressing = threading.Lock()  # one press after the other
+        self._lock = threading.Lock()  # never held for long: a control step may wait for it
         self._presses = Presses(max_stage)
         self._steps = 0
 
@@ -103,11 +104,13 @@ class PersonJudge:
         Raises:
             MessageError: There is no such stage, or nothing to take back; nothing is noted.
         """
-        with self._lock:
+        with self._pressing:
             press = Press(stage=stage, step=self._steps, time_s=round(time_s, 3))
-            after = Presses(self._max_stage, (*self._presses.all, press))
+            before = self.presses
+            after = Presses(self._max_stage, (*before.all, press))
             note(press)
-            self._presses = after
+            with self._lock:
+                self._presses = after
         return press
 
     @property
