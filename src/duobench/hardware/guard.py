@@ -1,30 +1,269 @@
 """The guard: our own simulation of the arms, asked before anything moves.
 
-The control boxes of two arms know nothing of each other, nor of the table. MuJoCo is loaded at
-first use.
+The control boxes of two arms know nothing of each other, nor of the table. The guard knows arms,
+grippers, wrist cameras, table and mount; it does not know the objects of a task. MuJoCo is loaded
+at first use.
 """
 
 from __future__ import annotations
 
-from duobench.types import Array
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from duobench.backend import Image
+from duobench.errors import BackendError
+from duobench.types import SIDES, Array, Side
+
+if TYPE_CHECKING:
+    from duobench.sim.rendering import Renderer
+    from duobench.sim.simulation import Simulation
+
+MARGIN = 0.02
+"""Distance in metres that arms and hands keep from each other, from table and mount."""
+FINGER_MARGIN = 0.0
+"""Distance of fingers from the other hand, and of a hand from its own arm: they work together."""
+TABLE_DEPTH = 0.002
+"""How far fingers may be told to press on the table, in metres: they grasp what lies on it."""
+PATH_STEP = 0.02
+"""Largest change of a joint in radians between two configurations of a way that are looked at."""
+_ALLOWED_NEARER = 1e-4
+"""A way may begin too near something, if it comes no nearer than by this many metres."""
+_FINGER_WORDS = ("driver", "coupler", "spring_link", "follower", "pad")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Clearance:
+    """How near two parts are."""
+
+    distance: float
+    """Their distance in metres; negative where they overlap."""
+    margin: float
+    """The distance that is right at least."""
+    parts: tuple[str, str]
+    """What they are, in words."""
+
+    @property
+    def room(self) -> float:
+        """Metres that are left; negative where they are too near."""
+        return self.distance - self.margin
+
+    def __str__(self) -> str:
+        """A sentence for people."""
+        one, other = self.parts
+        return (
+            f"{one} would be {1000 * self.distance:.0f} mm from {other}; at least "
+            f"{1000 * self.margin:.0f} mm is right."
+        )
 
 
 class Guard:
-    """Keeps the arms apart, and off the table and their mount."""
+    """Keeps the arms apart, and off the table and their mount. Any thread may ask it."""
+
+    def __init__(self) -> None:
+        """Build nothing yet: the simulation is made when it is first asked."""
+        self._lock = threading.RLock()
+        self._sim: Simulation | None = None
+        self._renderers: dict[tuple[int, int], Renderer] = {}
+
+    # --- distances -------------------------------------------------------------------------------
+
+    def nearest(self, joints: Array, within: float = 0.1) -> Clearance | None:
+        """The two parts with the least room.
+
+        Args:
+            joints: Joint positions (2, 7) in radians.
+            within: Parts that are further apart than this many metres do not count.
+
+        Returns:
+            How near they are; None where everything is further apart.
+        """
+        import mujoco
+
+        with self._lock:
+            sim = self._at(joints)
+            first, second, margins = self._near_pairs(within)
+            best: Clearance | None = None
+            for one, other, margin in zip(first, second, margins, strict=True):
+                # Overlaps count whatever is looked for.
+                most = within if best is None else best.room + margin
+                reach = max(most, 0.0)
+                distance = mujoco.mj_geomDistance(sim.model, sim.data, one, other, reach, None)
+                if distance < most:
+                    parts = self._words[one], self._words[other]
+                    best = Clearance(distance=distance, margin=margin, parts=parts)
+            return best
 
     def problem(self, joints: Array) -> str | None:
-        """What is too near at joint positions (2, 7) in radians; None if nothing is."""
-        del joints
-        return None
+        """What is too near at joint positions (2, 7) in radians, in words; None if nothing is."""
+        nearest = self.nearest(joints, MARGIN)
+        return str(nearest) if nearest is not None and nearest.room < 0.0 else None
 
     def way(self, start: Array, end: Array) -> list[Array]:
-        """Joint positions (2, 7) to go through, the end last, each straight from the one before.
+        """A way on which nothing comes too near anything.
+
+        Args:
+            start: Joint positions (2, 7) in radians where the arms are. They may be too near
+                something; then the way comes no nearer.
+            end: Where they are to go.
+
+        Returns:
+            Joint positions to go through, `end` last, each on a straight line from the one before.
 
         Raises:
-            BackendError: None was found.
+            BackendError: None was found; then people move the arms by hand.
         """
-        del start
-        return [end]
+        from duobench.hardware.motion.way import candidates
+
+        why: Clearance | None = None
+        for way in candidates(start, end):
+            problem = self._problem_on(start, way)
+            if problem is None:
+                return way
+            why = why or problem
+        raise BackendError(
+            f"No free way home was found: on the straight one {why} Lead the arms by hand to a "
+            "place from which they can go home."
+        )
+
+    def _problem_on(self, start: Array, way: Sequence[Array]) -> Clearance | None:
+        nearest = self.nearest(start, MARGIN)
+        allowed = 0.0 if nearest is None else min(0.0, nearest.room - _ALLOWED_NEARER)
+        here = start
+        for there in way:
+            steps = max(1, int(np.ceil(np.max(np.abs(there - here)) / PATH_STEP)))
+            for step in range(1, steps + 1):
+                nearest = self.nearest(here + (there - here) * (step / steps), MARGIN)
+                room = 0.0 if nearest is None else min(0.0, nearest.room)
+                if nearest is not None and room < allowed:
+                    return nearest
+                allowed = max(allowed, room - _ALLOWED_NEARER)
+            here = there
+        return None
+
+    # --- images ----------------------------------------------------------------------------------
+
+    def ghost(
+        self, joints: Array, cameras: Sequence[str], shape: tuple[int, int]
+    ) -> Mapping[str, Image]:
+        """The arms at joint positions (2, 7) as each of some cameras would see them.
+
+        Where image and ghost agree, calibration and measured joints do.
+
+        Args:
+            joints: Joint positions (2, 7) in radians.
+            cameras: Names of cameras.
+            shape: Height and width in pixels.
+
+        Raises:
+            RenderingError: No image of that size can be had.
+        """
+        from duobench.sim.rendering import Renderer
+
+        with self._lock:
+            sim = self._at(joints)
+            sim.forward()
+            if shape not in self._renderers:
+                height, width = shape
+                self._renderers[shape] = Renderer(sim.model, height=height, width=width)
+            return self._renderers[shape].render_all(sim.data, cameras)
 
     def close(self) -> None:
         """Free what images need."""
+        with self._lock:
+            for renderer in self._renderers.values():
+                renderer.close()
+            self._renderers.clear()
+
+    # --- the simulation --------------------------------------------------------------------------
+
+    def _at(self, joints: Array) -> Simulation:
+        import mujoco
+
+        sim = self._sim
+        if sim is None:
+            from duobench.sim.simulation import Simulation
+
+            sim = self._sim = Simulation()
+            self._describe(sim)
+        sim.data.qpos[sim.duo.joints] = joints
+        mujoco.mj_kinematics(sim.model, sim.data)
+        return sim
+
+    def _describe(self, sim: Simulation) -> None:
+        """Say what each geom is, and list all pairs of them that may come too near."""
+        model = sim.model
+        solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
+        parts = {int(geom): _part_of(model, int(geom)) for geom in solid}
+        self._words = {geom: part.words for geom, part in parts.items()}
+        pairs = [
+            (one, other, margin)
+            for one, first in parts.items()
+            for other, second in parts.items()
+            if one < other and (margin := _margin(first, second)) is not None
+        ]
+        self._first, self._second = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
+        self._margins = np.array([pair[2] for pair in pairs])
+        radii = model.geom_rbound
+        self._reach = radii[self._first] + radii[self._second]
+
+    def _near_pairs(self, within: float) -> tuple[list[int], list[int], list[float]]:
+        """The pairs whose bounding spheres are near enough."""
+        assert self._sim is not None
+        places = self._sim.data.geom_xpos
+        between = places[self._first] - places[self._second]
+        near = np.einsum("ij,ij->i", between, between) < (self._reach + within) ** 2
+        chosen = (array[near].tolist() for array in (self._first, self._second, self._margins))
+        first, second, margins = chosen
+        return first, second, margins
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Part:
+    """What a geom belongs to."""
+
+    words: str
+    """Its name for people."""
+    side: Side | None = None
+    """The arm; None for what stands still."""
+    link: int = 0
+    """Number of the link; those of hand and camera are 7."""
+    is_finger: bool = False
+    """Whether it is part of a gripper's fingers."""
+    is_table: bool = False
+    """Whether it is the table."""
+
+
+def _part_of(model: object, geom: int) -> _Part:
+    body = model.body(model.geom_bodyid[geom]).name  # pyright: ignore[reportAttributeAccessIssue]
+    name = model.geom(geom).name  # pyright: ignore[reportAttributeAccessIssue]
+    for side in SIDES:
+        rest = body.removeprefix(f"{side}/")
+        if rest == body:
+            continue
+        if rest.startswith("gripper"):
+            is_finger = rest.endswith(_FINGER_WORDS)
+            words = f"a finger of the {side} gripper" if is_finger else f"the {side} gripper"
+            return _Part(words=words, side=side, link=7, is_finger=is_finger)
+        return _Part(words=f"the {side} arm's {rest}", side=side, link=int(rest[-1]))
+    words = {"table": "the table", "floor": "the floor"}.get(name, "the mount")
+    return _Part(words=words, is_table=name == "table")
+
+
+def _margin(one: _Part, other: _Part) -> float | None:
+    """The distance that two parts keep, in metres; None where it does not matter."""
+    if one.side is None or other.side is None:
+        arm, still = (one, other) if other.side is None else (other, one)
+        if arm.side is None or (arm.link < 2 and not still.is_table):  # noqa: PLR2004
+            return None  # the shoulder stands on the mount, and never comes near the table
+        return -TABLE_DEPTH if arm.is_finger and still.is_table else MARGIN
+    if one.side is other.side:
+        nearer, further = sorted((one.link, other.link))
+        # Links that follow each other, and the parts of a hand, touch by design.
+        return FINGER_MARGIN if nearer <= 4 and further == 7 else None  # noqa: PLR2004
+    if one.link < 2 and other.link < 2:  # noqa: PLR2004
+        return None  # the shoulders stand side by side
+    return FINGER_MARGIN if one.is_finger or other.is_finger else MARGIN

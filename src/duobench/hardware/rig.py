@@ -170,6 +170,8 @@ class CameraConfig:
     """Height and width of its images in pixels."""
     fps: int = 30
     """Images a second."""
+    is_side_by_side: bool = False
+    """Whether it gives two lenses beside each other, as a ZED Mini does: the left one is kept."""
     exposure_us: float | None = None
     """Exposure in microseconds; None leaves it to the camera, which varies it."""
     gain: float | None = None

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from duobench.data import Recorder, Recording
+from duobench.data import Recorder
 from duobench.envs.duo_env import Info
 from duobench.envs.reset_options import INSTRUCTION, SPLIT
 from duobench.errors import BackendError, OptionError
@@ -302,12 +301,4 @@ class Session:
 def _so_far(env: Recorder) -> tuple[int, int]:
     """Episodes of the task that are kept in the data set, and the number of the next one."""
     data = env.data
-    if data is None:
-        return 0, 0
-    episodes = data.episodes(env.task)
-    outcomes = [Recording.read_info(path).outcome for path in episodes]
-    begun = [path for path in data.partials() if path.parent.name == env.task]
-    names = [path.stem for path in (*episodes, *begun)]
-    numbers = [int(name) for name in names if re.fullmatch(r"[0-9]+", name)]
-    kept = sum(outcome is not None and outcome.kept for outcome in outcomes)
-    return kept, max(numbers, default=-1) + 1
+    return (0, 0) if data is None else (data.kept(env.task), data.next_number(env.task))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import pty
-import select
 import struct
 import threading
-import tty
 from collections.abc import Mapping
+
+from tests.ptys import PseudoTerminal
 
 PING, SYNC_READ, STATUS = 0x01, 0x82, 0x55
 HEADER = b"\xff\xff\xfd\x00"
@@ -37,10 +35,8 @@ class Servos:
     def __init__(self, counts: Mapping[int, int]) -> None:
         self.counts = dict(counts)
         self.is_silent = False
-        self._master, slave = pty.openpty()
-        tty.setraw(slave)
-        self.port = os.ttyname(slave)
-        self._slave = slave
+        self._terminal = PseudoTerminal()
+        self.port = self._terminal.port
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -48,20 +44,17 @@ class Servos:
     def close(self) -> None:
         self._stop.set()
         self._thread.join()
-        os.close(self._master)
-        os.close(self._slave)
+        self._terminal.close()
 
     def _run(self) -> None:
         data = b""
         while not self._stop.is_set():
-            if not select.select([self._master], [], [], 0.02)[0]:
-                continue
-            data += os.read(self._master, 4096)
+            data += self._terminal.read()
             while (length := self._whole(data)) is not None:
                 asked, data = data[:length], data[length:]
                 assert struct.pack("<H", crc(asked[:-2])) == asked[-2:]
                 if not self.is_silent:
-                    os.write(self._master, self._answer(asked[4], asked[7:-2]))
+                    self._terminal.write(self._answer(asked[4], asked[7:-2]))
 
     def _whole(self, data: bytes) -> int | None:
         if len(data) < 7:

@@ -7,7 +7,7 @@ import threading
 from duobench.errors import DuoBenchError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Arm
-from duobench.hardware.follower import Follower
+from duobench.hardware.motion.follower import Follower
 from duobench.hardware.rig import FOLLOWER_HZ
 from duobench.types import Array
 

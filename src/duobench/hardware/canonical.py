@@ -1,0 +1,176 @@
+"""One camera model for everybody: what a real camera gives, as the simulation's camera sees it.
+
+Every real image is remapped once to the pinhole of the simulation's camera (740 px for the head and
+650 px for the wrists at 1280x720, no distortion), and then resized to what is asked for. Policies,
+overlays and recordings of all labs so share one lens. The place of a camera is not changed: where
+it really is stands in its calibration.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Pictures
+
+from duobench.backend import Image
+from duobench.errors import OptionError, UnknownNameError
+from duobench.hardware.rig import CameraCalibration
+from duobench.robot.cameras import (
+    FLANGE_FROM_WRIST,
+    HEAD_FOCAL,
+    MUJOCO_FROM_OPENCV,
+    NATIVE_HEIGHT,
+    NATIVE_WIDTH,
+    TABLE_FROM_HEAD,
+    WRIST_FOCAL,
+)
+from duobench.spatial import SE3
+from duobench.types import HEAD, POLICY_CAMERAS, Array
+
+NATIVE = (NATIVE_HEIGHT, NATIVE_WIDTH)
+"""Height and width of a canonical image in pixels."""
+_Floats = NDArray[np.float32]
+
+
+def focal_of(camera: str) -> float:
+    """Focal length in pixels of a camera's canonical image.
+
+    Raises:
+        UnknownNameError: There is no such camera.
+    """
+    if camera not in POLICY_CAMERAS:
+        raise UnknownNameError("camera", camera, POLICY_CAMERAS)
+    return HEAD_FOCAL if camera == HEAD else WRIST_FOCAL
+
+
+def nominal_pose(camera: str) -> SE3:
+    """Where the simulation has a camera (x right, y down, z forwards) in its parent.
+
+    The parent is the table for the head, and the flange for a wrist.
+
+    Raises:
+        UnknownNameError: There is no such camera.
+    """
+    focal_of(camera)
+    return (TABLE_FROM_HEAD if camera == HEAD else FLANGE_FROM_WRIST) @ MUJOCO_FROM_OPENCV
+
+
+def pose_of(camera: str, calibration: CameraCalibration | None) -> SE3:
+    """Where a camera is in its parent: measured, or as in the simulation where it was not."""
+    return nominal_pose(camera) if calibration is None else SE3.from_tquat(calibration.pose)
+
+
+def distorted(points: Array, lens: CameraCalibration) -> Array:
+    """Pixels (..., 2) in which a lens shows directions.
+
+    Args:
+        points: Directions (..., 2) as x / z and y / z, x right, y down, z forwards.
+        lens: The lens; the model is that of OpenCV, Brown and Conrady.
+    """
+    x, y = points[..., 0], points[..., 1]
+    k1, k2, p1, p2, k3 = lens.distortion
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    across = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    down = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return np.stack([lens.fx * across + lens.cx, lens.fy * down + lens.cy], axis=-1)
+
+
+class CanonicalView:
+    """Makes canonical images of one camera's images."""
+
+    def __init__(
+        self,
+        camera: str,
+        calibration: CameraCalibration | None,
+        size: tuple[int, int] = NATIVE,
+    ) -> None:
+        """Prepare the map from canonical pixels to those of the camera.
+
+        Args:
+            camera: Name of the camera.
+            calibration: Its lens; without one its images are only resized.
+            size: Height and width of its images in pixels.
+
+        Raises:
+            UnknownNameError: There is no such camera.
+        """
+        focal = focal_of(camera)
+        self.camera, self.size = camera, size
+        self._map: _Floats | None = None
+        if calibration is None:
+            return
+        rows, columns = np.mgrid[0:NATIVE_HEIGHT, 0:NATIVE_WIDTH]
+        middle = np.array([(NATIVE_WIDTH - 1) / 2, (NATIVE_HEIGHT - 1) / 2])
+        directions = (np.stack([columns, rows], axis=-1) - middle) / focal
+        self._map = distorted(directions, calibration).astype(np.float32)
+
+    @property
+    def coverage(self) -> float:
+        """Share of the canonical image that the camera sees; the rest is black."""
+        if self._map is None:
+            return 1.0
+        return float(np.mean(_inside(self._map, self.size)))
+
+    def image(self, image: Image, shape: tuple[int, int] = NATIVE) -> Image:
+        """The canonical image.
+
+        Args:
+            image: As it came from the camera (height, width, 3).
+            shape: Height and width that are wanted; a pixel is the mean of what it covers.
+
+        Returns:
+            An image of that shape, which is never the one that was given.
+
+        Raises:
+            OptionError: The image has another size than the camera's.
+        """
+        if image.shape != (*self.size, 3):
+            raise OptionError(
+                f"Images of {self.camera} are {self.size[1]}x{self.size[0]} with 3 colours, got an "
+                f"array of {image.shape}."
+            )
+        straight = image if self._map is None else self._remapped(image)
+        if straight.shape[:2] == shape:
+            return straight.copy() if straight is image else straight
+        height, width = shape
+        picture = Pictures.fromarray(straight).resize((width, height), Pictures.Resampling.BOX)
+        return np.array(picture)
+
+    def _remapped(self, image: Image) -> Image:
+        assert self._map is not None
+        try:
+            import cv2  # pyright: ignore[reportMissingImports]
+        except ImportError:
+            return remapped(image, self._map)
+        return cv2.remap(image, self._map, None, cv2.INTER_LINEAR)
+
+
+def remapped(image: Image, places: NDArray[np.floating]) -> Image:
+    """An image sampled at some places, by NumPy alone; OpenCV does it ten times faster.
+
+    Args:
+        image: Red, green, blue (height, width, 3).
+        places: Pixels (h, w, 2), across then down, between which it is interpolated linearly.
+
+    Returns:
+        The image (h, w, 3), black where a place lies outside.
+    """
+    height, width = image.shape[:2]
+    inside = _inside(places, (height, width))
+    x = np.where(inside, places[..., 0], 0.0)
+    y = np.where(inside, places[..., 1], 0.0)
+    left = np.minimum(x.astype(np.intp), width - 2)
+    top = np.minimum(y.astype(np.intp), height - 2)
+    across = (x - left)[..., None].astype(np.float32)
+    down = (y - top)[..., None].astype(np.float32)
+    upper = image[top, left] * (1 - across) + image[top, left + 1] * across
+    lower = image[top + 1, left] * (1 - across) + image[top + 1, left + 1] * across
+    mixed = upper * (1 - down) + lower * down
+    mixed[~inside] = 0.0
+    return np.rint(mixed).astype(np.uint8)
+
+
+def _inside(places: NDArray[np.floating], size: tuple[int, int]) -> NDArray[np.bool_]:
+    x, y = places[..., 0], places[..., 1]
+    return (x >= 0) & (x <= size[1] - 1) & (y >= 0) & (y <= size[0] - 1)

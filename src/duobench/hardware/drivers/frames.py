@@ -1,0 +1,194 @@
+"""What cameras have in common: the latest frame, who listens, a thread, and what goes wrong."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from duobench.backend import Image
+from duobench.errors import BackendError
+from duobench.hardware.clock import Clock
+from duobench.hardware.devices import Fault, FaultKind, Frame
+from duobench.hardware.rig import CameraCalibration, CameraConfig
+
+STALE_S = 0.3
+"""Age of the latest frame at which its absence is a fault."""
+FIRST_S = 10.0
+"""Seconds in which the first frame has to come."""
+JOIN_S = 3.0
+"""Seconds that a thread has to end; one that waits for a camera that hangs is left behind."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CameraFacts:
+    """What a camera says about itself once it is connected."""
+
+    name: str = ""
+    """Its name."""
+    serial: str = ""
+    """Its serial number."""
+    firmware: str = ""
+    """Version of its firmware."""
+    usb: str = ""
+    """The USB version of its connection, such as 3.2; empty where it is not known."""
+    exposure_us: float | None = None
+    """Exposure in microseconds that is locked; None where the camera chooses it."""
+    gain: float | None = None
+    """Gain that is locked, in the camera's units; None where the camera chooses it."""
+    lens: CameraCalibration | None = None
+    """The manufacturer's lens, with no pose; None where it is not known."""
+
+
+class LatestFrame:
+    """The latest frame of a camera; frames come from one thread, questions from any."""
+
+    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+        """Begin without a frame.
+
+        Args:
+            config: Size and rate of its images.
+            clock: Gives the times of frames.
+            name: Name of the camera, for messages; that of its device where none is given.
+        """
+        self.config, self.clock, self.name = config, clock, name or config.device
+        self.facts = CameraFacts()
+        """What the camera says about itself."""
+        self.trouble = ""
+        """What went wrong last, in words."""
+        self._frame: Frame | None = None
+        self._call: Callable[[Frame], None] | None = None
+        self._connected_at: float | None = None
+
+    def latest(self) -> Frame | None:
+        """The latest frame; None before the first one."""
+        return self._frame
+
+    def listen(self, call: Callable[[Frame], None] | None) -> None:
+        """Have every frame from now on given to a call, in the camera's thread; None ends it."""
+        self._call = call
+
+    @property
+    def fault(self) -> Fault | None:
+        """What is wrong with it, if anything: no frame for too long."""
+        if self._connected_at is None:
+            return None
+        since = self._connected_at if self._frame is None else self._frame.time_s
+        age = self.clock.now() - since
+        if age <= STALE_S:
+            return None
+        why = f": {self.trouble}" if self.trouble else ""
+        text = f"The camera {self.name} has given no image for {age:.1f} s{why}."
+        return Fault(kind=FaultKind.COMMUNICATION, text=text)
+
+    def begin(self) -> None:
+        """Have a missing frame be a fault from now on, and forget earlier ones."""
+        self._frame, self.trouble = None, ""
+        self._connected_at = self.clock.now()
+
+    def end(self) -> None:
+        """Have a missing frame be no fault any more."""
+        self._connected_at = None
+
+    def publish(self, image: Image, time_s: float, index: int) -> None:
+        """Take a frame, and give it to who listens.
+
+        Args:
+            image: Red, green, blue (height, width, 3).
+            time_s: When it was taken, on the rig's clock.
+            index: Its number since the camera was connected.
+
+        Raises:
+            BackendError: It has another size than the rig says.
+        """
+        height, width = self.config.size
+        if image.shape != (height, width, 3):
+            raise BackendError(
+                f"The camera {self.name} gives images of {image.shape[1]}x{image.shape[0]}, and "
+                f"the rig says {width}x{height}."
+            )
+        image.setflags(write=False)
+        self._frame = frame = Frame(index=index, time_s=time_s, image=image)
+        if (call := self._call) is not None:
+            call(frame)
+
+
+class ThreadedCamera(LatestFrame, ABC):
+    """A camera that a thread of its own waits for."""
+
+    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+        """Know a camera, without opening it; arguments are those of `LatestFrame`."""
+        super().__init__(config, clock, name)
+        self._thread: threading.Thread | None = None
+        self._is_closing = threading.Event()
+        self._has_begun = threading.Event()  # or failed to
+        self._error: BackendError | None = None
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Open the camera, in its thread.
+
+        Raises:
+            BackendError: It cannot be opened.
+        """
+
+    @abstractmethod
+    def _wait(self) -> tuple[Image, float, int] | None:
+        """The next image with its time and number, or None after a short while without one.
+
+        Raises:
+            BackendError: There will be no more.
+        """
+
+    @abstractmethod
+    def _shut(self) -> None:
+        """Close the camera, in its thread; it may never have been opened."""
+
+    def connect(self) -> None:
+        """Open the camera and wait for its first image.
+
+        Raises:
+            BackendError: It cannot be opened, gives no image, or images of another size.
+        """
+        if self._thread is not None:
+            return
+        self._is_closing.clear()
+        self._has_begun.clear()
+        self._error = None
+        thread = threading.Thread(target=self._run, name=f"camera {self.name}", daemon=True)
+        self._thread = thread
+        thread.start()
+        is_in_time = self._has_begun.wait(FIRST_S + self.opening_s)
+        if self._error is not None or not is_in_time:
+            self.close()
+            raise self._error or BackendError(f"The camera {self.name} gives no image.")
+
+    opening_s = 10.0
+    """Seconds that opening it may take."""
+
+    def close(self) -> None:
+        """Let go of the camera; closing twice is harmless."""
+        self.end()
+        self._is_closing.set()
+        if self._thread is not None and threading.current_thread() is not self._thread:
+            self._thread.join(JOIN_S)
+            self._thread = None
+
+    def _run(self) -> None:
+        try:
+            self._open()
+            self.begin()
+            while not self._is_closing.is_set():
+                if (news := self._wait()) is not None:
+                    self.publish(*news)
+                    self._has_begun.set()
+        except BackendError as error:
+            self.trouble = str(error)
+            self._error = error
+        except Exception as error:  # noqa: BLE001 - the end of a thread; a fault tells of it
+            self.trouble = f"{type(error).__name__}: {error}"
+            self._error = BackendError(f"The camera {self.name} failed: {self.trouble}")
+        finally:
+            self._has_begun.set()
+            self._shut()

@@ -1,0 +1,215 @@
+"""Intel RealSense D405 cameras, by pyrealsense2.
+
+The colour of a D405 comes from its "Stereo Module": exposure and gain are set there. A camera may
+hang when a program has ended badly; it is tried twice, and then reset. Recordings (.db3, .bag) are
+played in a camera's place, which is how this was tried, and on no camera.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from duobench.backend import Image
+from duobench.errors import BackendError
+from duobench.hardware.clock import Clock
+from duobench.hardware.drivers.frames import CameraFacts, ThreadedCamera
+from duobench.hardware.rig import CameraCalibration, CameraConfig
+from duobench.installing import install_extra
+
+RECORDINGS = frozenset({".db3", ".bag"})
+"""Endings of recordings, which are played in a camera's place."""
+HANG_S = 4.0
+"""Seconds without a first image after which a camera is taken to hang."""
+ATTEMPTS = 3
+"""How often a camera is started; before the last time it is reset."""
+RESET_S = 15.0
+"""Seconds in which a camera that was reset has to be back."""
+WAIT_S = 0.5
+"""Seconds that are waited for one image."""
+_UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class RealSenseCamera(ThreadedCamera):
+    """A RealSense camera, or a recording of one."""
+
+    opening_s = ATTEMPTS * HANG_S + RESET_S + 5.0
+
+    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+        """Know a camera; `config.device` is its serial number, or the file of a recording."""
+        super().__init__(config, clock, name)
+        self._library: Any = None
+        self._pipeline: Any = None
+        self._first: int | None = None
+        self._is_recording = Path(config.device).suffix in RECORDINGS
+
+    def _open(self) -> None:
+        self._library = rs = _library()
+        device = self.config.device
+        if self._is_recording and not Path(device).is_file():
+            raise BackendError(f"There is no recording {device}.")
+        if not self._is_recording and device not in (found := _serials(rs)):
+            raise BackendError(
+                f"There is no RealSense camera {device!r} for {self.name}; connected are: "
+                f"{', '.join(found) or 'none'}."
+            )
+        error: Exception | None = None
+        for attempt in range(ATTEMPTS):
+            if attempt == ATTEMPTS - 1 and not self._is_recording:
+                self._reset()
+            try:
+                self._start(rs)
+                return
+            except RuntimeError as found:
+                error = found
+                self._shut()
+                if self._is_recording:
+                    break
+        raise BackendError(
+            f"The camera {self.name} ({device}) gives no images: {error}. Plug it in again, "
+            "quickly, into a USB 3 port."
+        ) from error
+
+    def _start(self, rs: Any) -> None:
+        """Start its stream and wait until an image comes; RuntimeError where none does."""
+        height, width = self.config.size
+        wanted = rs.config()
+        if self._is_recording:
+            rs.config.enable_device_from_file(wanted, self.config.device, True)
+        else:
+            wanted.enable_device(self.config.device)
+        wanted.enable_stream(rs.stream.color, width, height, rs.format.rgb8, self.config.fps)
+        self._pipeline = rs.pipeline()
+        profile = self._pipeline.start(wanted)
+        device = profile.get_device()
+        if not self._is_recording:
+            self._lock_exposure(rs, device)
+        self.facts = self._read_facts(rs, device, profile)
+        self._pipeline.wait_for_frames(round(HANG_S * 1000))
+        self._first = None
+
+    def _wait(self) -> tuple[Image, float, int] | None:
+        rs = self._library
+        has_come, frames = self._pipeline.try_wait_for_frames(round(WAIT_S * 1000))
+        colour = frames.get_color_frame() if has_come else None
+        if not colour:
+            return None
+        now, number = self.clock.now(), colour.get_frame_number()
+        if self._first is None or number < self._first:  # a recording begins again
+            self._first = number
+        age = 0.0
+        if colour.get_frame_timestamp_domain() != rs.timestamp_domain.hardware_clock:
+            age = time.time() - colour.get_timestamp() / 1000.0
+        time_s = now - age if 0.0 <= age <= WAIT_S else now
+        latest = self.latest()
+        index = number - self._first
+        if latest is not None and index <= latest.index:
+            index = latest.index + 1
+            self._first = number - index
+        return np.array(colour.get_data()), time_s, index
+
+    def _shut(self) -> None:
+        if self._pipeline is not None:
+            with suppress(RuntimeError):  # it was never started
+                self._pipeline.stop()
+            self._pipeline = None
+
+    def _lock_exposure(self, rs: Any, device: Any) -> None:
+        """Set what the rig says on the sensor that gives colour."""
+        sensor = _colour_sensor(rs, device)
+        config = self.config
+        if config.exposure_us is None and config.gain is None:
+            sensor.set_option(rs.option.enable_auto_exposure, 1)
+            return
+        sensor.set_option(rs.option.enable_auto_exposure, 0)
+        for option, value in (
+            (rs.option.exposure, config.exposure_us),
+            (rs.option.gain, config.gain),
+        ):
+            if value is not None:
+                _set(sensor, option, value, self.name)
+        if sensor.supports(rs.option.enable_auto_white_balance):
+            sensor.set_option(rs.option.enable_auto_white_balance, 0)
+
+    def _read_facts(self, rs: Any, device: Any, profile: Any) -> CameraFacts:
+        def text(fact: Any) -> str:
+            return device.get_info(fact) if device.supports(fact) else ""
+
+        info = rs.camera_info
+        stream = profile.get_stream(rs.stream.color).as_video_stream_profile()
+        return CameraFacts(
+            name=text(info.name),
+            serial=text(info.serial_number),
+            firmware=text(info.firmware_version),
+            usb=text(info.usb_type_descriptor),
+            exposure_us=self.config.exposure_us,
+            gain=self.config.gain,
+            lens=_lens(rs, stream.get_intrinsics()),
+        )
+
+    def _reset(self) -> None:
+        """Reset the camera as pulling its plug does, and wait until it is back."""
+        rs, serial = self._library, self.config.device
+        for device in rs.context().query_devices():
+            if device.get_info(rs.camera_info.serial_number) == serial:
+                device.hardware_reset()
+                break
+        else:
+            return
+        end = time.monotonic() + RESET_S
+        time.sleep(2.0)  # until then it is still listed
+        while time.monotonic() < end and serial not in _serials(rs):
+            time.sleep(0.5)
+
+
+def _library() -> Any:
+    try:
+        import pyrealsense2  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise BackendError(
+            f"RealSense cameras need pyrealsense2, which cannot be imported ({error}). "
+            f"{install_extra('hardware')} It also needs the system's libusb-1.0-0."
+        ) from error
+    return pyrealsense2
+
+
+def _serials(rs: Any) -> list[str]:
+    return [
+        device.get_info(rs.camera_info.serial_number) for device in rs.context().query_devices()
+    ]
+
+
+def _colour_sensor(rs: Any, device: Any) -> Any:
+    for sensor in device.query_sensors():
+        if any(each.stream_type() == rs.stream.color for each in sensor.get_stream_profiles()):
+            return sensor
+    raise BackendError("The camera has no sensor that gives colour.")
+
+
+def _set(sensor: Any, option: Any, value: float, name: str) -> None:
+    span = sensor.get_option_range(option)
+    if not span.min <= value <= span.max:
+        raise BackendError(
+            f"The camera {name} takes {option} of {span.min:g} to {span.max:g}, got {value:g}."
+        )
+    sensor.set_option(option, value)
+
+
+def _lens(rs: Any, found: Any) -> CameraCalibration | None:
+    """The factory's lens, where its distortion is none or of OpenCV's kind."""
+    coefficients = tuple(float(each) for each in found.coeffs)
+    if any(coefficients) and found.model != rs.distortion.brown_conrady:
+        return None
+    return CameraCalibration(
+        fx=found.fx,
+        fy=found.fy,
+        cx=found.ppx,
+        cy=found.ppy,
+        distortion=coefficients,
+        pose=_UNPOSED,
+        method="factory",
+    )

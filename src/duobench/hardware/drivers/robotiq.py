@@ -1,0 +1,315 @@
+"""A Robotiq 2F-85 on a serial port, by Modbus RTU.
+
+A goal is written when it changes and never again: goals that are sent over and over keep some
+grippers from moving. Registers and codes are those of the manufacturer's instruction manual. Tried
+against an imitated gripper on a pseudo-terminal, and on no hardware.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from duobench.errors import ActionError, BackendError
+from duobench.hardware.clock import Clock, Ticker
+from duobench.hardware.devices import Fault, FaultKind, GripperReading
+from duobench.hardware.rig import GripperConfig
+from duobench.installing import install_extra
+
+DEVICE_ID = 9
+"""The gripper's address on its bus, as it is sold."""
+BAUD = 115_200
+COMMAND, STATUS, REGISTERS = 1000, 2000, 3
+"""First register of the command and of the status, and how many each has."""
+ACTIVATE, GO = 1 << 8, 1 << 11
+"""Bits rACT and rGTO of the first register of the command."""
+READ_HZ = 30.0
+SILENT_S = 0.2
+"""Age of the last answer at which silence is a fault."""
+ANSWER_S = 0.05
+"""Seconds in which an answer has to come."""
+REOPEN_S = 1.0
+"""Seconds between two tries to open a port that has gone."""
+ACTIVATION_S = 15.0
+"""Seconds in which an activation has to end."""
+TRIES = 3
+"""How often a gripper is asked whether it is there."""
+_ACTIVE, _MOVING, _AT_GOAL = 3, 0, 3
+_FAULTS = {
+    0x08: "it is too hot and has to cool down",
+    0x0A: "its supply voltage is too low",
+    0x0B: "it is releasing what it held by itself",
+    0x0C: "it has an internal fault",
+    0x0D: "its activation failed; look for something between the fingers",
+    0x0E: "its motor drew too much current",
+    0x0F: "it has released what it held by itself",
+}
+"""What faults mean. The codes 5, 7 and 9 only note that it was not activated, or not asked for a
+while."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Status:
+    """What the three status registers say."""
+
+    is_activated: bool
+    """gACT and gSTA: it was activated, and that has ended."""
+    contact: int
+    """gOBJ: 0 moving, 1 stopped at something while opening, 2 while closing, 3 at its goal."""
+    fault: int
+    """gFLT: 0 is none."""
+    position: int
+    """Counts, 0 open to 255 closed."""
+
+    @staticmethod
+    def of(registers: Sequence[int]) -> Status:
+        """From three registers of 16 bits, high bytes first."""
+        first, second, third = registers
+        bits = first >> 8
+        return Status(
+            is_activated=bool(bits & 1) and (bits >> 4) & 3 == _ACTIVE,
+            contact=(bits >> 6) & 3,
+            fault=(second >> 8) & 0x0F,
+            position=third >> 8,
+        )
+
+
+class RobotiqGripper:
+    """A gripper that a ticker of the clock asks 30 times a second, and tells what is new."""
+
+    def __init__(self, config: GripperConfig, clock: Clock, *, answer_s: float = ANSWER_S) -> None:
+        """Know a gripper, without opening its port.
+
+        Args:
+            config: Port, ends, speed and force.
+            clock: Gives the times of readings, and calls.
+            answer_s: Seconds in which an answer has to come.
+        """
+        self._config, self._clock, self._answer_s = config, clock, answer_s
+        self._client: Any = None
+        self._errors: tuple[type[Exception], ...] = (OSError,)
+        self._ticker: Ticker | None = None
+        self._lock = threading.Lock()  # over what other threads want
+        self._goal: int | None = None
+        self._is_holding = False
+        self._activation: list[int] = []
+        self._told: tuple[int, int] | None = None
+        self._newest: tuple[float, Status] | None = None
+        self._was_active = False
+        self._trouble = ""
+        self._next_open = 0.0
+        self.is_low_latency = False
+        """Whether the port took the mode without which an adapter waits 16 ms for each answer."""
+        self.round_trips: deque[float] = deque(maxlen=300)
+        """Seconds that the latest answers took."""
+
+    def connect(self) -> None:
+        """Open the port and ask the gripper; nothing moves.
+
+        Raises:
+            BackendError: pymodbus or pyserial is missing, the port cannot be opened, or nothing
+                answers.
+        """
+        if self._ticker is not None:
+            return
+        port = self._config.port
+        try:
+            from pymodbus import ModbusException
+            from pymodbus.client import ModbusSerialClient
+            from serial import serial_for_url  # noqa: F401 - pymodbus looks whether it was loaded
+        except ImportError as error:
+            raise BackendError(
+                f"Grippers need pymodbus and pyserial. {install_extra('hardware')}"
+            ) from error
+        # What goes wrong is part of a reading; without this each lost answer would be printed.
+        logging.getLogger("pymodbus").addHandler(logging.NullHandler())
+        self._errors = (OSError, ModbusException)
+        self._client = ModbusSerialClient(port, baudrate=BAUD, timeout=self._answer_s, retries=0)
+        if not self._open():
+            raise BackendError(
+                f"The port {port!r} of a gripper cannot be opened: {_why(port)} Its name is best "
+                "one of /dev/serial/by-id/."
+            )
+        for _ in range(TRIES):
+            if self._ask():
+                break
+        else:
+            self._client.close()
+            raise BackendError(
+                f"No gripper answers at {port} as device {DEVICE_ID} with {BAUD} bits a second; "
+                f"look at its 24 V supply and at what else hangs on the port ({self._trouble})."
+            )
+        self._ticker = self._clock.every(1.0 / READ_HZ, self._tick, f"gripper {port}")
+
+    def activate(self) -> None:
+        """Move the fingers through their whole range, unless it is active and well already.
+
+        Only on a person's word: whatever is between the fingers is squeezed.
+
+        Raises:
+            BackendError: It does not become active in time, or reports a fault.
+        """
+        reading = self.read()
+        if reading.is_active and reading.fault is None:
+            return
+        with self._lock:
+            self._goal, self._is_holding = None, False
+            self._activation = [0, ACTIVATE]  # a fault is forgotten only by the zero
+        end = self._clock.now() + ACTIVATION_S
+        while self._clock.now() < end:
+            self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
+            reading = self.read()
+            is_communicating = reading.fault is None or reading.fault.kind is FaultKind.DEVICE
+            if not is_communicating:
+                break
+            if not self._activation and reading.is_active and reading.fault is None:
+                return
+        why = reading.fault.text if reading.fault else f"it took over {ACTIVATION_S:g} s."
+        raise BackendError(f"The gripper at {self._config.port} was not activated: {why}")
+
+    def read(self) -> GripperReading:
+        """The latest reading; its fault says what is wrong now, silence included.
+
+        Raises:
+            BackendError: It was not connected.
+        """
+        if self._newest is None:
+            raise BackendError("A gripper is read after it was connected.")
+        time_s, status = self._newest
+        return GripperReading(
+            time_s=time_s,
+            opening=self._opening(status.position),
+            is_active=status.is_activated,
+            has_object=status.is_activated and status.contact not in {_MOVING, _AT_GOAL},
+            fault=self._fault(time_s, status),
+        )
+
+    def command(self, opening: float) -> None:
+        """Go to an opening, 0 closed to 1 open; beyond them is the nearer end. Returns at once.
+
+        Raises:
+            ActionError: It is no finite number.
+        """
+        if not math.isfinite(opening):
+            raise ActionError(f"An opening is a number from 0 to 1, got {opening}.")
+        low, high = self._config.open_count, self._config.closed_count
+        goal = round(high - min(max(opening, 0.0), 1.0) * (high - low))
+        with self._lock:
+            if self._activation:
+                return
+            self._goal, self._is_holding = goal, False
+
+    def hold(self) -> None:
+        """Stop the fingers if they move; a grip keeps its force."""
+        with self._lock:
+            self._is_holding = True
+
+    def close(self) -> None:
+        """Close the port; the gripper keeps what it holds. Closing twice is harmless."""
+        if self._ticker is not None:
+            self._ticker.stop()
+            self._ticker = None
+        if self._client is not None:
+            self._client.close()
+
+    def _opening(self, count: int) -> float:
+        low, high = self._config.open_count, self._config.closed_count
+        return min(max((high - count) / (high - low), 0.0), 1.0)
+
+    def _fault(self, time_s: float, status: Status) -> Fault | None:
+        port = self._config.port
+        silence = self._clock.now() - time_s
+        if silence > SILENT_S:
+            text = f"The gripper at {port} has not answered for {silence:.1f} s ({self._trouble})."
+            return Fault(kind=FaultKind.COMMUNICATION, text=text)
+        if (meaning := _FAULTS.get(status.fault)) is not None:
+            text = f"The gripper at {port} reports fault 0x{status.fault:02X}: {meaning}."
+            return Fault(kind=FaultKind.DEVICE, text=text)
+        if self._was_active and not status.is_activated and not self._activation:
+            text = f"The gripper at {port} is active no more; it lost its power, or was reset."
+            return Fault(kind=FaultKind.DEVICE, text=text)
+        return None
+
+    def _tick(self) -> None:
+        """Tell the gripper what is new, and ask how it is."""
+        if not self._client.connected and (self._clock.now() < self._next_open or not self._open()):
+            return
+        if (news := self._news()) is not None and self._exchange(news) is not None:
+            self._told = news
+            with self._lock:
+                if self._activation and self._activation[0] == news[0]:
+                    self._activation.pop(0)
+                    self._was_active, self._told = False, None
+        self._ask()
+
+    def _news(self) -> tuple[int, int] | None:
+        """Action bits and goal that were not told yet."""
+        with self._lock:
+            if self._activation:
+                return self._activation[0], 0
+            goal, is_holding = self._goal, self._is_holding
+        status = self._newest[1] if self._newest else None
+        if goal is None or status is None or not status.is_activated:
+            return None
+        if is_holding and (self._told is None or status.contact != _MOVING):
+            return None  # it rests already: at its goal, or with a grip
+        news = (ACTIVATE, goal) if is_holding else (ACTIVATE | GO, goal)
+        return news if news != self._told else None
+
+    def _exchange(self, news: tuple[int, int] | None) -> list[int] | None:
+        """Write a command, or read the status; None without an answer."""
+        speed_and_force = self._config.speed << 8 | self._config.force
+        start = time.perf_counter()
+        try:
+            if news is not None:
+                values = [news[0], news[1], speed_and_force]
+                answer = self._client.write_registers(COMMAND, values, device_id=DEVICE_ID)
+            else:
+                answer = self._client.read_input_registers(
+                    STATUS, count=REGISTERS, device_id=DEVICE_ID
+                )
+        except self._errors as error:
+            self._trouble = str(error)
+            return None
+        if answer.isError() or (news is None and len(answer.registers) != REGISTERS):
+            self._trouble = f"it answered {answer}"
+            return None
+        self.round_trips.append(time.perf_counter() - start)
+        return answer.registers
+
+    def _ask(self) -> bool:
+        """Read the status; whether an answer came."""
+        registers = self._exchange(None)
+        if registers is None:
+            return False
+        status = Status.of(registers)
+        self._newest = self._clock.now(), status
+        self._was_active |= status.is_activated
+        return True
+
+    def _open(self) -> bool:
+        """Open the port; whether that worked."""
+        self._next_open = self._clock.now() + REOPEN_S
+        if not self._client.connect():
+            return False
+        try:
+            self._client.socket.set_low_latency_mode(True)
+            self.is_low_latency = True
+        except (OSError, ValueError, NotImplementedError, AttributeError):
+            self.is_low_latency = False  # a port that has no such mode
+        return True
+
+
+def _why(port: str) -> str:
+    """Why a port cannot be opened, in a sentence."""
+    try:
+        with open(port, "r+b", buffering=0):  # noqa: PTH123 - a device
+            return "another program uses it."
+    except OSError as error:
+        return f"{error.strerror}."

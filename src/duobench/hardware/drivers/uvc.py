@@ -1,0 +1,166 @@
+"""Cameras that Linux knows as video devices, and films played in their place, both by PyAV.
+
+A ZED Mini is such a device: it gives both lenses side by side, of which the left one is kept.
+Tried with files and generated images, and on no camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import av
+import numpy as np
+from av.error import FFmpegError
+
+from duobench.backend import Image
+from duobench.errors import BackendError
+from duobench.hardware.clock import Clock, Ticker
+from duobench.hardware.drivers.frames import CameraFacts, LatestFrame, ThreadedCamera
+from duobench.hardware.drivers.v4l2 import lock_exposure
+from duobench.hardware.rig import CameraConfig
+
+GENERATED = "lavfi:"
+"""Begins a device that FFmpeg generates: lavfi:testsrc2=size=1280x720:rate=30."""
+MOST_DELAY_S = 1.0
+"""Most seconds between the time of a frame and its arrival, if both are of one clock."""
+
+
+class UvcCamera(ThreadedCamera):
+    """A video device."""
+
+    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+        """Know a camera; `config.device` is its device file, best one of /dev/v4l/by-id/."""
+        super().__init__(config, clock, name)
+        self._container: Any = None
+        self._frames: Iterator[Any] = iter(())
+        self._last: tuple[int, float] | None = None
+
+    def _open(self) -> None:
+        config, device = self.config, self.config.device
+        lock_exposure(device, config.exposure_us, config.gain)
+        height, width = config.size
+        options = {
+            "video_size": f"{width * (2 if config.is_side_by_side else 1)}x{height}",
+            "framerate": str(config.fps),
+            "input_format": "yuyv422",
+        }
+        self._container = opened(self.name, device, "v4l2", options)
+        self._frames = self._container.decode(video=0)
+        self._last = None
+        self.facts = CameraFacts(name=device, exposure_us=config.exposure_us, gain=config.gain)
+
+    def _wait(self) -> tuple[Image, float, int]:
+        try:
+            frame = next(self._frames)
+        except (FFmpegError, StopIteration) as error:
+            raise BackendError(f"{self.config.device} gives no more images ({error})") from error
+        now = self.clock.now()
+        is_dated = frame.time is not None and 0.0 <= now - frame.time <= MOST_DELAY_S
+        time_s = frame.time if is_dated else now
+        index = 0
+        if self._last is not None:
+            passed = round((time_s - self._last[1]) * self.config.fps) if is_dated else 1
+            index = self._last[0] + max(1, passed)
+        self._last = index, time_s
+        return pixels(frame, is_side_by_side=self.config.is_side_by_side), time_s, index
+
+    def _shut(self) -> None:
+        if self._container is not None:
+            self._container.close()
+            self._container = None
+
+
+class FileCamera(LatestFrame):
+    """A film, an image, or what FFmpeg generates, played again and again at the camera's rate."""
+
+    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+        """Know a film; `config.device` is its file, or begins with `lavfi:`."""
+        super().__init__(config, clock, name)
+        self._container: Any = None
+        self._frames: Iterator[Any] = iter(())
+        self._ticker: Ticker | None = None
+        self._index = 0
+
+    def connect(self) -> None:
+        """Open the film, and begin to play it.
+
+        Raises:
+            BackendError: It cannot be read, or its images have another size.
+        """
+        if self._ticker is not None:
+            return
+        self._index = 0
+        self.begin()
+        try:
+            self._play()
+        except BackendError:
+            self.close()
+            raise
+        self.facts = CameraFacts(name=self.config.device)
+        self._ticker = self.clock.every(1.0 / self.config.fps, self._tick, f"camera {self.name}")
+
+    def close(self) -> None:
+        """Close the film; closing twice is harmless."""
+        self.end()
+        if self._ticker is not None:
+            self._ticker.stop()
+            self._ticker = None
+        if self._container is not None:
+            self._container.close()
+            self._container = None
+
+    def _tick(self) -> None:
+        try:
+            self._play()
+        except BackendError as error:
+            self.trouble = str(error)
+
+    def _play(self) -> None:
+        frame = self._next() if self._container is not None else None
+        if frame is None:  # at the beginning, and at each end
+            if self._container is not None:
+                self._container.close()
+            device = self.config.device
+            is_generated = device.startswith(GENERATED)
+            self._container = opened(
+                self.name, device.removeprefix(GENERATED), "lavfi" if is_generated else None
+            )
+            self._frames = self._container.decode(video=0)
+            frame = self._next()
+        if frame is None:
+            raise BackendError(f"{self.config.device} holds no images.")
+        image = pixels(frame, is_side_by_side=self.config.is_side_by_side)
+        index, self._index = self._index, self._index + 1
+        self.publish(image, self.clock.now(), index)
+
+    def _next(self) -> Any:
+        """The next frame; None at the end."""
+        try:
+            return next(self._frames, None)
+        except FFmpegError as error:
+            raise BackendError(f"{self.config.device} cannot be decoded: {error}") from error
+
+
+def opened(name: str, device: str, kind: str | None, options: dict[str, str] | None = None) -> Any:
+    """A container of PyAV with a stream of images.
+
+    Raises:
+        BackendError: It cannot be opened, or has no images.
+    """
+    try:
+        container = av.open(device, format=kind, options=options or {})
+    except (FFmpegError, ValueError) as error:
+        raise BackendError(f"The camera {name} cannot be opened at {device!r}: {error}") from error
+    if not container.streams.video:
+        container.close()
+        raise BackendError(f"{device} of the camera {name} holds no images.")
+    return container
+
+
+def pixels(frame: Any, *, is_side_by_side: bool) -> Image:
+    """Red, green, blue (height, width, 3) of a decoded frame; the left half of two lenses."""
+    image = frame.to_ndarray(format="rgb24")
+    if is_side_by_side:
+        image = image[:, : image.shape[1] // 2]
+    return np.ascontiguousarray(image)

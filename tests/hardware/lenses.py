@@ -1,0 +1,39 @@
+"""Lenses for tests, and images that are seen through them."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from duobench.hardware.canonical import distorted
+from duobench.hardware.rig import CameraCalibration
+from duobench.types import Array
+
+UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+ZED = CameraCalibration(
+    fx=700.0,
+    fy=702.0,
+    cx=651.3,
+    cy=352.9,
+    distortion=(-0.17, 0.027, 0.0004, -0.0003, 0.0),
+    pose=UNPOSED,
+)
+"""A lens such as that of a ZED Mini: wider than the canonical one, and distorted."""
+D405 = CameraCalibration(fx=641.0, fy=640.2, cx=637.1, cy=363.4, pose=UNPOSED)
+
+
+def undistorted(pixels: Array, lens: CameraCalibration) -> Array:
+    """Directions (..., 2) that a lens shows in pixels (..., 2), by Newton's method."""
+    middle, focal = np.array([lens.cx, lens.cy]), np.array([lens.fx, lens.fy])
+    found = (pixels - middle) / focal
+    for _ in range(8):
+        found = found - (distorted(found, lens) - pixels) / focal
+    return found
+
+
+@cache
+def directions_of(lens: CameraCalibration, size: tuple[int, int] = (720, 1280)) -> Array:
+    """Where every pixel of a lens looks (height, width, 2)."""
+    rows, columns = np.mgrid[0 : size[0], 0 : size[1]]
+    return undistorted(np.stack([columns, rows], axis=-1).astype(float), lens)

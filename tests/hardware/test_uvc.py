@@ -1,0 +1,205 @@
+"""Cameras behind PyAV, with generated images and files."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from duobench.errors import BackendError
+from duobench.hardware.clock import SystemClock, VirtualClock
+from duobench.hardware.devices import FaultKind, Frame
+from duobench.hardware.drivers.frames import ThreadedCamera
+from duobench.hardware.drivers.uvc import FileCamera, UvcCamera
+from duobench.hardware.drivers.v4l2 import lock_exposure
+from duobench.hardware.rig import CameraConfig, CameraDriver
+
+COUNT = 12
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve frames of two lenses: the left one grows brighter, the right one is blue."""
+    path = tmp_path_factory.mktemp("film") / "zed.mkv"
+    with av.open(path, "w") as container:
+        stream = container.add_stream("ffv1", rate=30)
+        stream.width, stream.height, stream.pix_fmt = 2560, 720, "bgr0"
+        for number in range(COUNT):
+            image = np.zeros((720, 2560, 3), np.uint8)
+            image[:, :1280] = 20 * number
+            image[:, 1280:, 2] = 255
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+        container.mux(stream.encode())
+    return path
+
+
+def config_of(device: str, **options: object) -> CameraConfig:
+    return CameraConfig(driver=CameraDriver.FILE, device=device, **options)  # type: ignore[arg-type]
+
+
+def test_the_left_lens_is_played_again_and_again(film: Path) -> None:
+    clock, seen = VirtualClock(), []
+    camera = FileCamera(config_of(str(film), is_side_by_side=True), clock, "head")
+    assert camera.latest() is None
+    camera.connect()
+    camera.listen(seen.append)
+    clock.wait_until(0.9 + 1e-9)
+    camera.listen(None)
+    clock.wait_until(1.0)
+    camera.close()
+    camera.close()
+    assert [frame.index for frame in seen] == list(range(1, 28))
+    assert [int(frame.image[0, 0, 0]) for frame in seen] == [
+        20 * (number % COUNT) for number in range(1, 28)
+    ]
+    np.testing.assert_allclose([frame.time_s for frame in seen], np.arange(1, 28) / 30)
+    assert all(frame.image.shape == (720, 1280, 3) for frame in seen)
+    assert not any(frame.image[..., 2].max() == 255 for frame in seen)
+
+
+def test_frames_cannot_be_written_into(film: Path) -> None:
+    camera = FileCamera(config_of(str(film), is_side_by_side=True), VirtualClock(), "head")
+    camera.connect()
+    frame = camera.latest()
+    camera.close()
+    assert frame is not None
+    with pytest.raises(ValueError, match="read-only"):
+        frame.image[0, 0, 0] = 1
+
+
+def test_generated_images_come_at_the_rate_of_the_camera() -> None:
+    clock = VirtualClock()
+    device = "lavfi:testsrc2=size=1280x720:rate=15"
+    camera = FileCamera(config_of(device, fps=15), clock, "head")
+    camera.connect()
+    clock.wait_until(1.0 + 1e-9)
+    frame = camera.latest()
+    assert frame is not None
+    assert frame.index == 15
+    assert camera.fault is None
+    camera.close()
+
+
+@pytest.mark.parametrize(
+    ("device", "options", "complaint"),
+    [
+        ("nowhere.mkv", {}, "camera head cannot be opened at 'nowhere.mkv'"),
+        ("lavfi:nothing=1", {}, "cannot be opened"),
+        ("lavfi:sine=frequency=440", {}, "holds no images"),
+        ("lavfi:testsrc2=size=640x480", {}, "gives images of 640x480, and the rig says 1280x720"),
+    ],
+)
+def test_what_is_no_film_of_the_size_is_refused(
+    device: str, options: dict[str, object], complaint: str
+) -> None:
+    clock = VirtualClock()
+    camera = FileCamera(config_of(device, **options), clock, "head")
+    with pytest.raises(BackendError, match=complaint):
+        camera.connect()
+    assert camera.fault is None
+    clock.wait_until(1.0)
+    camera.close()
+
+
+def test_a_film_that_vanishes_becomes_a_fault(film: Path, tmp_path: Path) -> None:
+    clock, copy = VirtualClock(), tmp_path / "film.mkv"
+    copy.write_bytes(film.read_bytes())
+    camera = FileCamera(config_of(str(copy), is_side_by_side=True), clock, "head")
+    camera.connect()
+    copy.unlink()
+    clock.wait_until(COUNT / 30 + 0.2)
+    assert camera.fault is None
+    clock.wait_until(COUNT / 30 + 0.5)
+    fault = camera.fault
+    camera.close()
+    assert fault is not None
+    assert fault.kind is FaultKind.COMMUNICATION
+    assert "has given no image for 0.5 s: The camera head cannot be opened" in fault.text
+
+
+def test_a_video_device_that_is_missing_is_named() -> None:
+    camera = UvcCamera(config_of("/dev/video_none"), SystemClock(), "head")
+    with pytest.raises(BackendError, match="camera head cannot be opened at '/dev/video_none'"):
+        camera.connect()
+    camera.close()
+
+
+def test_exposure_is_refused_by_what_has_none() -> None:
+    lock_exposure("/dev/null", None, None)
+    with pytest.raises(BackendError, match="/dev/null does not take manual exposure 1"):
+        lock_exposure("/dev/null", 5000.0, None)
+    with pytest.raises(BackendError, match="/dev/null does not take gain 16"):
+        lock_exposure("/dev/null", None, 16.0)
+
+
+class Numbers(ThreadedCamera):
+    """A camera whose images are computed; it may hang, or fail."""
+
+    hangs = False
+    fails = ""
+
+    def _open(self) -> None:
+        self._count = -1
+
+    def _wait(self) -> tuple[np.ndarray, float, int] | None:
+        time.sleep(0.002)
+        if self.fails:
+            raise BackendError(self.fails)
+        if self.hangs:
+            return None
+        self._count += 1
+        return np.zeros((*self.config.size, 3), np.uint8), self.clock.now(), self._count
+
+    def _shut(self) -> None:
+        pass
+
+
+def wait_for_fault(camera: ThreadedCamera) -> str:
+    end = time.monotonic() + 60.0
+    while camera.fault is None:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return camera.fault.text
+
+
+def test_a_thread_waits_for_images() -> None:
+    camera = Numbers(config_of("", size=(4, 6)), SystemClock(), "head")
+    camera.connect()
+    first = camera.latest()
+    assert first is not None
+    end = time.monotonic() + 60.0
+    while (frame := camera.latest()) is None or frame.index < first.index + 5:
+        assert time.monotonic() < end
+        time.sleep(0.005)
+    camera.hangs = True
+    assert "has given no image for" in wait_for_fault(camera)
+    camera.close()
+    assert camera.fault is None
+
+
+def test_a_camera_that_fails_says_why() -> None:
+    camera = Numbers(config_of("", size=(4, 6)), SystemClock(), "head")
+    camera.connect()
+    camera.fails = "the plug was pulled"
+    assert "the plug was pulled" in wait_for_fault(camera)
+    camera.close()
+    with pytest.raises(BackendError, match="the plug was pulled"):
+        camera.connect()
+    camera.fails = ""
+    camera.connect()
+    assert camera.latest() is not None
+    camera.close()
+
+
+def test_a_listener_that_raises_becomes_a_fault() -> None:
+    def fail(frame: Frame) -> None:
+        raise ValueError(f"the disk is full at {frame.index}")
+
+    camera = Numbers(config_of("", size=(4, 6)), SystemClock(), "head")
+    camera.connect()
+    camera.listen(fail)
+    assert "ValueError: the disk is full at" in wait_for_fault(camera)
+    camera.close()
