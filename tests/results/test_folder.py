@@ -150,8 +150,9 @@ def test_records_of_earlier_suites_and_schemas_can_be_read(tmp_path: Path) -> No
     folder = sample_folder(tmp_path / "run", run, [record])
     for path in (folder.record(LIFT.id, 0), folder.description):
         document = json.loads(path.read_text())
-        assert document.pop("schema") == 5
-        for name in ("policy_seed", "start", "end", "sent", "command", "sha256"):
+        assert document.pop("schema") == 6
+        newer = ("domain", "rig", "judged", "trained_on")
+        for name in ("policy_seed", "start", "end", "sent", "command", "sha256", *newer):
             document.pop(name, None)
         for part in (document["config"], document.get("metadata", {})):
             part.pop("object_state", None)

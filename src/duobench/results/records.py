@@ -27,6 +27,10 @@ RECORD_SCHEMA = 6
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 OLDEST_RECORD_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
+SIM, REAL, MIXED = "sim", "real", "mixed"
+"""Where something was played or recorded: in simulation, on real arms, or both."""
+DOMAINS = (SIM, REAL)
+"""Where an episode is played."""
 
 
 class SampledLayout(TypedDict, total=False):
@@ -46,6 +50,37 @@ class StateHashes:
     """SHA-256 of the full state of the simulation."""
     stages: str | None
     """SHA-256 of the stage and of what its constraints remember; None without stages."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Press:
+    """What a person who judges an episode has said at one moment."""
+
+    stage: int | None
+    """The stage that is reached, as the person sees it; None takes back the latest press that
+    stands."""
+    step: int
+    """Control steps that were executed by then."""
+    time_s: float
+    """Seconds since the episode began, on the rig's clock."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Judged:
+    """How a person judged an episode on real arms."""
+
+    rater: str
+    """Who, by a pseudonym."""
+    presses: tuple[Press, ...]
+    """Every press in the order of time, those that were taken back included."""
+    note: str = ""
+    """What the person wrote."""
+    repeated: tuple[str, ...] = ()
+    """Why earlier trials of this episode are invalid, one reason each; they were played again."""
+    stopped: str = ""
+    """Why the arms ended the episode; empty if they did not."""
+    reflex: bool = False
+    """Whether that was a reflex of an arm, which counts as a failure of the policy."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -118,6 +153,12 @@ class EpisodeRecord:
     and in records that do not have it."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
+    domain: str = SIM
+    """Where it was played: "sim" or "real"."""
+    rig: str | None = None
+    """SHA-256 of the rig on which it was played; None in simulation."""
+    judged: Judged | None = None
+    """How a person judged it; None in simulation."""
 
     def __post_init__(self) -> None:
         """Reject a record that contradicts itself."""
@@ -136,6 +177,11 @@ class EpisodeRecord:
             and not 0 <= when[0] <= when[-1] <= self.steps,
             "steps must lie in 0..horizon": not 0 <= self.steps <= self.horizon,
             "error must say something": self.error is not None and not self.error.strip(),
+            "domain must be sim or real": self.domain not in DOMAINS,
+            "an episode on real arms has a rig and is judged by a person": (
+                (self.domain == REAL) != (self.rig is not None)
+                or (self.domain == REAL) != (self.judged is not None)
+            ),
         }
         broken = [rule for rule, violated in problems.items() if violated]
         if broken:

@@ -20,7 +20,7 @@ from duobench.results.metrics import Results, Score, summarize
 from duobench.results.reader import RunReader
 from duobench.results.reporting.clipping import clipping
 from duobench.results.reporting.failures import failed_stages
-from duobench.results.reporting.identity import identity, stacks
+from duobench.results.reporting.identity import identity, stacks, trials
 from duobench.results.reporting.replays import PageReplays
 from duobench.results.reporting.times import duration, read_notes, run_times, side_by_side
 from duobench.results.reporting.videos import PageVideos
@@ -93,6 +93,9 @@ def summary_json(run: Run, results: Results) -> str:
         "policy": run.policy,
         "policy_version": run.metadata.version,
         "privileged": run.privileged,
+        "domain": run.domain,
+        "rig": run.rig,
+        "trained_on": run.trained_on,
         "suite_version": run.suite.version,
         "suite": run.suite.label,
         "suite_deviations": deviations(run.suite),
@@ -141,6 +144,7 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
         identity=identity(run),
         stacks=stacks(record for one in results.tasks for record in one.records),
         svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
+        trials=trials(record for one in results.tasks for record in one.records),
         control_rate_hz=CONTROL_HZ,
         figures=figures,
         metrics=metrics,

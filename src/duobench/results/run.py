@@ -15,7 +15,7 @@ from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
 from duobench.randomness import SUITE_VERSION
 from duobench.results.limits import TimeLimits
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import DOMAINS, MIXED, REAL, SIM, EpisodeRecord
 from duobench.results.suite import Episode, Suite
 from duobench.results.suites.shard import Shard
 
@@ -23,6 +23,8 @@ RUN_SCHEMA = 6
 """Version of the description's fields."""
 OLDEST_RUN_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
+TRAININGS = (SIM, REAL, MIXED)
+"""What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,11 +53,32 @@ class Run:
     """The command that started it, without what another machine has elsewhere; empty if none."""
     shard: Shard | None = None
     """Which part of the suite's episodes it has; None for all."""
+    domain: str = SIM
+    """Where it is played: "sim" or "real"."""
+    rig: str | None = None
+    """SHA-256 of the rig on which it is played; None in simulation."""
+    trained_on: str = ""
+    """What the policy was trained on, as whoever started the run says: "sim", "real" or "mixed";
+    empty if nobody said."""
 
     def __post_init__(self) -> None:
-        """Reject an impossible number of videos."""
+        """Reject what no run can be."""
         if self.videos < 0:
             raise EvaluationError(f"A number of videos is not negative, got {self.videos}.")
+        if self.domain not in DOMAINS or (self.domain == REAL) != (self.rig is not None):
+            raise EvaluationError(
+                f"A run is played in {' or '.join(DOMAINS)}, and on real arms it names its rig; "
+                f"got {self.domain!r} and {self.rig!r}."
+            )
+        if self.trained_on not in ("", *TRAININGS):
+            raise EvaluationError(
+                f"A policy is trained on {', '.join(TRAININGS)}; got {self.trained_on!r}."
+            )
+
+    @property
+    def is_real(self) -> bool:
+        """Whether it is played on real arms."""
+        return self.domain == REAL
 
     @property
     def privileged(self) -> bool:
@@ -106,6 +129,8 @@ class Run:
             "suite": self.suite.label,
             "execution": self.suite.execution,
             "max_stage": episode.task.max_stage,
+            "domain": self.domain,
+            "rig": self.rig,
         }
         if self.suite.version == SUITE_VERSION:  # seeds of another one are not known here
             expected |= {"seed": episode.seed, "policy_seed": episode.policy_seed}
@@ -142,6 +167,9 @@ class Run:
             **_fields("time limit", self.limits),
             **(_fields("policy's", self.metadata) if with_metadata else {}),
             "batches": self.batching,
+            "domain": self.domain,
+            "rig": self.rig,
+            "trained on": self.trained_on,
             **_fields("environment's", self.config),
             **{f"version of {name}": value for name, value in self.versions.items()},
         }

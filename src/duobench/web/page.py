@@ -75,9 +75,14 @@ def live_page() -> str:
 
 
 @cache
-def assets() -> Mapping[str, tuple[str, bytes]]:
-    """What a server gives out, by path: content type and content; the page itself is at `/`."""
-    found = {"/": (_HTML, live_page().encode())}
+def assets(page: str = "live_page.html") -> Mapping[str, tuple[str, bytes]]:
+    """What a server gives out, by path: content type and content; the page itself is at `/`.
+
+    Args:
+        page: Template of the page: "live_page.html" shows the table in 3D, "trials_page.html" is
+            that of the operator of real arms, "rating_page.html" that of a rater of films.
+    """
+    found = {"/": (_HTML, pages.render(_PACKAGE, page).encode())}
     for file in sorted(_ASSETS.iterdir(), key=lambda file: file.name):
         kind = _TYPES.get(file.name[file.name.rfind(".") :])
         if kind is not None:

@@ -35,13 +35,16 @@ SOCKET_PATH = "/ws"
 MAX_PEERS = 32
 """Browsers at a time."""
 MAX_SCENES = 64
-"""Scenes that are kept; the oldest one gives way."""
+"""Scenes that are kept, and so many images; the oldest one gives way."""
+IMAGE_KINDS = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG": "image/png", b"\x1aE\xdf\xa3": "video/webm"}
+"""Content types of images and films, by their first bytes."""
 _PING_S = 10.0
 """How often a browser is asked whether it lives, and how long it may take to say so, in seconds."""
 _TIMEOUT_S = 2.0
 """Seconds for opening a connection, and for saying goodbye."""
 _LOOK_S = 0.01
 """How often is looked whether browsers have taken what waits, in seconds."""
+_NAME = r"[\w.-]{1,100}"
 _SECURITY = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
@@ -85,6 +88,7 @@ class PageServer:
         self._admission = Admission(token, names)
         self._files = {path: (kind, _compressed(body)) for path, (kind, body) in assets.items()}
         self._scenes: dict[str, bytes] = {}
+        self._images: dict[str, tuple[str, bytes]] = {}
         self._latest: dict[str, str | bytes] = {}
         self._peers = Peers()
         self.on_message: Callable[[bool, bytes], str | None] = lambda _is_driver, _data: None
@@ -124,7 +128,7 @@ class PageServer:
         Raises:
             ServingError: The name is none.
         """
-        if not re.fullmatch(r"[\w.-]{1,100}", name, re.ASCII):
+        if not re.fullmatch(_NAME, name, re.ASCII):
             raise ServingError(f"A scene cannot be named {name!r}: letters, digits, '_', '-', '.'.")
         self._scenes.pop(name, None)
         self._scenes[name] = data
@@ -133,8 +137,29 @@ class PageServer:
         url = f"/scene/{name}.bin?token={self._admission.token}"
         self._call(self._show_scene, encode(kind="scene", name=name, url=url))
 
+    def publish_image(self, name: str, data: bytes) -> str:
+        """Give an image or a film out from now on.
+
+        Args:
+            name: Its name: letters, digits, '_', '-' and '.'.
+            data: JPEG, PNG or WebM.
+
+        Returns:
+            Its address on this server, with the token.
+
+        Raises:
+            ServingError: The name is none, or the data are of another kind.
+        """
+        kind = next((kind for sign, kind in IMAGE_KINDS.items() if data.startswith(sign)), None)
+        if kind is None or not re.fullmatch(_NAME, name, re.ASCII):
+            raise ServingError(f"A page shows JPEG, PNG or WebM by a plain name, got {name!r}.")
+        kept = {other: self._images[other] for other in self._images if other != name}
+        names = list(kept)[-(MAX_SCENES - 1) :]
+        self._images = {other: kept[other] for other in names} | {name: (kind, data)}
+        return f"/image/{name}?token={self._admission.token}"
+
     def publish_frame(self, frame: bytes) -> None:
-        """Show a frame; see `web.messages.pack_frame`."""
+        """Show a frame; see `web.messages.pack_frame`, or a JPEG where a page shows images."""
         self._call(self._show, FRAME, frame)
 
     def publish_status(self, status: Mapping[str, Any]) -> None:
@@ -225,6 +250,9 @@ class PageServer:
         scene = re.fullmatch(r"/scene/([\w.-]+)\.bin", url.path, re.ASCII)
         if scene and (data := self._scenes.get(scene[1])) is not None:
             return _found("application/octet-stream", (data, None), request)
+        image = re.fullmatch(r"/image/([\w.-]+)", url.path, re.ASCII)
+        if image and (shown := self._images.get(image[1])) is not None:
+            return _found(shown[0], (shown[1], None), request)
         if url.path in self._files:
             return _found(*self._files[url.path], request)
         return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")

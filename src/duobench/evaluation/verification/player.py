@@ -16,7 +16,7 @@ from duobench.errors import EvaluationError, UnknownNameError
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Watcher
 from duobench.randomness import SUITE_VERSION
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import REAL, EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode, TaskInfo, find_tasks
 from duobench.tasks import catalog
@@ -138,6 +138,8 @@ def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
 
 def obstacle(record: EpisodeRecord) -> str:
     """Why a record of a known task cannot be played again; empty if it can."""
+    if record.domain == REAL:
+        return "It was played on real arms and judged by a person, which cannot be played again."
     if record.suite_version != SUITE_VERSION:
         return (
             f"It is an episode of suite {record.suite_version}; this version plays suite "

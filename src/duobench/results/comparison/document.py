@@ -45,6 +45,8 @@ def _entrant(one: Entrant) -> dict[str, Any]:
             "policy": run.policy,
             "policy_version": run.metadata.version,
             "privileged": run.privileged,
+            "domain": run.domain,
+            "trained_on": run.trained_on,
             "suite_version": run.suite.version,
             "look": run.suite.look,
             "first_episode": run.suite.first_episode,

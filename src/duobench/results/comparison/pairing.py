@@ -56,7 +56,10 @@ def same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pai
 
 def differing_conditions(a: Run, b: Run) -> list[str]:
     """What was not the same around the two policies, one phrase each."""
-    found = [
+    found = [] if a.domain == b.domain else [f"domain {a.domain} and {b.domain}"]
+    if a.is_real and b.is_real and a.rig != b.rig:
+        found.append("another rig")
+    found += [
         f"{name.replace('_', ' ')} {_named(ours)} and {_named(theirs)}"
         for name in _CONDITIONS
         if (ours := getattr(a.config, name)) != (theirs := getattr(b.config, name))

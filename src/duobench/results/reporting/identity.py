@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from duobench.results.records import EpisodeRecord
@@ -29,10 +30,12 @@ def identity(run: Run) -> Facts:
     return {
         "Policy": run.policy if policy.name == run.policy else f"{run.policy} ({policy.name})",
         "Its version": policy.version or UNKNOWN,
+        **({"Trained on": run.trained_on} if run.trained_on else {}),
+        **({"Rig": run.rig[:12]} if run.rig else {}),
         "Suite": _suite(run),
         "Tasks": ", ".join(task.id for task in suite.tasks),
         "Episodes": f"{_indices(suite)}, {suite.episodes} of each task{_shard(run)}",
-        "Look": suite.look,
+        **({} if run.is_real else {"Look": suite.look}),
         "Cameras": images,
         "Other observations": ", ".join(filter(None, ("joints, openings, tool poses", objects))),
         "Action mode": config.action_mode,
@@ -50,6 +53,22 @@ def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
     """Machines and software that records come from, each combination once."""
     found = dict.fromkeys(tuple(record.versions.items()) for record in records)
     return [_stack(dict(versions)) for versions in found]
+
+
+def trials(records: Iterable[EpisodeRecord]) -> Facts:
+    """What became of trials on real arms; nothing in simulation."""
+    judged = [record.judged for record in records if record.judged is not None]
+    if not judged:
+        return {}
+    invalid = Counter(reason for each in judged for reason in each.repeated)
+    reasons = "; ".join(f"{reason} ({count})" for reason, count in sorted(invalid.items()))
+    return {
+        "Judged by": ", ".join(sorted({each.rater for each in judged})),
+        "Presses": f"{sum(len(each.presses) for each in judged)}, of which "
+        f"{sum(press.stage is None for each in judged for press in each.presses)} take one back",
+        "Invalid trials, played again": f"{invalid.total()}: {reasons}" if invalid else "none",
+        "Stopped by a reflex": str(sum(each.reflex for each in judged)),
+    }
 
 
 def _stack(versions: Mapping[str, str | None]) -> Facts:

@@ -1,56 +1,11 @@
 // The page of a server: shows its frames and status, and lets people drive where it takes hands.
 
+import { Connection } from "./connection.js";
 import { Status } from "./status.js";
 import { View } from "./view.js";
 
-const RETRY_MS = [500, 1000, 2000, 4000]; // until the server is called again
 const PING_MS = 2000;
 const FRAME_HEAD = 16; // bytes of a frame before its poses
-
-/** A connection that is made anew when it is lost; speaks like a WebSocket, events included. */
-class Connection extends EventTarget {
-  #socket = null;
-  #tries = 0;
-
-  constructor(url) {
-    super();
-    this.#connect(url);
-  }
-
-  get bufferedAmount() {
-    return this.#socket.bufferedAmount;
-  }
-
-  get isOpen() {
-    return this.#socket.readyState === WebSocket.OPEN;
-  }
-
-  send(text) {
-    if (this.isOpen) this.#socket.send(text);
-  }
-
-  tell(message) {
-    this.send(JSON.stringify(message));
-  }
-
-  #connect(url) {
-    const socket = new WebSocket(url);
-    socket.binaryType = "arraybuffer";
-    this.#socket = socket;
-    socket.addEventListener("open", () => {
-      this.#tries = 0;
-      this.dispatchEvent(new Event("open"));
-    });
-    socket.addEventListener("message", ({ data }) =>
-      this.dispatchEvent(new MessageEvent("message", { data })),
-    );
-    socket.addEventListener("close", () => {
-      this.dispatchEvent(new Event("close"));
-      const wait = RETRY_MS[Math.min(this.#tries++, RETRY_MS.length - 1)];
-      setTimeout(() => this.#connect(url), wait);
-    });
-  }
-}
 
 /** What comes from the server, on the page. */
 class Live {
@@ -64,10 +19,7 @@ class Live {
   constructor() {
     const canvas = document.querySelector("canvas");
     this.#view = new View(canvas);
-    const url = new URL("/ws", location.href);
-    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-    url.search = location.search; // holds the token
-    this.#connection = new Connection(url.href);
+    this.#connection = Connection.home();
     this.#status = new Status(document, (message) => this.#connection.tell(message));
     this.#connection.addEventListener("open", () => {
       this.#scene = null;

@@ -1,0 +1,146 @@
+"""The log of an evaluation on real arms: every press of a person, on the disk at once.
+
+One JSON object a line. What was pressed counts, whatever happens to the process afterwards: a trial
+that the log does not close was cut, and is played again.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import msgspec
+
+from duobench.errors import FileError
+from duobench.files import make_folder, writing
+from duobench.results.records import Press
+
+
+class Kind(StrEnum):
+    """What an entry is about."""
+
+    BEGIN = "begin"
+    """A trial begins: objects are to be placed."""
+    PLACED = "placed"
+    """The objects are where they shall be."""
+    START = "start"
+    """The policy begins to play."""
+    PRESS = "press"
+    """A stage was pressed, or a press taken back."""
+    HOLD = "hold"
+    """Somebody brought the arms to rest."""
+    END = "end"
+    """The policy plays no more."""
+    AT_END = "at_end"
+    """Whether the last stage still held at the end."""
+    NOTE = "note"
+    """A person's remark."""
+    VALID = "valid"
+    """The trial counts."""
+    INVALID = "invalid"
+    """It does not, and is played again."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Entry:
+    """One line of the log."""
+
+    kind: Kind
+    """What it is about."""
+    trial: int
+    """Number of the trial."""
+    attempt: int
+    """How often the trial was tried with this one, from 1 on."""
+    text: str = ""
+    """Reason of an end, a hold or an invalid trial; a note; what plays."""
+    stage: int | None = None
+    """Of a press: the stage; None takes the latest one back."""
+    step: int | None = None
+    """Control steps of the episode by then."""
+    time_s: float | None = None
+    """Seconds of the episode by then, on the rig's clock."""
+    yes: bool | None = None
+    """Whether the last stage still held; whether an invalid trial was found so by a machine."""
+    at: str = ""
+    """Date and time of day in UTC, for people; nothing depends on it."""
+
+
+def press_entry(press: Press, trial: int, attempt: int, at: str) -> Entry:
+    """The line of a press."""
+    return Entry(
+        kind=Kind.PRESS,
+        trial=trial,
+        attempt=attempt,
+        stage=press.stage,
+        step=press.step,
+        time_s=press.time_s,
+        at=at,
+    )
+
+
+class TrialLog:
+    """A log that is written by one process, from any of its threads."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a log, or begin one; half a line, left by a killed process, is removed.
+
+        Raises:
+            FileError: A line is damaged that is not the last one.
+            OutputError: The file cannot be written.
+        """
+        self.path = path
+        self._lock = threading.Lock()
+        make_folder(path.parent)
+        with writing(path):
+            self._file = path.open("ab")
+            content = path.read_bytes()
+            whole = content.rfind(b"\n") + 1
+            if whole < len(content):
+                self._file.truncate(whole)
+        self._entries = list(read_entries(path))
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Everything so far."""
+        with self._lock:
+            return tuple(self._entries)
+
+    def add(self, entry: Entry) -> None:
+        """Write a line; it is on the disk when this returns.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        line = msgspec.json.encode(_short(entry)) + b"\n"
+        with self._lock, writing(self.path):
+            self._file.write(line)
+            self._file.flush()
+            os.fsync(self._file.fileno())
+            self._entries.append(entry)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
+def read_entries(path: Path) -> Iterable[Entry]:
+    """The lines of a log; half a line at the end is left out.
+
+    Raises:
+        FileError: The file cannot be read, or a line is damaged.
+    """
+    try:
+        lines = path.read_bytes().split(b"\n")[:-1]
+        return [msgspec.json.decode(line, type=Entry) for line in lines]
+    except (OSError, msgspec.MsgspecError) as error:
+        raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
+
+
+def _short(entry: Entry) -> dict[str, object]:
+    """An entry without what it does not say; a press that takes back says `null`."""
+    kept = {name: value for name, value in asdict(entry).items() if value not in (None, "")}
+    return kept | ({"stage": entry.stage} if entry.kind is Kind.PRESS else {})

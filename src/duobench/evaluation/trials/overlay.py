@@ -1,0 +1,128 @@
+"""What lies over the live image while objects are placed: the layout, and the robot as measured.
+
+Both are rendered by the simulation, from where the head camera was measured to be. Where robot and
+ghost do not agree in the image, the calibration is wrong, and so is the layout.
+"""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Pillow
+
+from duobench.backend import Image
+from duobench.errors import RenderingError
+from duobench.hardware.rig import Rig
+from duobench.robot.cameras import (
+    MUJOCO_FROM_OPENCV,
+    NATIVE_HEIGHT,
+    NATIVE_WIDTH,
+    TABLE_FROM_HEAD,
+)
+from duobench.sim.layout import Layout
+from duobench.sim.placement import first_valid
+from duobench.sim.rendering import Renderer
+from duobench.sim.simulation import Simulation
+from duobench.spatial import SE3
+from duobench.tasks.task import Task
+from duobench.types import HEAD, SIDES, Array, DuoCommand
+
+GHOST_OPACITY = 0.55
+"""Opacity of the robot's ghost."""
+_JPEG_QUALITY = 85
+
+
+class Overlay:
+    """Layouts of a task, and images of them from the head camera of a rig."""
+
+    def __init__(self, task: Task, rig: Rig) -> None:
+        """Compile the task's model; no OpenGL before the first image."""
+        self._task = task
+        self._simulation = Simulation(task.props)
+        self._renderer: Renderer | None = None
+        self.table_from_head = head_pose(rig)
+        """Pose of the head camera in the table frame, with MuJoCo's axes."""
+        camera = self._simulation.model.camera(HEAD)
+        camera.pos[:] = self.table_from_head.translation
+        camera.quat[:] = self.table_from_head.wxyz
+
+    def layout(self, seed: int, split: str) -> Layout:
+        """The layout of a seed, the same that the simulated environment begins with.
+
+        Raises:
+            LayoutError: There is none.
+        """
+        sampled = first_valid(self._simulation, self._task.layouts(seed, split), self._task.id)
+        return Layout.from_json(sampled.to_json())
+
+    def rendering(self, layout: Layout, joints: Array) -> bytes | None:
+        """The whole scene as the head camera would see it, as JPEG; None where nothing renders.
+
+        Args:
+            layout: Where the objects are.
+            joints: Measured joints (2, 7) in radians.
+        """
+        image = self._render(layout, joints)
+        return None if image is None else jpeg(image)
+
+    def ghost(self, layout: Layout, joints: Array) -> bytes | None:
+        """The robot alone on a transparent ground, as PNG; None where nothing renders.
+
+        Args:
+            layout: Where the objects are, which may hide a part of it.
+            joints: Measured joints (2, 7) in radians.
+        """
+        image = self._render(layout, joints)
+        if image is None or self._renderer is None:
+            return None
+        seen = self._renderer.segment(self._simulation.data, HEAD)
+        alpha = np.isin(seen, self._robot_geoms()) * round(255 * GHOST_OPACITY)
+        return _png(np.dstack([image, alpha.astype(np.uint8)]))
+
+    def close(self) -> None:
+        """Free what images need."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _render(self, layout: Layout, joints: Array) -> Image | None:
+        simulation = self._simulation
+        simulation.reset_data()
+        simulation.duo.set_configuration(DuoCommand(joints=joints, openings=np.ones(2)))
+        simulation.apply(layout)
+        if self._renderer is None:
+            self._renderer = Renderer(simulation.model, height=NATIVE_HEIGHT, width=NATIVE_WIDTH)
+        try:
+            return self._renderer.render(simulation.data, HEAD)
+        except RenderingError:
+            return None  # outlines and numbers are there without
+
+    def _robot_geoms(self) -> NDArray[np.intp]:
+        """Geoms of both arms and grippers."""
+        model = self._simulation.model
+        bodies = [model.body(int(number)).name for number in model.geom_bodyid]
+        sides = tuple(f"{side}/" for side in SIDES)
+        return np.flatnonzero([name.startswith(sides) for name in bodies])
+
+
+def head_pose(rig: Rig) -> SE3:
+    """Pose of a rig's head camera in the table frame, with MuJoCo's axes; nominal until measured."""
+    camera = rig.cameras.get(HEAD)
+    if camera is None or camera.calibration is None:
+        return TABLE_FROM_HEAD
+    return SE3.from_tquat(camera.calibration.pose) @ MUJOCO_FROM_OPENCV.inverse()
+
+
+def jpeg(image: Image) -> bytes:
+    """An image (height, width, 3) as JPEG."""
+    buffer = io.BytesIO()
+    Pillow.fromarray(image).save(buffer, "JPEG", quality=_JPEG_QUALITY)
+    return buffer.getvalue()
+
+
+def _png(image: Image) -> bytes:
+    buffer = io.BytesIO()
+    Pillow.fromarray(image, "RGBA").save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()

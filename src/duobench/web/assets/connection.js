@@ -1,0 +1,56 @@
+// The connection of a page to its server.
+
+const RETRY_MS = [500, 1000, 2000, 4000]; // until the server is called again
+
+/** A connection that is made anew when it is lost; speaks like a WebSocket, events included. */
+export class Connection extends EventTarget {
+  #socket = null;
+  #tries = 0;
+
+  /** To the server of this page. */
+  static home() {
+    const url = new URL("/ws", location.href);
+    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    url.search = location.search; // holds the token
+    return new Connection(url.href);
+  }
+
+  constructor(url) {
+    super();
+    this.#connect(url);
+  }
+
+  get bufferedAmount() {
+    return this.#socket.bufferedAmount;
+  }
+
+  get isOpen() {
+    return this.#socket.readyState === WebSocket.OPEN;
+  }
+
+  send(text) {
+    if (this.isOpen) this.#socket.send(text);
+  }
+
+  tell(message) {
+    this.send(JSON.stringify(message));
+  }
+
+  #connect(url) {
+    const socket = new WebSocket(url);
+    socket.binaryType = "arraybuffer";
+    this.#socket = socket;
+    socket.addEventListener("open", () => {
+      this.#tries = 0;
+      this.dispatchEvent(new Event("open"));
+    });
+    socket.addEventListener("message", ({ data }) =>
+      this.dispatchEvent(new MessageEvent("message", { data })),
+    );
+    socket.addEventListener("close", () => {
+      this.dispatchEvent(new Event("close"));
+      const wait = RETRY_MS[Math.min(this.#tries++, RETRY_MS.length - 1)];
+      setTimeout(() => this.#connect(url), wait);
+    });
+  }
+}

@@ -1,0 +1,243 @@
+// The operator's page: place the objects, start a policy, judge what it did.
+
+import { Connection } from "./connection.js";
+import { make } from "./controls.js";
+import { Judging } from "./judging.js";
+import { Overlay } from "./overlay.js";
+
+const ALIVE_MS = 500; // the arms are held where this page is silent for longer
+const PHASES = {
+  placing: ["Place the objects", "Put each object where its outline is, then press Placed."],
+  ready: ["Ready", "Step back. The arms move once you start the policy."],
+  moving: ["The arms go home", "Slowly. Stay away from them."],
+  playing: ["The policy plays", "Press the number of each stage when it is reached."],
+  judging: ["Judge the trial", "The arms are held. Correct what is wrong, then close the trial."],
+  over: ["All trials are played", "The names of the policies stand in the table."],
+};
+const BUTTONS = {
+  home: ["placing", "ready"],
+  placed: ["placing"],
+  place_again: ["ready"],
+  start: ["ready"],
+};
+
+/** The page. */
+class Trials {
+  #connection = Connection.home();
+  #overlay = new Overlay(document);
+  #judging = new Judging(document);
+  #status = null;
+  #trial = "";
+  #isDriver = false;
+  #table = "";
+
+  constructor() {
+    const connection = this.#connection;
+    connection.addEventListener("open", () => {
+      this.#link(true);
+      this.#tell("drive");
+    });
+    connection.addEventListener("close", () => {
+      this.#isDriver = false;
+      this.#link(false);
+      this.#allow();
+    });
+    connection.addEventListener("message", ({ data }) => {
+      if (typeof data === "string") this.#receive(JSON.parse(data));
+      else this.#overlay.draw(data);
+    });
+    setInterval(() => this.#isDriver && this.#tell("alive"), ALIVE_MS);
+    this.#judging.onStage = (stage) => this.#tell("stage", { stage });
+    this.#judging.onUndo = () => this.#tell("undo");
+    for (const kind of ["hold", "home", "placed", "place_again", "start", "recover"]) {
+      part(`#${kind}`).addEventListener("click", () => this.#tell(kind));
+    }
+    part("#closing").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#tellNote();
+      this.#tell("finish");
+    });
+    part("#note").addEventListener("change", () => this.#tellNote());
+    part("#spoiled").addEventListener("submit", (event) => {
+      event.preventDefault();
+      const reason = part("#reason").value.trim();
+      if (reason) this.#tell("invalid", { reason });
+      else this.#say("Say why the trial is invalid.");
+    });
+    for (const choice of document.querySelectorAll("[name=holds]")) {
+      choice.addEventListener("change", () => this.#tell("at_end", { holds: choice.value === "yes" }));
+    }
+    document.addEventListener("keydown", (event) => this.#hold(event), true);
+    document.addEventListener("keyup", (event) => this.#isHoldKey(event) && stop(event), true);
+    part(".role").addEventListener("click", (event) => {
+      if (event.target.matches("button")) this.#tell("take_over");
+    });
+  }
+
+  #tell(kind, fields = {}) {
+    this.#connection.tell({ kind, ...fields });
+  }
+
+  #tellNote() {
+    const text = part("#note").value.trim().replace(/\s+/g, " ");
+    if (text !== (this.#status?.note ?? "")) this.#tell("note", { text });
+  }
+
+  /** The space bar holds while arms may move, whatever has the focus. */
+  #isHoldKey(event) {
+    return event.key === " " && ["moving", "playing"].includes(this.#status?.phase);
+  }
+
+  #hold(event) {
+    if (!this.#isHoldKey(event)) return;
+    stop(event);
+    this.#tell("hold");
+  }
+
+  #receive(message) {
+    if (message.kind === "status") this.#show(message);
+    else if (message.kind === "role") this.#showRole(message);
+    else if (message.kind === "refused") this.#say(message.reason);
+  }
+
+  #show(status) {
+    this.#status = status;
+    const { phase, trial, blind } = status;
+    document.title = `${status.title} · Trials · DuoBench`;
+    write("h1", status.title);
+    const again = trial.attempt > 1 ? `, attempt ${trial.attempt}` : "";
+    const hidden = blind ? " (name hidden)" : "";
+    write(
+      ".where",
+      `Trial ${trial.number} of ${trial.of}${again} · ${trial.policy}${hidden} · episode ` +
+        `${trial.episode} · ${trial.invalid} invalid so far`,
+    );
+    const [title, todo] = PHASES[phase];
+    write(".state", title);
+    write(".todo", todo);
+    write(".instruction", `“${trial.instruction}”`);
+    write(".note", status.message);
+    write(".problem", status.fault && `Fault: ${status.fault}`);
+    write(".clock", `${status.time_s.toFixed(1)} s · step ${status.step} of ${status.horizon}`);
+    this.#showVariants(trial.variants);
+    const isPlacing = ["placing", "ready"].includes(phase);
+    this.#overlay.show({ ...status, isPlacing });
+    this.#showFootprints(status.footprints);
+    const name = `${trial.number}.${trial.attempt}`;
+    if (name !== this.#trial) this.#begin(name);
+    this.#allow();
+    this.#showResults(status);
+  }
+
+  /** Empty what belonged to the trial before. */
+  #begin(name) {
+    this.#trial = name;
+    part("#note").value = "";
+    part("#reason").value = "";
+    for (const choice of document.querySelectorAll("[name=holds]")) choice.checked = false;
+  }
+
+  /** Show what may be done now, to who may do it. */
+  #allow() {
+    if (!this.#status) return;
+    const { phase, stage, stages, fault, sheet } = this.#status;
+    for (const [id, phases] of Object.entries(BUTTONS)) {
+      part(`#${id}`).hidden = !this.#isDriver || !phases.includes(phase);
+    }
+    part("#recover").hidden = !this.#isDriver || !fault || !["placing", "ready"].includes(phase);
+    part("#hold").disabled = !this.#isDriver;
+    const isJudging = this.#isDriver && phase === "judging";
+    part("#closing").hidden = part("#spoiled").hidden = !isJudging;
+    part("#at-end").hidden = stage !== stages.length;
+    part("#trial").hidden = phase === "over";
+    part(".sheet").hidden = !sheet;
+    if (sheet) part(".sheet a").href = sheet;
+    this.#judging.isOpen = this.#isDriver && ["playing", "judging"].includes(phase);
+    this.#judging.show(this.#status);
+  }
+
+  #showVariants(variants) {
+    const words = Object.entries(variants).map(([name, value]) => `${name}: ${value}`);
+    write(".variants", words.length ? `Choose: ${words.join(", ")}` : "");
+  }
+
+  #showFootprints(footprints) {
+    const text = JSON.stringify(footprints);
+    if (text === this.#table) return;
+    this.#table = text;
+    const rows = footprints.map((each) =>
+      make(
+        "tr",
+        {},
+        make("td", { class: "right" }, String(each.number)),
+        make("th", { scope: "row" }, each.name),
+        ...[each.x_mm, each.y_mm, each.yaw_deg].map((value) =>
+          make("td", { class: "right" }, value.toFixed(1)),
+        ),
+      ),
+    );
+    part("#footprints tbody").replaceChildren(...rows);
+  }
+
+  #showResults({ results, files, phase }) {
+    part("#over").hidden = phase !== "over" || !results;
+    if (!results) return;
+    const rows = results.map((each) => {
+      const right = [`${each.successes} of ${each.episodes}`, percent(each.rate)];
+      return make(
+        "tr",
+        {},
+        make("th", { scope: "row" }, each.letter),
+        make("td", {}, each.policy),
+        make("td", {}, each.trained_on || "–"),
+        ...right.map((value) => make("td", { class: "right" }, value)),
+        make("td", {}, `${percent(each.low)}–${percent(each.high)}`),
+        make("td", { class: "right" }, each.progress.toFixed(2)),
+      );
+    });
+    part("#over tbody").replaceChildren(...rows);
+    write(".where-files", files);
+  }
+
+  #showRole({ role, drivers }) {
+    this.#isDriver = role === "driver";
+    const place = part(".role");
+    const words = this.#isDriver ? "You operate the arms" : "You watch";
+    const button = make("button", { type: "button" }, "Take over");
+    place.replaceChildren(words, ...(this.#isDriver || !drivers ? [] : [" ", button]));
+    this.#allow();
+  }
+
+  #link(isConnected) {
+    const isOver = this.#status?.phase === "over";
+    const lost = isOver ? "The session is over" : "Connection lost: the arms are held";
+    write(".link", isConnected ? "Connected" : lost);
+    part(".link").dataset.state = isConnected || isOver ? "good" : "bad";
+  }
+
+  #say(text) {
+    write(".note", text);
+  }
+}
+
+function part(selector) {
+  return document.querySelector(selector);
+}
+
+function write(selector, text) {
+  const element = part(selector);
+  const words = text ?? "";
+  if (element.textContent !== words) element.textContent = words;
+  if (element.matches(".note, .problem, .instruction, .variants")) element.hidden = !words;
+}
+
+function stop(event) {
+  event.preventDefault();
+  event.stopPropagation();
+}
+
+function percent(share) {
+  return (100 * share).toFixed(1);
+}
+
+new Trials();
