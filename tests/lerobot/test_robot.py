@@ -15,7 +15,6 @@ pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-
 from lerobot.robots import RobotConfig, make_robot_from_config
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins
-from lerobot_robot_duobench import DuoBenchDuo, DuoBenchDuoConfig
 from lerobot_robot_duobench.duo import KEYS
 
 from duobench.errors import ActionError, BackendError, OptionError, UnknownNameError
@@ -23,6 +22,7 @@ from duobench.hardware.clock import VirtualClock
 from duobench.hardware.opening import open_rig
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import Side
+from lerobot_robot_duobench import DuoBenchDuo, DuoBenchDuoConfig
 
 CONFIG = DuoBenchDuoConfig(rig="simulated", ask=False, image_size=32)
 
@@ -71,7 +71,7 @@ def test_arms_go_where_they_are_sent_and_what_was_sent_is_said(robot: DuoBenchDu
 def test_wrong_actions_move_nothing(robot: DuoBenchDuo) -> None:
     begun = robot.get_observation()
     action = {key: begun[key] for key in KEYS}
-    with pytest.raises(ActionError, match="right_gripper.pos is not there"):
+    with pytest.raises(ActionError, match=r"right_gripper\.pos is not there"):
         robot.send_action({key: action[key] for key in KEYS[:-1]})
     with pytest.raises(ActionError, match="finite"):
         robot.send_action({**action, "left_joint_3.pos": float("nan")})
