@@ -28,7 +28,7 @@ OTHERS = (
     "pyarrow",
 )
 """Packages of others that pages and messages name."""
-PLUGINS = ("lerobot_env_duobench", "lerobot_teleoperator_duobench")
+PLUGINS = ("lerobot_env_duobench", "lerobot_robot_duobench", "lerobot_teleoperator_duobench")
 """Our other distributions, by the names of their folders."""
 
 

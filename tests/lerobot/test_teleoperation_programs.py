@@ -30,12 +30,21 @@ from tests.web.pages import Page, open_page
 SCRIPTS = Path(sys.executable).parent
 SECONDS = 4
 FPS = 30
+SIMULATED = ("--robot.type=duobench",)
+RIG = ("--robot.type=duobench_duo", "--robot.rig=simulated", "--robot.ask=false")
+"""Our two robots: the tasks in simulation, and real arms, here of a rig that is computed."""
 
 
-def run(words: list[str], folder: Path) -> str:
-    """Run a program of LeRobot, and raise both tools 3 cm while it runs; what it printed."""
+def run(words: list[str], folder: Path, title: str = "Transfer-Cube") -> str:
+    """Run a program of LeRobot, and raise both tools 3 cm while it runs; what it printed.
+
+    Args:
+        words: The program and its arguments.
+        folder: Where LeRobot may write.
+        title: What the page shows when the robot is there.
+    """
     process = subprocess.Popen(
-        [str(SCRIPTS / words[0]), *words[1:], "--teleop.type=duobench", "--robot.type=duobench"],
+        [str(SCRIPTS / words[0]), *words[1:], "--teleop.type=duobench"],
         env={**os.environ, "HF_LEROBOT_HOME": str(folder / "home"), "HF_HUB_OFFLINE": "1"},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -58,7 +67,7 @@ def run(words: list[str], folder: Path) -> str:
     try:
         with open_page(urls.get(timeout=120)) as page:
             page.say(kind="drive")
-            page.hear_of("status", task="transfer_cube")  # the robot is there
+            page.hear_of("status", title=title)  # the robot is there
             lead_up(page)
     finally:
         process.wait(300)
@@ -77,13 +86,23 @@ def lead_up(page: Page) -> None:
         threading.Event().wait(1 / FPS)
 
 
-def test_lerobot_teleoperate_runs(tmp_path: Path) -> None:
-    words = ["--robot.views=[]", f"--fps={FPS}", f"--teleop_time_s={SECONDS}"]
-    assert "Teleop loop time" in run(["lerobot-teleoperate", *words], tmp_path)
+robots = pytest.mark.parametrize(
+    ("robot", "title"), [(SIMULATED, "Transfer-Cube"), (RIG, "LeRobot")], ids=["simulation", "rig"]
+)
 
 
-def test_lerobot_record_records_what_can_be_trained_on(tmp_path: Path) -> None:
+@robots
+def test_lerobot_teleoperate_runs(robot: tuple[str, ...], title: str, tmp_path: Path) -> None:
+    words = [*robot, "--robot.views=[]", f"--fps={FPS}", f"--teleop_time_s={SECONDS}"]
+    assert "Teleop loop time" in run(["lerobot-teleoperate", *words], tmp_path, title)
+
+
+@robots
+def test_lerobot_record_records_what_can_be_trained_on(
+    robot: tuple[str, ...], title: str, tmp_path: Path
+) -> None:
     words = [
+        *robot,
         "--robot.views=[head]",
         "--robot.image_size=64",
         "--dataset.repo_id=local/led",
@@ -96,7 +115,7 @@ def test_lerobot_record_records_what_can_be_trained_on(tmp_path: Path) -> None:
         "--dataset.rgb_encoder.vcodec=h264",
         "--play_sounds=false",
     ]
-    run(["lerobot-record", *words], tmp_path)
+    run(["lerobot-record", *words], tmp_path, title)
     dataset = LeRobotDataset("local/led", root=tmp_path / "set", video_backend="pyav")
     actions = np.array([dataset[row]["action"].numpy() for row in range(len(dataset))])
     states = np.array([dataset[row]["observation.state"].numpy() for row in range(len(dataset))])
