@@ -17,8 +17,7 @@ from duobench.cli.doctor import load_engine
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.replays import Replays
-    from duobench.evaluation.videos import Videos
+    from duobench.evaluation.missing import Made
 
 
 def report(
@@ -85,9 +84,7 @@ def report(
         sys.exit(1)
 
 
-def _make(
-    what: str, make: Callable[..., Videos | Replays], screen: Console, import_tasks: bool
-) -> int:
+def _make(what: str, make: Callable[..., Made], screen: Console, import_tasks: bool) -> int:
     """Make videos or replays, and return how many cannot be made."""
     from duobench.cli.display.progress import display
     from duobench.tasks import catalog
