@@ -13,7 +13,15 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks import environments, images, imports, processes, recording, serving
+from benchmarks import (
+    environments,
+    images,
+    imports,
+    processes,
+    recording,
+    serving,
+    teleoperation,
+)
 from benchmarks.measure import Measurement
 from duobench.sim import rendering
 from duobench.tasks import catalog
@@ -29,6 +37,7 @@ ONCE: Mapping[str, Callable[[], Iterator[Measurement]]] = {
     "imports": imports.measure,
     "processes": processes.measure,
     "serving": serving.measure,
+    "teleoperation": teleoperation.measure,
 }
 KINDS = (*ONCE, *PER_TASK)
 WIDTH = 100

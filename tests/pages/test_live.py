@@ -12,6 +12,7 @@ from playwright.sync_api import Page
 
 import duobench
 from duobench.envs.duo_env import base_of
+from duobench.teleop.session import AWAY
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.page import assets
@@ -92,3 +93,17 @@ def test_somebody_drives_the_page_of_a_server(server: PageServer) -> None:
 def test_the_first_load_is_small(geometry: tuple[Geometry, bytes]) -> None:
     code = sum(len(gzip.compress(body)) for _, body in assets().values())
     assert code + len(geometry[0].data) < MOST_BYTES
+
+
+def test_a_recording_that_waits_says_so_and_may_be_discarded(server: PageServer) -> None:
+    said: list[str] = []
+    server.on_message = lambda _is_driver, data: said.append(json.loads(data)["kind"])
+    with opened() as page:
+        page.goto(server.url)
+        page.get_by_role("button", name="Drive").click()
+        server.publish_status(STATUS | {"state": "paused", "note": AWAY})
+        page.get_by_text("Paused", exact=True).wait_for()
+        page.get_by_text(AWAY).wait_for()
+        assert broken_rules(page) == []
+        page.get_by_role("button", name="Discard").click()
+        wait(page, lambda: "discard" in said)

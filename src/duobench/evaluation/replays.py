@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import closing
-from dataclasses import dataclass
 
 from duobench.errors import ActionError, BackendError, EvaluationError, UnknownNameError
+from duobench.evaluation.missing import Made, make_missing
 from duobench.evaluation.verification.claims import disagreements
 from duobench.evaluation.verification.player import TargetPlayer, actual_task, obstacle
 from duobench.evaluation.videos import ALL, FAILURES, choose
@@ -22,18 +21,6 @@ from duobench.web.geometry import Geometry
 
 MOST = 20
 """Replays that a word such as "failures" chooses at most: they make a page of about 2 MB."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Replays:
-    """What became of the replays of chosen episodes."""
-
-    made: tuple[EpisodeRecord, ...]
-    """Episodes whose replay was made now."""
-    there: tuple[EpisodeRecord, ...]
-    """Episodes whose replay was there already, which stays."""
-    impossible: tuple[tuple[EpisodeRecord, str], ...]
-    """Episodes that have no replay, and why."""
 
 
 def choose_few(
@@ -67,7 +54,7 @@ def make_replays(
     *,
     import_tasks: bool = False,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
-) -> Replays:
+) -> Made:
     """Make the missing replays of episodes of a run, where its report looks for them.
 
     Args:
@@ -83,35 +70,31 @@ def make_replays(
         OutputError: A replay cannot be written.
         DuoBenchError: A task of the run cannot be found, or its environment cannot be made.
     """
-    there = [each for each in records if folder.replay(each.task, each.episode) is not None]
-    missing = [each for each in records if each not in there]
-    made: list[EpisodeRecord] = []
-    impossible: list[tuple[EpisodeRecord, str]] = []
-    progress(len(there), len(records))
-    for claimed in run.suite.tasks:
-        with closing(_Player(run, claimed, import_tasks=import_tasks)) as player:
-            for record in missing:
-                if record.task != claimed.id:
-                    continue
-                try:
-                    scene, data = player.track(record)
-                except (EvaluationError, ActionError, BackendError, UnknownNameError) as error:
-                    impossible.append((record, str(error)))
-                else:
-                    write(folder.scene(scene.name), scene.data)
-                    write(folder.new_replay(record.task, record.episode, scene.name), data)
-                    made.append(record)
-                progress(len(there) + len(made) + len(impossible), len(records))
-    return Replays(made=tuple(made), there=tuple(there), impossible=tuple(impossible))
+    return make_missing(
+        run,
+        records,
+        lambda task: _Player(folder, run, task, import_tasks=import_tasks),
+        is_there=lambda record: folder.replay(record.task, record.episode) is not None,
+        excuses=(EvaluationError, ActionError, BackendError, UnknownNameError),
+        progress=progress,
+    )
 
 
 class _Player:
     """Plays finished episodes of one task again; the environment is made once."""
 
-    def __init__(self, run: Run, claimed: TaskInfo, *, import_tasks: bool) -> None:
+    def __init__(
+        self, folder: RunFolder, run: Run, claimed: TaskInfo, *, import_tasks: bool
+    ) -> None:
+        self._folder = folder
         self._run, self._claimed, self._import_tasks = run, claimed, import_tasks
         self._player: TargetPlayer | None = None
         self._scenes = SceneCache()
+
+    def make(self, record: EpisodeRecord) -> None:
+        scene, data = self.track(record)
+        write(self._folder.scene(scene.name), scene.data)
+        write(self._folder.new_replay(record.task, record.episode, scene.name), data)
 
     def track(self, record: EpisodeRecord) -> tuple[Geometry, bytes]:
         """The scene and the track of an episode.

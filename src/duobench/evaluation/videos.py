@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
 import gymnasium as gym
 
@@ -20,6 +19,7 @@ from duobench.errors import (
     VideoError,
     check_known,
 )
+from duobench.evaluation.missing import Made, make_missing
 from duobench.evaluation.overview import Overview
 from duobench.evaluation.picture import Picture
 from duobench.evaluation.recorder import FRAME_EVERY, VideoRecorder
@@ -34,18 +34,6 @@ from duobench.types import Array
 
 FAILURES, ALL = "failures", "all"
 """Words that choose episodes: those without success, and every one."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Videos:
-    """What became of the videos of chosen episodes."""
-
-    made: tuple[EpisodeRecord, ...]
-    """Episodes whose video was made now."""
-    there: tuple[EpisodeRecord, ...]
-    """Episodes whose video was there already, which stays."""
-    impossible: tuple[tuple[EpisodeRecord, str], ...]
-    """Episodes that have no video, and why."""
 
 
 def choose(run: Run, records: Iterable[EpisodeRecord], words: Sequence[str]) -> list[EpisodeRecord]:
@@ -91,7 +79,7 @@ def make_videos(
     *,
     import_tasks: bool = False,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
-) -> Videos:
+) -> Made:
     """Make the missing videos of episodes of a run, where its report looks for them.
 
     A video shows what a video of the evaluation itself shows: the table with stage and time, and
@@ -118,39 +106,31 @@ def make_videos(
             f"The run is of suite {run.suite.version}; this version plays suite {SUITE_VERSION}, "
             "in which what was sent leads elsewhere. Make videos with the version that played it."
         )
-    there, missing = [], []
-    for record in records:
-        exists = folder.video(record.task, record.episode).exists()
-        (there if exists else missing).append(record)
-    made: list[EpisodeRecord] = []
-    impossible: list[tuple[EpisodeRecord, str]] = []
-    progress(len(there), len(records))
-    for task in run.suite.tasks:
-        with closing(Replay(run, task, import_tasks=import_tasks)) as replay:
-            for record in missing:
-                if record.task != task.id:
-                    continue
-                try:
-                    write(folder.video(task.id, record.episode), replay.video(record))
-                    made.append(record)
-                except VideoError as error:
-                    impossible.append((record, str(error)))
-                progress(len(there) + len(made) + len(impossible), len(records))
-    return Videos(made=tuple(made), there=tuple(there), impossible=tuple(impossible))
+    return make_missing(
+        run,
+        records,
+        lambda task: Replay(folder, run, task, import_tasks=import_tasks),
+        is_there=lambda record: folder.video(record.task, record.episode).exists(),
+        excuses=(VideoError,),
+        progress=progress,
+    )
 
 
 class Replay:
     """Plays finished episodes of one task again; the environment is made once."""
 
-    def __init__(self, run: Run, task: TaskInfo, *, import_tasks: bool = False) -> None:
+    def __init__(
+        self, folder: RunFolder, run: Run, task: TaskInfo, *, import_tasks: bool = False
+    ) -> None:
         """Remember what to play.
 
         Args:
+            folder: The folder of the run.
             run: The run, which says how often the policy looks.
             task: Its task.
             import_tasks: Whether to import the task if it is not of the benchmark.
         """
-        self._task = task
+        self._folder, self._task = folder, task
         is_known = task.id in catalog.names()
         self._reference = task.id if is_known else task.reference if import_tasks else None
         self._chunk = run.metadata.horizon
@@ -159,6 +139,17 @@ class Replay:
         self._env: gym.Env | None = None
         self._overview: Overview | None = None
         self._config: EnvConfig | None = None
+
+    def make(self, record: EpisodeRecord) -> None:
+        """Make the video of an episode, where the report looks for it.
+
+        Raises:
+            OutputError: It cannot be written.
+            VideoError: As `video`.
+            RenderingError: Nothing can be rendered.
+            DuoBenchError: The environment cannot be made.
+        """
+        write(self._folder.video(record.task, record.episode), self.video(record))
 
     def video(self, record: EpisodeRecord) -> bytes:
         """The video of an episode, as a WebM file.

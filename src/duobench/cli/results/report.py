@@ -17,8 +17,7 @@ from duobench.cli.doctor import load_engine
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.replays import Replays
-    from duobench.evaluation.videos import Videos
+    from duobench.evaluation.missing import Made
     from duobench.results.folder import RunFolder
     from duobench.results.reader import RunReader
 
@@ -98,9 +97,7 @@ def _place(reader: RunReader, out: Path | None) -> RunFolder:
     return RunFolder(out or reader.path)
 
 
-def _make(
-    what: str, make: Callable[..., Videos | Replays], screen: Console, import_tasks: bool
-) -> int:
+def _make(what: str, make: Callable[..., Made], screen: Console, import_tasks: bool) -> int:
     """Make videos or replays, and return how many cannot be made."""
     from duobench.cli.display.progress import display
     from duobench.tasks import catalog
