@@ -78,7 +78,7 @@ def _section(recipe: Recipe, pictures: Path) -> Iterator[str]:
                 f"{part.infill_percent} % | {mass} | {part.hours:.1f} |"
             )
         yield ""
-        yield f"About {recipe.filament_g:.0f} g of filament and {recipe.hours:.0f} hours."
+        yield f"About {recipe.filament_g:.0f} g of filament and {recipe.hours:.1f} hours."
     else:
         yield from ("", "Nothing of this task is printed.")
     for title, lines in (

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,19 @@ from duobench.fabrication import layout_sheet, write_prints
 from duobench.files import locked
 from duobench.tasks import catalog
 
+THEIRS = """
+from dataclasses import replace
+from duobench.objects import RED, Prop, block
+from duobench.tasks import Placement, around, catalog
+
+brick = Prop(name="brick", solid=lambda: block(0.06, 0.03, 0.02, RED))
+pole = Prop(name="pole", solid=lambda: block(0.3, 0.02, 0.02, RED))
+here = Placement(x=around(0.5, 0.1), y=around(0.0, 0.1), z=0.01)
+STACK = replace(
+    catalog.get("bin_sort"), id="stack", title="Stack", props=(brick,), placements={"brick": here}
+)
+POLE = replace(STACK, id="pole", props=(pole,), placements={"pole": here})
+"""
 FILES = {"recipe.json", "recipe.md"}
 
 
@@ -108,12 +122,38 @@ def test_a_task_twice_is_refused_before_anything_is_written(tmp_path: Path) -> N
     assert not (tmp_path / "new").exists()
 
 
+def test_a_task_cannot_write_outside_the_folder(tmp_path: Path) -> None:
+    task = replace(catalog.get("bin_sort"), id="../evil")
+    with pytest.raises(FabricationError, match="evil"):
+        write_prints(tmp_path / "new", [task])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_place_of_the_folder_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "prints").write_text("mine")
+    assert "it is a file" in failure("bin_sort", "--out", str(tmp_path / "prints"))
+    assert (tmp_path / "prints").read_text() == "mine"
+
+
+def test_a_task_of_somebody_else_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "their_tasks.py").write_text(THEIRS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    main(["print", "their_tasks:STACK", "--out", str(tmp_path / "new")])
+    assert {path.name for path in (tmp_path / "new" / "stack").iterdir()} == {
+        *FILES,
+        *("layout.pdf", "stack.3mf", "brick.stl"),
+    }
+    message = failure("their_tasks:POLE", "--out", str(tmp_path / "pole"))
+    assert "pole cannot be printed: it is 300 × 20 × 20 mm" in message
+    assert not (tmp_path / "pole").exists()
+
+
 def test_a_killed_command_is_continued(tmp_path: Path) -> None:
-    main(["print", "ball_maze", "--variants", "all", "--out", str(tmp_path / "whole")])
+    main(["print", "ball_maze", "--out", str(tmp_path / "whole")])
     out = tmp_path / "killed"
-    process = subprocess.Popen(
-        command(out, "ball_maze", "--variants", "all"), stdout=subprocess.DEVNULL
-    )
+    process = subprocess.Popen(command(out, "ball_maze"), stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 60
     while not (out / "ball_maze").exists() and time.monotonic() < deadline:
         time.sleep(0.001)
@@ -121,7 +161,7 @@ def test_a_killed_command_is_continued(tmp_path: Path) -> None:
     process.wait()
     assert (out / "ball_maze").exists()
     (out / "ball_maze" / f".x.stl.{process.pid}.tmp").write_bytes(b"half")
-    main(["print", "ball_maze", "--variants", "all", "--out", str(out)])
+    main(["print", "ball_maze", "--out", str(out)])
     assert contents(out) == contents(tmp_path / "whole")
 
 

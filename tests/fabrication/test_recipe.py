@@ -43,6 +43,7 @@ def test_what_is_lifted_is_solid_and_has_a_target_mass(name: str) -> None:
             assert (least, most) == pytest.approx((0.95 * target, 1.05 * target), abs=0.1)
     for each in recipe.objects:
         parts = [p for p in recipe.parts if p.body == each.body]
+        assert {p.infill_percent for p in parts} == {15 if each.mass_g is None else 100}
         if each.mass_g is not None:
             together = sum(p.count * p.mass_g[1] for p in parts if p.mass_g)
             assert together == pytest.approx(each.mass_g[1], rel=0.01, abs=0.1)

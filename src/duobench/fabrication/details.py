@@ -163,7 +163,7 @@ NOTES: Mapping[str, tuple[str, ...]] = {
     ),
     "transfer_reorient": (
         f"The peg is turned by up to {math.degrees(math.pi / 6):.0f}° about its axis until it "
-        "fits the hexagonal hole; the two other holes take it in no direction.",
+        "fits the hexagonal hole; the two other holes do not take it, however it is turned.",
     ),
 }
 """What else there is to know about a task."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ from duobench.sim.layout import Layout
 from duobench.tasks.task import Task
 from duobench.versions import __version__
 
+_NAME = re.compile(r"\w[\w.-]*")
 DESCRIPTION = "print.json"
 """File of a folder that says what it holds."""
 FOLDER_SCHEMA = 1
@@ -86,13 +88,18 @@ def write_prints(
 
     Raises:
         UnknownNameError: No object of the tasks has such a variant.
-        FabricationError: A part does not fit a printer, or two tasks have one name.
+        FabricationError: A part does not fit a printer, two tasks have one name, or a name is no
+            name of a folder.
         OtherRunError: The folder holds something else.
         OutputError: It cannot be written, or another process is writing into it.
     """
     ids = [task.id for task in tasks]
     if taken := sorted({name for name in ids if ids.count(name) > 1 or name == COUPON}):
         raise FabricationError(f"Each folder needs a name of its own, got twice: {taken}.")
+    if odd := [name for name in ids if not _NAME.fullmatch(name)]:
+        raise FabricationError(
+            f"{odd[0]!r} cannot be the name of a folder; a task's id has letters, digits and _."
+        )
     choices = {name for task in tasks for p in task.props if p.choice for name in p.variants}
     for name in variants:
         check_known("variant", name, {*choices, ALL_VARIANTS})

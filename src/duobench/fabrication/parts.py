@@ -156,7 +156,8 @@ def upright(
     turn = turn or SE3()
     turned = placed(manifold_from(mesh), turn).as_original().simplify(_MERGED)
     low, high = (np.array(turned.bounding_box()[k : k + 3]) for k in (0, 3))
-    shift = SE3.at(*(-(low + high)[:2] / 2), -low[2])
+    x, y = (-(low + high)[:2] / 2).tolist()
+    shift = SE3.at(x, y, -float(low[2]))
     moved = mesh_of(turned)
     vertices = (moved.vertices + shift.translation).round(9)
     return PrintedPart(

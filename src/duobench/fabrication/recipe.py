@@ -274,9 +274,9 @@ def _about_coupon() -> list[str]:
             "many dimples as its number."
             for name, values in plays.items()
         ),
-        "The hexagonal peg should drop through socket 3 by its own weight, however it is turned; "
-        "the square one should slide through socket 3 with a push, and stay in it when the plate "
-        "is turned over.",
-        "If the third is too tight and a higher one is right, set the compensation of holes in "
-        "your printer's program to the difference, and print the coupon again.",
+        "Either peg should go through its socket 3 without force, however it is turned, as it does "
+        "in simulation.",
+        "If it needs force there, and goes through a higher one as it should, the printer makes "
+        "holes too narrow: set its program's compensation of holes to the difference, and print "
+        "the coupon again.",
     ]

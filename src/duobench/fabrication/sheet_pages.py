@@ -200,8 +200,9 @@ def _cross(
     page.line((x - 3, y), (x + 3, y), line=0.2)
     page.line((x, y - 3), (x, y + 3), line=0.2)
     begin = min(x + 2, inside[2] - 62)
-    page.text(begin, y - 5, mark.name, 2.6, bold=True)
-    page.text(begin, y - 9, mark.words, 2.2)
+    base = y - 5 if y - 10 > inside[1] else y + 7
+    page.text(begin, base, mark.name, 2.6, bold=True)
+    page.text(begin, base - 4, mark.words, 2.2)
 
 
 def _clipped(

@@ -65,8 +65,7 @@ def _chest(_task: Task) -> tuple[Item, ...]:
         Item(
             name="M3 nut",
             count=2,
-            note="The paper lists nuts with the screws. This chest needs none; they serve where a "
-            "barrel is drilled through.",
+            note="The paper lists them with the screws; this chest needs none, so they are spare.",
         ),
     )
 
