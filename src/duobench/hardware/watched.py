@@ -15,6 +15,7 @@ import numpy as np
 from duobench.backend import Image
 from duobench.errors import BackendError, UnknownNameError, escaped
 from duobench.hardware import health
+from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import (
     Arm,
@@ -78,6 +79,7 @@ class WatchedRig:
         self._state: DuoState | None = None
         self._velocities = np.zeros((2, 7))
         self._time = 0.0
+        self._views: dict[str, CanonicalView] = {}
 
     # --- connecting ------------------------------------------------------------------------------
 
@@ -259,15 +261,12 @@ class WatchedRig:
                 raise UnknownNameError("camera of this rig", name, self.cameras)
             if name not in frames:
                 raise BackendError(f"The camera {name} has given no image yet.")
-            images[name] = _resized(frames[name].image, shape)
+            images[name] = self._view(name).image(frames[name].image, shape)
         return images
 
-
-def _resized(image: Image, shape: tuple[int, int]) -> Image:
-    from PIL import Image as Pictures
-
-    if image.shape[:2] == shape:
-        return image.copy()
-    height, width = shape
-    picture = Pictures.fromarray(image).resize((width, height), Pictures.Resampling.BOX)
-    return np.asarray(picture)
+    def _view(self, camera: str) -> CanonicalView:
+        view = self._views.get(camera)
+        if view is None:
+            config = self.rig.cameras[camera]
+            view = self._views[camera] = CanonicalView(camera, config.calibration, config.size)
+        return view

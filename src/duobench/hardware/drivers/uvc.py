@@ -17,7 +17,7 @@ from duobench.backend import Image
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.drivers.frames import CameraFacts, LatestFrame, ThreadedCamera
-from duobench.hardware.drivers.v4l2 import lock_exposure
+from duobench.hardware.drivers.v4l2 import lock_exposure, usb_of
 from duobench.hardware.rig import CameraConfig
 
 GENERATED = "lavfi:"
@@ -48,7 +48,9 @@ class UvcCamera(ThreadedCamera):
         self._container = opened(self.name, device, "v4l2", options)
         self._frames = self._container.decode(video=0)
         self._last = None
-        self.facts = CameraFacts(name=device, exposure_us=config.exposure_us, gain=config.gain)
+        self.facts = CameraFacts(
+            name=device, usb=usb_of(device), exposure_us=config.exposure_us, gain=config.gain
+        )
 
     def _wait(self) -> tuple[Image, float, int]:
         try:
