@@ -39,18 +39,22 @@ def doctor(
     """
     if seconds <= 0.0:
         raise AdvisedError("--seconds is more than 0.")
+    from duobench.hardware.clock import SystemClock, VirtualClock
     from duobench.hardware.doctor import examine, write_checks
     from duobench.hardware.opening import SIMULATED, open_rig
+    from duobench.hardware.rig import Rig
 
     if rig != SIMULATED and not Path(rig).is_file():
         raise AdvisedError(f"There is no file {rig}. --rig takes a rig.json, or {SIMULATED}.")
     reference = None if rig == SIMULATED else Path(rig).with_suffix(".head.png")
     if store_reference and reference is None:
         raise AdvisedError("The simulated rig has no file beside which a reference could be kept.")
-    duo = open_rig(rig, guard=False)
+    known = Rig.simulated() if rig == SIMULATED else Rig.read(Path(rig))
+    # Where nothing is hardware, time is computed as well: nobody has to wait.
+    duo = open_rig(known, VirtualClock() if known.is_computed else SystemClock(), guard=False)
     try:
         if hold:
-            _ask(duo, is_simulated=rig == SIMULATED)
+            _ask(duo, is_simulated=known.is_computed)
         if store_reference and reference is not None:
             _store(duo, reference)
         checks = examine(duo, seconds=seconds, reference=_read(reference))
