@@ -72,6 +72,7 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
         "lens": real_calibrate.lens,
         "head": real_calibrate.head,
         "wrist": real_calibrate.wrist,
+        "gripper": real_calibrate.gripper,
     },
 }
 """Verbs that have verbs of their own."""

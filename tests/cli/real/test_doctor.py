@@ -78,6 +78,7 @@ def test_a_camera_that_was_moved_is_found_by_its_reference(
             ["doctor", "--rig", "simulated", "--out", "x", "--store-reference"],
             "no file beside which",
         ),
+        (["calibrate", "gripper", "left", "--rig", "rig.json"], "has no positions to measure"),
         (["doctr"], "Did you mean `duobench real doctor`"),
         (["calibrate", "bord"], "Did you mean `duobench real calibrate board`"),
         (["calibrate", "head", "--rig", "none.json", "--views", "v"], "There is no file none.json"),

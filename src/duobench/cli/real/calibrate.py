@@ -135,6 +135,32 @@ def wrist(
     _finish(rig, known, name, found)
 
 
+def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> None:
+    """Measure at which positions a gripper is open and closed, empty; its fingers move.
+
+    Args:
+        side: Whose gripper.
+        rig: The rig's file, into which the positions are written.
+    """
+    from duobench.hardware.clock import SystemClock
+    from duobench.hardware.drivers.robotiq import measure_ends
+    from duobench.hardware.rig import GripperDriver
+
+    known, arm = _rig(rig), Side(side)
+    if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
+        raise AdvisedError(f"The {side} gripper of this rig has no positions to measure.")
+    screen = console()
+    screen.print(
+        f"The {side} gripper will open and close, with nothing between its fingers. Press Enter to "
+        "go on, or Ctrl-C to leave."
+    )
+    if not sys.stdin.readline():
+        raise AdvisedError("Nobody said that the gripper may move.")
+    found = measure_ends(known.grippers[arm], SystemClock())
+    replace(known, grippers={**known.grippers, arm: found}).write(rig)
+    screen.print(f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}.")
+
+
 def _rig(path: Path) -> Rig:
     if not path.is_file():
         raise AdvisedError(f"There is no file {path}. --rig takes a rig.json.")

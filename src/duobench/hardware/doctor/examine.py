@@ -163,7 +163,9 @@ def _gripper_check(duo: HardwareDuo, side: Side) -> Check:
     are_nominal = config.open_count == nominal.open_count
     are_nominal &= config.closed_count == nominal.closed_count
     if config.driver is GripperDriver.ROBOTIQ and are_nominal:
-        advice = "Its ends are those of a typical gripper: measure both, empty, for the rig's file."
+        advice = (
+            f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
+        )
         return Check(name=name, outcome=Outcome.NOTE, value=value, advice=advice)
     return Check(name=name, outcome=Outcome.OK, value=value)
 
