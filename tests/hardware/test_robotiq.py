@@ -11,7 +11,14 @@ import pytest
 from duobench.errors import ActionError, BackendError
 from duobench.hardware.clock import SystemClock, VirtualClock
 from duobench.hardware.devices import FaultKind
-from duobench.hardware.drivers.robotiq import ACTIVATE, GO, READ_HZ, RobotiqGripper, Status
+from duobench.hardware.drivers.robotiq import (
+    ACTIVATE,
+    GO,
+    READ_HZ,
+    RobotiqGripper,
+    Status,
+    measure_ends,
+)
 from duobench.hardware.rig import GripperConfig, GripperDriver
 from tests.hardware.robotiq_fake import FakeGripper
 
@@ -286,6 +293,17 @@ def test_a_port_that_is_missing_or_in_use_is_named(
 def test_an_opening_that_is_no_number_is_refused(gripper: RobotiqGripper) -> None:
     with pytest.raises(ActionError, match="got nan"):
         gripper.command(float("nan"))
+
+
+def test_ends_are_measured(fake: FakeGripper, clock: VirtualClock) -> None:
+    fake.ends = (5, 221)
+    config = GripperConfig(port=fake.port, force=50)
+    found = measure_ends(config, clock, answer_s=PATIENT_S)
+    assert (found.open_count, found.closed_count) == (5, 221)
+    assert (found.port, found.force) == (fake.port, 50)
+    fake.object_at = 100
+    with pytest.raises(BackendError, match="between its fingers"):
+        measure_ends(config, clock, answer_s=PATIENT_S)
 
 
 def test_closing_twice_is_harmless(gripper: RobotiqGripper) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from PIL import Image
 
 from duobench.errors import BackendError
 from duobench.hardware.clock import SystemClock, VirtualClock
@@ -81,6 +82,18 @@ def test_generated_images_come_at_the_rate_of_the_camera() -> None:
     assert frame.index == 15
     assert camera.fault is None
     camera.close()
+
+
+def test_a_still_image_is_played_too(tmp_path: Path) -> None:
+    path, clock = tmp_path / "still.png", VirtualClock()
+    Image.fromarray(np.full((720, 1280, 3), 77, np.uint8)).save(path)
+    camera = FileCamera(config_of(str(path)), clock, "head")
+    camera.connect()
+    clock.wait_until(1.0 + 1e-9)
+    frame = camera.latest()
+    camera.close()
+    assert frame is not None
+    assert (frame.index, int(frame.image[5, 5, 0])) == (30, 77)
 
 
 @pytest.mark.parametrize(

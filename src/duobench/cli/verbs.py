@@ -13,6 +13,8 @@ from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
 from duobench.cli.print_ import print_
+from duobench.cli.real import calibrate as real_calibrate
+from duobench.cli.real import doctor as real_doctor
 from duobench.cli.real import record as real_record
 from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
@@ -68,8 +70,17 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     },
     "export": {"lerobot": export.lerobot},
     "real": {
+        "doctor": real_doctor.doctor,
+        "calibrate": real_calibrate.calibrate,
         "record": real_record.record,
         "teleop": real_teleop.teleop,
+    },
+    "real calibrate": {
+        "board": real_calibrate.board,
+        "lens": real_calibrate.lens,
+        "head": real_calibrate.head,
+        "wrist": real_calibrate.wrist,
+        "gripper": real_calibrate.gripper,
     },
 }
 """Verbs that have verbs of their own."""
@@ -82,10 +93,9 @@ def run(arguments: Sequence[str] | None) -> None:
         console().print(f"duobench {__version__}")
         return
     verbs, program, description = VERBS, "duobench", DESCRIPTION
-    if words and words[0] in GROUPS:
-        group, *words = words
-        verbs, program = GROUPS[group], f"duobench {group}"
-        description = VERBS[group].__doc__ or ""
+    while words and (group := f"{program} {words[0]}".removeprefix("duobench ")) in GROUPS:
+        description = verbs[words[0]].__doc__ or ""
+        verbs, program, words = GROUPS[group], f"duobench {group}", words[1:]
     check_spelling(words, verbs, program, default=next(iter(verbs)) if len(verbs) == 1 else "")
     tyro.extras.subcommand_cli_from_dict(
         dict(verbs),

@@ -228,6 +228,13 @@ class Rig:
             grippers={side: GripperConfig(driver=GripperDriver.SIMULATED) for side in SIDES},
         )
 
+    @property
+    def is_computed(self) -> bool:
+        """Whether no part of it is hardware, so that its time may be computed as well."""
+        drivers = {str(each.driver) for each in (*self.arms.values(), *self.grippers.values())}
+        drivers |= {str(each.driver) for each in self.cameras.values()}
+        return drivers <= {ArmDriver.SIMULATED, CameraDriver.FILE}
+
     @staticmethod
     def read(path: Path) -> Rig:
         """Read a rig's file.

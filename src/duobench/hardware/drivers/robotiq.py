@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from duobench.errors import ActionError, BackendError
@@ -38,6 +38,10 @@ REOPEN_S = 1.0
 """Seconds between two tries to open a port that has gone."""
 ACTIVATION_S = 15.0
 """Seconds in which an activation has to end."""
+REST_S = 0.7
+"""Seconds without movement after which it is at an end."""
+SHORTEST_WAY = 150
+"""Counts from open to closed that an empty gripper moves at least."""
 TRIES = 3
 """How often a gripper is asked whether it is there."""
 _ACTIVE, _MOVING, _AT_GOAL = 3, 0, 3
@@ -190,6 +194,11 @@ class RobotiqGripper:
             fault=self._fault(time_s, status),
         )
 
+    @property
+    def position(self) -> int | None:
+        """Position that it reported last, 0 open to 255 closed; None before the first answer."""
+        return None if self._newest is None else self._newest[1].position
+
     def command(self, opening: float) -> None:
         """Go to an opening, 0 closed to 1 open; beyond them is the nearer end. Returns at once.
 
@@ -304,6 +313,54 @@ class RobotiqGripper:
         except (OSError, ValueError, NotImplementedError, AttributeError):
             self.is_low_latency = False  # a port that has no such mode
         return True
+
+
+def measure_ends(
+    config: GripperConfig, clock: Clock, *, answer_s: float = ANSWER_S
+) -> GripperConfig:
+    """Open and close an empty gripper, and see where it stops. Only on a person's word.
+
+    Args:
+        config: The gripper; its ends are not looked at.
+        clock: Waits meanwhile.
+        answer_s: Seconds in which an answer has to come.
+
+    Returns:
+        The gripper with its ends.
+
+    Raises:
+        BackendError: It cannot be reached or activated, stops answering, or something was between
+            its fingers.
+    """
+    whole = replace(config, open_count=0, closed_count=255)
+    gripper = RobotiqGripper(whole, clock, answer_s=answer_s)
+    try:
+        gripper.connect()
+        gripper.activate()
+        closed, opened = (_end(gripper, clock, opening) for opening in (0.0, 1.0))
+    finally:
+        gripper.close()
+    if closed - opened < SHORTEST_WAY:
+        raise BackendError(
+            f"The gripper moved from {opened} to {closed} counts only; at least {SHORTEST_WAY} are "
+            "usual. Take away what is between its fingers."
+        )
+    return replace(config, open_count=opened, closed_count=closed)
+
+
+def _end(gripper: RobotiqGripper, clock: Clock, opening: float) -> int:
+    """The position at which it comes to rest."""
+    gripper.command(opening)
+    end, last, since = clock.now() + ACTIVATION_S, gripper.position, clock.now()
+    while clock.now() < end:
+        clock.wait_until(clock.now() + 1.0 / READ_HZ)
+        if (fault := gripper.read().fault) is not None:
+            raise BackendError(fault.text)
+        if gripper.position != last:
+            last, since = gripper.position, clock.now()
+        if clock.now() - since > REST_S and last is not None:
+            return last
+    raise BackendError("The gripper does not come to rest.")
 
 
 def _why(port: str) -> str:

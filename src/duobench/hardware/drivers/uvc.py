@@ -17,7 +17,7 @@ from duobench.backend import Image
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.drivers.frames import CameraFacts, LatestFrame, ThreadedCamera
-from duobench.hardware.drivers.v4l2 import lock_exposure
+from duobench.hardware.drivers.v4l2 import lock_exposure, usb_of
 from duobench.hardware.rig import CameraConfig
 
 GENERATED = "lavfi:"
@@ -48,7 +48,9 @@ class UvcCamera(ThreadedCamera):
         self._container = opened(self.name, device, "v4l2", options)
         self._frames = self._container.decode(video=0)
         self._last = None
-        self.facts = CameraFacts(name=device, exposure_us=config.exposure_us, gain=config.gain)
+        self.facts = CameraFacts(
+            name=device, usb=usb_of(device), exposure_us=config.exposure_us, gain=config.gain
+        )
 
     def _wait(self) -> tuple[Image, float, int]:
         try:
@@ -81,6 +83,7 @@ class FileCamera(LatestFrame):
         self._frames: Iterator[Any] = iter(())
         self._ticker: Ticker | None = None
         self._index = 0
+        self._still: Image | None = None
 
     def connect(self) -> None:
         """Open the film, and begin to play it.
@@ -90,7 +93,7 @@ class FileCamera(LatestFrame):
         """
         if self._ticker is not None:
             return
-        self._index = 0
+        self._index, self._still = 0, None
         self.begin()
         try:
             self._play()
@@ -117,7 +120,16 @@ class FileCamera(LatestFrame):
             self.trouble = str(error)
 
     def _play(self) -> None:
+        image = self._still if self._still is not None else self._image()
+        index, self._index = self._index, self._index + 1
+        self.publish(image, self.clock.now(), index)
+
+    def _image(self) -> Image:
+        """The next image; after the last one comes the first one."""
         frame = self._next() if self._container is not None else None
+        if frame is None and self._index == 1 and (latest := self.latest()) is not None:
+            self._still = latest.image
+            return latest.image
         if frame is None:  # at the beginning, and at each end
             if self._container is not None:
                 self._container.close()
@@ -130,9 +142,7 @@ class FileCamera(LatestFrame):
             frame = self._next()
         if frame is None:
             raise BackendError(f"{self.config.device} holds no images.")
-        image = pixels(frame, is_side_by_side=self.config.is_side_by_side)
-        index, self._index = self._index, self._index + 1
-        self.publish(image, self.clock.now(), index)
+        return pixels(frame, is_side_by_side=self.config.is_side_by_side)
 
     def _next(self) -> Any:
         """The next frame; None at the end."""

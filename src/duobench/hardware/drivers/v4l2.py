@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import struct
+from pathlib import Path
 
 from duobench.errors import BackendError
 
@@ -52,3 +53,17 @@ def lock_exposure(device: str, exposure_us: float | None, gain: float | None) ->
                 ) from error
     finally:
         os.close(descriptor)
+
+
+def usb_of(device: str, sys: Path = Path("/sys")) -> str:
+    """The USB version by which a video device is connected, such as 3.2; empty if not known.
+
+    Args:
+        device: A video device, or a link to one.
+        sys: Where Linux tells of devices.
+    """
+    file = sys / "class" / "video4linux" / Path(device).resolve().name / "device" / ".." / "version"
+    try:
+        return file.read_text().strip()
+    except OSError:
+        return ""

@@ -1,0 +1,268 @@
+"""`duobench real calibrate`: lenses and places of cameras, with a printed board."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+from duobench.cli.advice import AdvisedError
+from duobench.cli.display.console import console
+from duobench.hardware.canonical import nominal_pose
+from duobench.hardware.rig import CameraCalibration, Rig
+from duobench.types import HEAD, Side, wrist_name
+
+if TYPE_CHECKING:
+    from duobench.hardware.calibration.board import Board
+    from duobench.hardware.calibration.places import Measured
+    from duobench.hardware.calibration.views import ViewFolder
+
+Paper = Literal["a4", "a3"]
+_AT_REST = 0.01
+"""Speed of a joint in rad/s under which an arm is at rest."""
+
+
+def calibrate() -> None:
+    """Measure lenses and places of cameras with a printed board; not yet tried on a camera."""
+
+
+def board(out: Path, paper: Paper = "a4") -> None:
+    """Write the board as a PDF, to print at 100 %.
+
+    Args:
+        out: The PDF.
+        paper: Size of the sheet.
+    """
+    from duobench.hardware.calibration.board import PAPERS, Board
+    from duobench.hardware.calibration.pdf import write_board
+
+    write_board(Board(paper=paper), out)
+    console().print(
+        f"{out}: print it at 100 %, glue it flat onto a plate, and measure its ruler, which should "
+        f"be {PAPERS[paper].ruler:g} mm long."
+    )
+
+
+def lens(
+    camera: tyro.conf.Positional[Literal["head", "left_wrist", "right_wrist"]],
+    rig: Path,
+    views: Path,
+    paper: Paper = "a4",
+) -> None:
+    """Measure the lens of a camera from 20 or more images of the board, held by hand.
+
+    Args:
+        camera: Name of the camera.
+        rig: The rig's file, into which the lens is written.
+        views: Folder of images; if there are none in it, they are taken now, one at each Enter.
+        paper: Sheet of the board.
+    """
+    from duobench.hardware.calibration.board import Board
+    from duobench.hardware.calibration.lens import calibrate_lens
+
+    known, sheet = _rig(rig), Board(paper=paper)
+    folder = _folder(known, views, camera, None, sheet)
+    found = calibrate_lens(folder.images(), sheet)
+    pose = tuple(float(each) for each in nominal_pose(camera).tquat)
+    note = "lens from a board; place as in the simulation"
+    _write(rig, known, camera, replace(found, pose=pose, method=note, views=len(folder)))
+    console().print(
+        f"{camera}: {found.fx:.1f} x {found.fy:.1f} px, middle {found.cx:.1f}, {found.cy:.1f}, "
+        f"distortion {', '.join(f'{each:.4f}' for each in found.distortion)}"
+    )
+
+
+def head(
+    rig: Path,
+    views: Path,
+    ruler: float | None = None,
+    at: tuple[float, float, float] = (400.0, 120.0, -90.0),
+    paper: Paper = "a4",
+) -> None:
+    """Measure where the head camera is, from a board that lies at a known place on the table.
+
+    Args:
+        rig: The rig's file, into which the place is written.
+        views: Folder of images; if there are none in it, they are taken now, one at each Enter.
+        ruler: Length of the board's printed ruler in mm, measured with another ruler.
+        at: The board's origin on the table, x and y in mm, and the angle of its x axis to the
+            table's in degrees. By default its ruler is on the robot's side, and x points to the
+            robot's right.
+        paper: Sheet of the board.
+    """
+    from duobench.hardware.calibration.places import locate_head
+    from duobench.spatial import SE3
+
+    known, sheet = _rig(rig), _measured(paper, ruler)
+    seen = _lens(known, HEAD)
+    folder = _folder(known, views, HEAD, None, sheet)
+    x, y, angle = at
+    where = SE3.at(x / 1000.0, y / 1000.0, 0.0, yaw=math.radians(angle))
+    _finish(rig, known, HEAD, locate_head(folder.images(), sheet, seen, where))
+
+
+def wrist(
+    side: tyro.conf.Positional[Literal["left", "right"]],
+    rig: Path,
+    views: Path,
+    ruler: float | None = None,
+    paper: Paper = "a4",
+) -> None:
+    """Measure where a wrist camera is, from 15 to 25 poses of its arm over a board that lies still.
+
+    Lead the arm by hand with its own buttons; the wrist is turned by 20 to 40 degrees about several
+    axes. Every fifth view is held out.
+
+    Args:
+        side: Whose wrist.
+        rig: The rig's file, into which the place is written.
+        views: Folder of images and joints; if there are none in it, they are taken now, one at
+            each Enter.
+        ruler: Length of the board's printed ruler in mm, measured with another ruler.
+        paper: Sheet of the board.
+    """
+    from duobench.hardware.calibration.wrist import calibrate_wrist
+
+    known, sheet, arm = _rig(rig), _measured(paper, ruler), Side(side)
+    name = wrist_name(arm)
+    folder = _folder(known, views, name, arm, sheet)
+    found = calibrate_wrist(folder.views(), arm, sheet, _lens(known, name))
+    _finish(rig, known, name, found)
+
+
+def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> None:
+    """Measure at which positions a gripper is open and closed, empty; its fingers move.
+
+    Args:
+        side: Whose gripper.
+        rig: The rig's file, into which the positions are written.
+    """
+    from duobench.hardware.clock import SystemClock
+    from duobench.hardware.drivers.robotiq import measure_ends
+    from duobench.hardware.rig import GripperDriver
+
+    known, arm = _rig(rig), Side(side)
+    if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
+        raise AdvisedError(f"The {side} gripper of this rig has no positions to measure.")
+    screen = console()
+    screen.print(
+        f"The {side} gripper will open and close, with nothing between its fingers. Press Enter to "
+        "go on, or Ctrl-C to leave."
+    )
+    if not sys.stdin.readline():
+        raise AdvisedError("Nobody said that the gripper may move.")
+    found = measure_ends(known.grippers[arm], SystemClock())
+    replace(known, grippers={**known.grippers, arm: found}).write(rig)
+    screen.print(f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}.")
+
+
+def _rig(path: Path) -> Rig:
+    if not path.is_file():
+        raise AdvisedError(f"There is no file {path}. --rig takes a rig.json.")
+    return Rig.read(path)
+
+
+def _measured(paper: str, ruler: float | None) -> Board:
+    from duobench.hardware.calibration.board import PAPERS, Board
+
+    if ruler is None:
+        raise AdvisedError(
+            f"Measure the ruler on the printed board, and say --ruler MM: it should be "
+            f"{PAPERS[paper].ruler:g} mm long, and prints that are not move cameras by centimetres."
+        )
+    return Board(paper=paper).measured(ruler)
+
+
+def _lens(rig: Rig, camera: str) -> CameraCalibration:
+    """The lens in the rig, or that which the camera itself tells."""
+    from duobench.hardware.clock import SystemClock
+    from duobench.hardware.opening import open_rig
+
+    config = rig.cameras.get(camera)
+    if config is None:
+        raise AdvisedError(f"The rig has no camera {camera}.")
+    if config.calibration is not None:
+        return config.calibration
+    device = open_rig(rig, SystemClock(), guard=False).cameras[camera]
+    try:
+        device.connect()
+        facts = getattr(device, "facts", None)
+    finally:
+        device.close()
+    if facts is None or facts.lens is None:
+        raise AdvisedError(
+            f"The lens of {camera} is not known. Measure it first: duobench real calibrate lens "
+            f"{camera}"
+        )
+    return facts.lens
+
+
+def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) -> ViewFolder:
+    """The images in a folder; where there are none, they are taken now."""
+    from duobench.hardware.calibration.views import ViewFolder
+
+    folder = ViewFolder(path, camera)
+    if not len(folder):
+        _capture(rig, folder, camera, side, sheet)
+    return folder
+
+
+def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet: Board) -> None:
+    """Take an image at each Enter; nothing moves by itself."""
+    from duobench.hardware.calibration.detection import Detector
+    from duobench.hardware.clock import SystemClock
+    from duobench.hardware.opening import open_rig
+
+    if camera not in rig.cameras:
+        raise AdvisedError(f"The rig has no camera {camera}.")
+    detector, screen = Detector(sheet), console()
+    duo = open_rig(rig, SystemClock(), guard=False)
+    device, arm = duo.cameras[camera], None if side is None else duo.arms[side]
+    closing: list[Callable[[], None]] = []
+    try:
+        closing.append(device.close)
+        device.connect()
+        if arm is not None:
+            closing.append(arm.close)
+            arm.connect()
+        screen.print("Enter takes an image, d and Enter ends. The arm has to be at rest.")
+        while (line := sys.stdin.readline()) and line.strip() != "d":
+            frame = device.latest()
+            reading = None if arm is None else arm.read()
+            found = None if frame is None else detector.find(frame.image)
+            if frame is None or device.fault is not None:
+                screen.print("The camera gives no image.")
+            elif reading is not None and abs(reading.velocities).max() > _AT_REST:
+                screen.print("The arm moves; not taken.")
+            elif found is None:
+                screen.print("The board is not seen; not taken.")
+            else:
+                folder.add(frame.image, None if reading is None else reading.joints)
+                screen.print(f"{len(folder)}: {len(found.points)} of 28 corners")
+    finally:
+        for close in closing:
+            close()
+
+
+def _finish(path: Path, rig: Rig, camera: str, found: Measured) -> None:
+    _write(path, rig, camera, found.calibration)
+    x, y, z = (1000.0 * each for each in found.calibration.pose[:3])
+    screen = console()
+    screen.print(
+        f"{camera}: at {x:.1f}, {y:.1f}, {z:.1f} mm, from {found.calibration.views} images; what "
+        f"was held out is off by {found.calibration.error_px:.2f} px"
+        + ("" if found.error_mm is None else f" and {found.error_mm:.2f} mm")
+    )
+    for note in found.notes:
+        screen.print(note, style="yellow")
+
+
+def _write(path: Path, rig: Rig, camera: str, calibration: CameraCalibration) -> None:
+    changed = replace(rig.cameras[camera], calibration=calibration)
+    replace(rig, cameras={**rig.cameras, camera: changed}).write(path)
+    console().print(f"Written to {path}; the rig has a new hash.")

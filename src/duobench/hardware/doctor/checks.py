@@ -1,0 +1,89 @@
+"""What a check has found, and the file that keeps it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+
+from duobench import files
+
+DOCTOR_SCHEMA = 1
+"""Version of the file; raised when a field changes its meaning."""
+DOCTOR_FILE = "doctor.json"
+"""Name of the file in a run's folder."""
+
+
+class Outcome(StrEnum):
+    """How a check ended."""
+
+    OK = "ok"
+    NOTE = "note"
+    """Worth knowing, and no reason to stop."""
+    SKIPPED = "skipped"
+    """It does not apply, or could not be made."""
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Check:
+    """One thing that was looked at."""
+
+    name: str
+    """What was looked at."""
+    outcome: Outcome
+    """How it ended."""
+    value: str
+    """What was found, in words and numbers."""
+    advice: str = ""
+    """What to do about it; empty where nothing is to be done."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Report:
+    """All checks of a rig at one time."""
+
+    rig: str
+    """Name of the rig."""
+    rig_hash: str
+    """Hash of its file."""
+    time: str
+    """When they ended, in UTC."""
+    is_well: bool
+    """Whether no check failed."""
+    checks: tuple[Check, ...]
+    """The checks in their order."""
+
+
+def is_well(checks: Iterable[Check]) -> bool:
+    """Whether no check failed."""
+    return all(check.outcome is not Outcome.FAILED for check in checks)
+
+
+def write_checks(folder: Path, rig: str, rig_hash: str, checks: Sequence[Check]) -> Path:
+    """Write `doctor.json` into a run's folder, in place of an earlier one.
+
+    Args:
+        folder: The folder, which is made if it is missing.
+        rig: Name of the rig.
+        rig_hash: Hash of its file.
+        checks: What was found.
+
+    Returns:
+        The file.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    report = Report(
+        rig=rig,
+        rig_hash=rig_hash,
+        time=datetime.now(UTC).isoformat(timespec="seconds"),
+        is_well=is_well(checks),
+        checks=tuple(checks),
+    )
+    path = folder / DOCTOR_FILE
+    files.write(path, files.encode(report, DOCTOR_SCHEMA))
+    return path

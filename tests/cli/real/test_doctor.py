@@ -1,0 +1,113 @@
+"""`duobench real doctor` and `duobench real calibrate` at the command line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from duobench.cli import main
+from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
+
+
+def lab(folder: Path, device: str) -> Path:
+    """A rig whose head camera plays something; its arms are simulated."""
+    rig = Rig.simulated()
+    head = CameraConfig(driver=CameraDriver.FILE, device=device)
+    path = folder / "rig.json"
+    replace(rig, name="lab", cameras={"head": head}).write(path)
+    return path
+
+
+def test_a_simulated_rig_is_examined(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["real", "doctor", "--rig", "simulated", "--out", str(tmp_path / "run"), "--seconds", "1"])
+    output = capsys.readouterr().out
+    assert "left gripper" in output
+    document = json.loads((tmp_path / "run" / "doctor.json").read_text())
+    assert document["is_well"] is True
+    assert {check["name"] for check in document["checks"]} >= {"holding", "head camera"}
+
+
+def test_a_check_that_fails_ends_with_1_and_leaves_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = lab(tmp_path, str(tmp_path / "nothing.mkv"))
+    with pytest.raises(SystemExit) as ending:
+        main(["real", "doctor", "--rig", str(rig), "--out", str(tmp_path / "run")])
+    assert ending.value.code == 1
+    assert "1 check failed" in capsys.readouterr().out
+    document = json.loads((tmp_path / "run" / "doctor.json").read_text())
+    assert document["is_well"] is False
+    assert "nothing.mkv" in document["checks"][-1]["value"]
+    assert document["rig_hash"] == Rig.read(rig).hash
+
+
+def test_a_camera_that_was_moved_is_found_by_its_reference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def doctor(*words: str) -> str:
+        arguments = ["--rig", str(rig), "--out", str(tmp_path / "run"), "--seconds", "1", *words]
+        main(["real", "doctor", *arguments])
+        return capsys.readouterr().out
+
+    noise = np.random.default_rng(0).integers(0, 256, (76, 132, 3), dtype=np.uint8)
+    scene = Image.fromarray(noise).resize((1320, 760), Image.Resampling.BICUBIC)
+    picture = tmp_path / "seen.png"
+    scene.crop((10, 10, 1290, 730)).save(picture)
+    rig = lab(tmp_path, str(picture))
+    assert "no reference was stored" in doctor("--no-hold")
+    assert "Reference: " in doctor("--no-hold", "--store-reference")
+    assert (tmp_path / "rig.head.png").exists()
+    assert "px from the reference" in doctor()
+    scene.crop((18, 10, 1298, 730)).save(picture)
+    with pytest.raises(SystemExit):
+        doctor()
+    assert "calibrate it again" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["doctor", "--rig", "none.json", "--out", "x"], "There is no file none.json"),
+        (["doctor", "--rig", "simulated", "--out", "x", "--seconds", "0"], "more than 0"),
+        (
+            ["doctor", "--rig", "simulated", "--out", "x", "--store-reference"],
+            "no file beside which",
+        ),
+        (["calibrate", "gripper", "left", "--rig", "rig.json"], "has no positions to measure"),
+        (["doctr"], "Did you mean `duobench real doctor`"),
+        (["calibrate", "bord"], "Did you mean `duobench real calibrate board`"),
+        (["calibrate", "head", "--rig", "none.json", "--views", "v"], "There is no file none.json"),
+        (["calibrate", "head", "--rig", "rig.json", "--views", "v"], "say --ruler MM"),
+        (
+            ["calibrate", "wrist", "left", "--rig", "rig.json", "--views", "v", "--ruler", "20"],
+            "is 200 mm long if it was printed to scale",
+        ),
+        (
+            ["calibrate", "wrist", "left", "--rig", "rig.json", "--views", "v", "--ruler", "200"],
+            "OpenCV|The rig has no camera left_wrist",
+        ),
+    ],
+)
+def test_mistakes_are_told_in_words(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab(tmp_path, "lavfi:testsrc2=size=1280x720")
+    with pytest.raises(SystemExit) as ending:
+        main(["real", *words])
+    errors = " ".join(str(ending.value.code).split())
+    assert any(part in errors for part in message.split("|")), errors
+
+
+def test_the_board_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["real", "calibrate", "board", "--out", str(tmp_path / "board.pdf"), "--paper", "a3"])
+    assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")
+    assert "300 mm" in " ".join(capsys.readouterr().out.split())

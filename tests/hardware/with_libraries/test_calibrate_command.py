@@ -1,0 +1,78 @@
+"""`duobench real calibrate` with folders of rendered views, and with a camera that plays a film."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from duobench.cli import main
+from duobench.hardware.calibration.board import Board
+from duobench.hardware.calibration.views import ViewFolder
+from duobench.hardware.canonical import nominal_pose
+from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
+from duobench.spatial import SE3
+from tests.hardware.lenses import ZED
+from tests.hardware.with_libraries.board_views import view
+
+pytest.importorskip("cv2", reason="It is not installed here: make test-hardware")
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    """A rig whose head camera shows the board where the command expects it by default."""
+    board = SE3.at(0.4, 0.12, 0.0, yaw=-math.pi / 2)
+    pose = nominal_pose("head").inverse() @ board
+    picture = tmp_path / "seen.png"
+    Image.fromarray(view(Board(), pose, ZED, np.random.default_rng(0))).save(picture)
+    known = replace(ZED, pose=tuple(nominal_pose("head").tquat.tolist()))
+    head = CameraConfig(driver=CameraDriver.FILE, device=str(picture), calibration=known)
+    path = tmp_path / "rig.json"
+    replace(Rig.simulated(), cameras={"head": head}).write(path)
+    return path
+
+
+def test_images_are_taken_at_enter_and_measured(
+    rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = Rig.read(rig)
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n\nd\n"))
+    views = tmp_path / "views"
+    main(["real", "calibrate", "head", "--rig", str(rig), "--views", str(views), "--ruler", "200"])
+    output = capsys.readouterr().out
+    assert "2: 28 of 28 corners" in output
+    after = Rig.read(rig)
+    found = after.cameras["head"].calibration
+    assert found is not None
+    assert found.views == 2
+    distance, angle = SE3.from_tquat(found.pose).distance(nominal_pose("head"))
+    assert distance < 0.005
+    assert math.degrees(angle) < 0.5
+    assert after.hash != before.hash
+    assert len(ViewFolder(views, "head")) == 2
+    again = rig.read_bytes()
+    main(["real", "calibrate", "head", "--rig", str(rig), "--views", str(views), "--ruler", "200"])
+    assert rig.read_bytes() == again, "measured again offline"
+
+
+def test_a_rig_is_left_alone_when_the_board_lies_elsewhere(
+    rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = rig.read_bytes()
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nd\n"))
+    words = ["--rig", str(rig), "--views", str(tmp_path / "v"), "--ruler", "200"]
+    with pytest.raises(SystemExit, match="Does the board lie where it was said"):
+        main(["real", "calibrate", "head", *words, "--at", "400", "120", "90"])
+    assert rig.read_bytes() == before
+
+
+def test_no_images_are_told(rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    words = ["--rig", str(rig), "--views", str(tmp_path / "v"), "--ruler", "200"]
+    with pytest.raises(SystemExit, match="holds no images"):
+        main(["real", "calibrate", "head", *words])
