@@ -12,6 +12,9 @@ from duobench.cli.display.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
+from duobench.cli.real import record as real_record
+from duobench.cli.real import teleop as real_teleop
+from duobench.cli.real import verbs as real_verbs
 from duobench.cli.record import record
 from duobench.cli.render import render
 from duobench.cli.replay import replay
@@ -48,6 +51,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "data": data.verbs,
     "export": export.verbs,
     "train": train,
+    "real": real_verbs,
     "doctor": doctor,
 }
 GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
@@ -59,6 +63,10 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
         "split": data.split,
     },
     "export": {"lerobot": export.lerobot},
+    "real": {
+        "record": real_record.record,
+        "teleop": real_teleop.teleop,
+    },
 }
 """Verbs that have verbs of their own."""
 
