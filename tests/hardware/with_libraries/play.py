@@ -50,9 +50,9 @@ def main() -> None:
     duo.supervisor.confirm()
     env.reset(seed=0)
     say("home")
-    errors, late, truncated, info = [], [], False, {}
+    errors, late, info = [], [], {}
     for target in targets:
-        observation, _, _, truncated, info = env.step(target)
+        observation, *_, info = env.step(target)
         off = np.abs(observation["agent_pos"] - info["sent"]).reshape(2, 8)[:, :7]
         errors.append(off)
         late.append(info["late_s"])
