@@ -37,7 +37,9 @@ class Wave:
     metadata = PolicyMetadata(name="wave", image_size=(48, 64))
 
     def reset(self, instruction: str, seed: int) -> None:
-        self.steps, self.instruction = 0, instruction
+        assert instruction
+        assert seed >= 0
+        self.steps = 0
 
     def act(self, observation: dict[str, Any]) -> np.ndarray:
         assert {image.shape for image in observation["pixels"].values()} == {(48, 64, 3)}
@@ -51,7 +53,7 @@ class Wave:
 class Steps:
     """Keeps all steps of an episode."""
 
-    def on_episode_start(self, env: Any, observation: Any, info: Any) -> None:
+    def on_episode_start(self, _env: Any, _observation: Any, info: Any) -> None:
         self.info, self.steps = info, []
 
     def on_step(self, step: Any) -> None:

@@ -89,6 +89,15 @@ def test_whatever_is_told_no_bound_is_broken() -> None:
         check_bounds(*play(follower, targets), limits)
 
 
+def test_targets_keep_away_from_the_ends_of_the_range() -> None:
+    follower = Follower(HOME, FULL)
+    for beyond, end in ((JOINT_RANGES[:, 1] + 1.0, HIGHEST), (JOINT_RANGES[:, 0], LOWEST)):
+        follower.aim(beyond)
+        assert np.array_equal(follower.target, end)
+    assert pytest.approx(JOINT_RANGES[:, 1] - 0.05) == HIGHEST
+    assert pytest.approx(JOINT_RANGES[:, 0] + 0.05) == LOWEST
+
+
 def test_the_reference_stops_at_the_last_target_when_no_other_comes() -> None:
     follower = Follower(HOME, FULL)
     targets = [HOME + 0.03 * number for number in range(1, 13)]  # 0.9 rad/s

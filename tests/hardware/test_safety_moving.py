@@ -143,6 +143,10 @@ def test_home_is_slow_and_ends_at_home_with_open_grippers() -> None:
         fastest = np.abs(log.velocities).max(axis=0)
         assert (fastest <= fraction * np.array(VELOCITY_LIMITS) + 1e-9).all()
         assert fastest.max() > 0.05
+        path = np.array(log.joints)
+        share = (path[:, 0] - path[0, 0]) / (path[-1, 0] - path[0, 0])
+        line = path[0] + share[:, None] * (path[-1] - path[0])
+        assert np.abs(path - line).max() < 0.01  # the way that the guard has looked at
     assert duo.read().joints == pytest.approx(HOME_JOINTS, abs=2e-3)
     assert duo.read().openings.min() > 0.99
     assert duo.supervisor.state is State.READY
@@ -172,8 +176,9 @@ def test_whatever_is_commanded_an_arm_is_told_only_what_its_bounds_allow(fractio
     duo = ready_rig(replace(plain, arms=dict.fromkeys(SIDES, config)))
     logs = [Log(duo, side) for side in SIDES]
     rng = np.random.default_rng(0)
-    for _ in range(60):
-        target = DuoCommand(joints=rng.uniform(-4, 5, (2, 7)), openings=rng.uniform(0, 1, 2))
+    ends = [np.full((2, 7), 9.0)] * 75
+    for target_joints in [*rng.uniform(-4, 5, (30, 2, 7)), *ends]:
+        target = DuoCommand(joints=target_joints, openings=rng.uniform(0, 1, 2))
         sent = duo.command(target)
         assert (sent.joints >= LOWEST).all()
         assert (sent.joints <= HIGHEST).all()

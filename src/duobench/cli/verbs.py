@@ -15,6 +15,7 @@ from duobench.cli.list_tasks import list_tasks
 from duobench.cli.print_ import print_
 from duobench.cli.real import calibrate as real_calibrate
 from duobench.cli.real import doctor as real_doctor
+from duobench.cli.real import home as real_home
 from duobench.cli.real import record as real_record
 from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
@@ -71,6 +72,7 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "export": {"lerobot": export.lerobot},
     "real": {
         "doctor": real_doctor.doctor,
+        "home": real_home.home,
         "calibrate": real_calibrate.calibrate,
         "record": real_record.record,
         "teleop": real_teleop.teleop,

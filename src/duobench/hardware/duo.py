@@ -94,9 +94,8 @@ class HardwareDuo(WatchedRig):
         """
         self.start()
         self.supervisor.check_confirmed()
-        self._measure()
-        here = self._here().joints
-        way = [HOME_JOINTS] if self.guard is None else self.guard.way(here, HOME_JOINTS)
+        way = self.way_home()
+        here = self.read().joints
         self.supervisor.begin(State.HOMING)
         self._engage()
         self._drive.limit(is_home=True)
@@ -110,6 +109,21 @@ class HardwareDuo(WatchedRig):
         self._drive.limit(is_home=False)
         if not self.supervisor.enter(State.READY, only_from=(State.HOMING,)):
             raise BackendError(f"The arms did not get home: {self.held}")
+
+    def way_home(self) -> list[Array]:
+        """The way that `home` takes from where the arms are.
+
+        Returns:
+            Joint positions (2, 7) to go through, home last, each on a straight line from the one
+            before.
+
+        Raises:
+            BackendError: The guard found no free one.
+        """
+        self._measure()
+        return (
+            [HOME_JOINTS] if self.guard is None else self.guard.way(self.read().joints, HOME_JOINTS)
+        )
 
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""

@@ -18,7 +18,7 @@ class Leader:
     def __init__(self, arm: Arm, follower: Follower, clock: Clock) -> None:
         """Begin stopped."""
         self._arm, self._follower, self._clock = arm, follower, clock
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a signal may ask for a hold inside of it
         self._ticker: Ticker | None = None
         self._last = 0.0
         self._late = 0.0
