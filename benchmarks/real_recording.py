@@ -3,7 +3,8 @@
     python -m benchmarks.real_recording --seconds 60
 
 The arms are the simulated drivers, the cameras give generated frames of 1280x720 at 30 Hz with
-noise in them. Printed are the seconds that the kill cost, frames that were left out because the
+noise in them. Where a rig would hold its arms, because the machine is too busy to lead them, this
+one goes on. Printed are the seconds that the kill cost, frames that were left out because the
 encoder was too far behind, frames that the cameras lost, and how regular the control steps were.
 """
 
@@ -52,8 +53,14 @@ class Killed:
 
     @property
     def lost_s(self) -> float:
-        """Seconds that are missing at the end."""
+        """Seconds of rows that are missing at the end."""
         return self.last_s - float(self.recording.time[-1])
+
+    @property
+    def lost_images_s(self) -> float:
+        """Seconds of images that are missing at the end, of the camera that lost most."""
+        taken = self.recording.time[-1] - self.recording.frame_age[-1]
+        return self.last_s - float(taken.min())
 
     @property
     def lost_frames(self) -> int:
@@ -69,6 +76,17 @@ class Killed:
         return float(np.median(periods)), float(np.quantile(periods, 0.99))
 
 
+class Tolerant(HardwareDuo):
+    """A rig that holds for nothing, so that a busy machine is measured to the end."""
+
+    def _check(self) -> None:
+        """Find nothing wrong."""
+
+    def image_ages(self) -> dict[str, float]:
+        """No image is too old."""
+        return {}
+
+
 def pictures(seed: int) -> Callable[[int, float], Image]:
     """What a camera shows: a scene that moves, with the noise of a sensor."""
     rng = np.random.default_rng(seed)
@@ -82,7 +100,7 @@ def pictures(seed: int) -> Callable[[int, float], Image]:
 def make(folder: Path) -> Recorder:
     """An environment of simulated drivers in real time, which records."""
     clock, rig = SystemClock(), Rig.simulated()
-    duo = HardwareDuo(
+    duo = Tolerant(
         rig,
         clock,
         arms={side: SimulatedArm(clock, HOME_JOINTS[side.index]) for side in SIDES},
@@ -148,7 +166,8 @@ def main(seconds: float) -> None:
     middle, most = found.period_ms
     print(
         f"{len(found.recording)} of {found.steps} control steps recovered; "
-        f"lost by the kill: {found.lost_s:.2f} s; frames left out: {found.lost_frames}; "
+        f"lost by the kill: {found.lost_s:.2f} s of rows, {found.lost_images_s:.2f} s of images; "
+        f"frames left out: {found.lost_frames}; "
         f"a control step every {middle:.1f} ms (99 %: {most:.1f}); videos: {megabytes:.0f} MB; "
         f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
     )

@@ -26,7 +26,6 @@ from duobench.data.schema import (
     Column,
     EpisodeInfo,
     Outcome,
-    VideoFacts,
 )
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
@@ -271,23 +270,17 @@ def recover(partial: Path) -> Recording:
         partial: The stream that was left.
 
     Returns:
-        The episode up to its last whole row whose frames are all in the videos, marked as cut.
+        The episode up to its last whole row, marked as cut. Rows whose frames were not encoded yet
+        name the newest one that is in the video, and its age.
 
     Raises:
         DataError: Nothing of it can be read; the message names the file.
     """
     info, rows = _read(partial)
     if info.videos:
-        from duobench.data.real.videos import describe, video_path
+        from duobench.data.real.videos import recovered
 
-        has_none = (rows["frame"] < 0).all(axis=0)
-        videos = {
-            name: VideoFacts(frames=0) if is_empty else describe(video_path(partial, name))
-            for (name, is_empty) in zip(info.videos, has_none, strict=True)
-        }
-        frames = np.array([video.frames for video in videos.values()])
-        whole = (rows["frame"] < frames).all(axis=1)
-        rows = rows[: len(rows) if whole.all() else int(whole.argmin())]
+        rows, videos = recovered(partial, info, rows)
         info = replace(info, videos=videos)
     if not len(rows):
         raise DataError(f"Cannot recover {partial}: it ends before its first rows were written.")

@@ -188,29 +188,32 @@ def test_cameras_need_a_folder() -> None:
         real_recorder(None)
 
 
-def test_rows_whose_frames_are_missing_are_not_recovered(tmp_path: Path) -> None:
+def test_rows_whose_frames_were_not_encoded_yet_name_the_newest_that_is(tmp_path: Path) -> None:
     env, _ = real_recorder(tmp_path)
     play_real(env, 30)
     data = DataSet(tmp_path)
     (partial,) = data.partials()
     env._stream.flush()  # type: ignore[union-attr]
     video = videos.video_path(partial, "head")
-    whole, lengths = video.read_bytes(), []
+    whole, counts = video.read_bytes(), []
     for cut in range(0, len(whole), max(1, len(whole) // 12)):
         video.write_bytes(whole[: len(whole) - cut])
         count = videos.count_frames(video)
-        try:
-            recording = stream.recover(partial)
-        except DataError:
-            assert count == 0
-            continue
-        assert recording.frame[:, 0].max() == count - 1 or len(recording) == 30
+        recording = stream.recover(partial)
+        assert len(recording) == 30
         assert recording.info.videos["head"].frames == count
-        shown = numbers_in_first(video, count)
-        assert shown[recording.frame[:, 0]].tolist() == recording.frame_number[:, 0].tolist()
-        lengths.append(len(recording))
-    assert lengths == sorted(lengths, reverse=True)
-    assert len(set(lengths)) > 5
+        frame, number = recording.frame[:, 0], recording.frame_number[:, 0]
+        assert frame.tolist() == [min(row, count - 1) for row in range(31)]
+        if count:
+            shown = numbers_in_first(video, count)
+            assert shown[frame].tolist() == number.tolist()
+            late = np.maximum(0, np.arange(31) - frame)
+            np.testing.assert_allclose(recording.frame_age[:, 0], 0.01 + late * PERIOD_S, atol=1e-6)
+        else:
+            assert np.isnan(recording.frame_age[:, 0]).all()
+        counts.append(count)
+    assert counts == sorted(counts, reverse=True)
+    assert len(set(counts)) > 5
     video.unlink()
     with pytest.raises(DataError, match=r"head\.mp4 is missing"):
         stream.recover(partial)

@@ -10,7 +10,7 @@ import threading
 import tty
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from duobench.evaluation.real.operator import QUIT
 
@@ -31,7 +31,7 @@ class KeyTerminal:
         self.on_space: Callable[[], None] | None = None
         """Called for the space bar, whatever is asked, and when the terminal is gone."""
         self._lock = threading.Lock()
-        self._before: list[object] | None = None
+        self._before: list[Any] | None = None
         if os.isatty(self._handle):
             self._before = termios.tcgetattr(self._handle)
             tty.setcbreak(self._handle)

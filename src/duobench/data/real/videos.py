@@ -13,17 +13,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, Full, Queue
+from typing import Any
 
 import av
 import numpy as np
 from av.error import FFmpegError
+from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.real.robot import Camera, Frame
-from duobench.data.schema import VIDEO_SUFFIX, VideoFacts
+from duobench.data.schema import VIDEO_SUFFIX, EpisodeInfo, VideoFacts
 from duobench.errors import DataError, DuoBenchError, OutputError
 from duobench.files import writing
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS, Array
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 from duobench.video import H264, VideoWriter
 
 QUEUE = 20
@@ -31,6 +33,8 @@ QUEUE = 20
 and 55 MB."""
 _REMEMBERED = 64
 """Accepted frames that a row may still belong to."""
+_COLUMNS = ("frame", "frame_number", "frame_age")
+"""Columns of a row about frames."""
 _LONGEST_WAIT_S = 60.0
 """How long a camera waits for an encoder that does nothing, where it waits."""
 
@@ -54,7 +58,7 @@ def count_frames(path: Path) -> int:
         DataError: There is none.
     """
     try:
-        with path.open("rb") as file, av.open(file) as container:
+        with path.open("rb") as file, av.open(file, "r") as container:
             count = 0
             try:
                 for packet in container.demux(video=0):
@@ -83,6 +87,37 @@ def describe(path: Path, left_out: int = 0) -> VideoFacts:
             sha256=hashlib.file_digest(file, "sha256").hexdigest(),
             left_out=left_out,
         )
+
+
+def recovered(
+    partial: Path, info: EpisodeInfo, rows: NDArray[Any]
+) -> tuple[NDArray[Any], dict[str, VideoFacts]]:
+    """Rows of a killed recording that name frames which are there, and what is in its videos.
+
+    Args:
+        partial: The stream that was left.
+        info: What was known about the episode when it began.
+        rows: Its rows, with a field for each column.
+
+    Returns:
+        The rows; where a frame was not encoded yet, the newest one before it, with its age. And the
+        videos by camera.
+
+    Raises:
+        DataError: A video is missing.
+    """
+    rows, videos = rows.copy(), {}
+    for place, camera in enumerate(info.videos):
+        frame, number, age = (rows[name][:, place] for name in _COLUMNS)
+        is_empty = bool((frame < 0).all())
+        videos[camera] = VideoFacts(frames=0) if is_empty else describe(video_path(partial, camera))
+        is_there = frame < (videos[camera].frames or 0)
+        last = int(np.flatnonzero(is_there)[-1]) if is_there.any() else None
+        taken = np.nan if last is None else rows["time"][last] - age[last]
+        age[~is_there] = rows["time"][~is_there] - taken
+        frame[~is_there] = -1 if last is None else frame[last]
+        number[~is_there] = -1 if last is None else number[last]
+    return rows, videos
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -212,7 +247,7 @@ class Videos:
         for stream in self._streams.values():
             stream.camera.listen(stream.take)
 
-    def see(self, frames: Mapping[str, Frame], time_s: float) -> dict[str, Array]:
+    def see(self, frames: Mapping[str, Frame], time_s: float) -> dict[str, NDArray[Any]]:
         """Which frames belong to a row.
 
         Args:
