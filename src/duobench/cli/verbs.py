@@ -12,6 +12,8 @@ from duobench.cli.display.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
+from duobench.cli.real import evaluate as real_evaluate
+from duobench.cli.real import rate as real_rate
 from duobench.cli.real import record as real_record
 from duobench.cli.real import verbs as real_verbs
 from duobench.cli.record import record
@@ -64,6 +66,8 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "export": {"lerobot": export.lerobot},
     "real": {
         "record": real_record.record,
+        "eval": real_evaluate.evaluate,
+        "rate": real_rate.rate,
     },
 }
 """Verbs that have verbs of their own."""

@@ -36,7 +36,11 @@ MAX_PEERS = 32
 """Browsers at a time."""
 MAX_SCENES = 64
 """Scenes that are kept, and so many images; the oldest one gives way."""
-IMAGE_KINDS = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG": "image/png", b"\x1aE\xdf\xa3": "video/webm"}
+IMAGE_KINDS = {
+    b"\xff\xd8\xff": "image/jpeg",
+    b"\x89PNG": "image/png",
+    b"\x1aE\xdf\xa3": "video/webm",
+}
 """Content types of images and films, by their first bytes."""
 _PING_S = 10.0
 """How often a browser is asked whether it lives, and how long it may take to say so, in seconds."""
@@ -247,15 +251,21 @@ class PageServer:
             return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
         if url.path == SOCKET_PATH:
             return self._objection(connection, request)
-        scene = re.fullmatch(r"/scene/([\w.-]+)\.bin", url.path, re.ASCII)
-        if scene and (data := self._scenes.get(scene[1])) is not None:
-            return _found("application/octet-stream", (data, None), request)
-        image = re.fullmatch(r"/image/([\w.-]+)", url.path, re.ASCII)
-        if image and (shown := self._images.get(image[1])) is not None:
-            return _found(shown[0], (shown[1], None), request)
-        if url.path in self._files:
-            return _found(*self._files[url.path], request)
+        if (found := self._shown(url.path)) is not None:
+            return _found(*found, request)
         return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")
+
+    def _shown(self, path: str) -> tuple[str, tuple[bytes, str | None]] | None:
+        """Content type, content and encoding of what only those with the token may see."""
+        if path in self._files:
+            return self._files[path]
+        if scene := re.fullmatch(rf"/scene/({_NAME})\.bin", path, re.ASCII):
+            data = self._scenes.get(scene[1])
+            return None if data is None else ("application/octet-stream", (data, None))
+        if (image := re.fullmatch(rf"/image/({_NAME})", path, re.ASCII)) is None:
+            return None
+        kind, data = self._images.get(image[1], ("", None))
+        return None if data is None else (kind, (data, None))
 
     def _objection(self, connection: ServerConnection, request: Request) -> Response | None:
         """Why a page may not connect; None if it may."""

@@ -108,7 +108,7 @@ class Overlay:
 
 
 def head_pose(rig: Rig) -> SE3:
-    """Pose of a rig's head camera in the table frame, with MuJoCo's axes; nominal until measured."""
+    """Pose of a rig's head camera in the table frame, with MuJoCo's axes, if need be nominal."""
     camera = rig.cameras.get(HEAD)
     if camera is None or camera.calibration is None:
         return TABLE_FROM_HEAD

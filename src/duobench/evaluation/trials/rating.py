@@ -104,9 +104,7 @@ class RatingSession:
     def _rate(self, trial: Trial, attempt: int, place: int, count: int) -> bool:
         """Have one film rated; False if the session was stopped."""
         record = self._record(trial)
-        film = self._server.publish_image(
-            f"film-{place}.webm", self._film(trial).read_bytes()
-        )
+        film = self._server.publish_image(f"film-{place}.webm", self._film(trial).read_bytes())
         with self._lock:
             self._now, self._presses = (trial, attempt), Presses(self._plan.task.max_stage)
             self._last_step = record.steps

@@ -1,4 +1,4 @@
-"""What raters said about the films of trials, and whether they agree with who judged at the arms."""
+"""What raters said about the films of trials, and whether they agree with the operator."""
 
 from __future__ import annotations
 

@@ -158,6 +158,7 @@ class TrialsSession:
             automatic = bool(self._lost or played.invalid)
             if (video := film.video()) is not None:
                 write(self._folder.invalid_film(trial.number, self._attempt), video)
+            self._players.settle(trial, counts=False)
             self._write(Kind.INVALID, text=reason, yes=automatic)
             self._board.message = f"The trial is invalid and comes again: {reason}"
             self._standing = Standing.of(self._log.entries)
@@ -255,6 +256,7 @@ class TrialsSession:
         run_folder = self._folder.run(self._plan.letter(trial.policy))
         run_folder.begin(played.run)
         run_folder.write(played.record(judged, presses.changes(), at_end=at_end), video)
+        self._players.settle(trial, counts=True)
         self._write(Kind.VALID)
         self._standing = Standing.of(self._log.entries)
 
