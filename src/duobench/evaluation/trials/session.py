@@ -107,6 +107,7 @@ class TrialsSession:
         self._at_end: bool | None = None
         self._note = ""
         self._ghost_joints: np.ndarray | None = None
+        self._begun: set[int] = set()
         server.on_message = self._take
         server.on_driver_lost = lambda: self._lose("The operator's page lost its connection.")
 
@@ -254,7 +255,9 @@ class TrialsSession:
         )
         at_end = True if self._at_end is None else self._at_end
         run_folder = self._folder.run(self._plan.letter(trial.policy))
-        run_folder.begin(played.run)
+        if not run_folder.description.exists() or trial.policy not in self._begun:
+            run_folder.begin(played.run)
+            self._begun.add(trial.policy)
         run_folder.write(played.record(judged, presses.changes(), at_end=at_end), video)
         self._players.settle(trial, counts=True)
         self._write(Kind.VALID)
@@ -378,14 +381,9 @@ class TrialsSession:
         if before is not None and float(np.max(np.abs(joints - before))) < MOVED_RAD:
             return
         self._ghost_joints = joints.copy()
-        for name, made in (
-            ("layout", self._overlay.rendering(layout, joints)),
-            ("ghost", self._overlay.ghost(layout, joints)),
-        ):
-            if made is not None:
-                self._board.images[name] = self._server.publish_image(
-                    f"{name}-{self._board.next_image()}", made
-                )
+        for name, made in self._overlay.images(layout, joints).items():
+            address = self._server.publish_image(f"{name}-{self._board.next_image()}", made)
+            self._board.images[name] = address
 
     def _publish(self) -> None:
         self._server.publish_status(self._board.status(self._duo.fault, self._duo.held))
