@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -145,7 +145,7 @@ def read_entries(path: Path) -> Iterable[Entry]:
         raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
 
 
-def _short(entry: Entry) -> dict[str, object]:
+def _short(entry: Entry) -> Mapping[str, object]:
     """An entry without what it does not say; a press that takes back says `null`."""
     kept = {name: value for name, value in asdict(entry).items() if value not in (None, "")}
     return kept | ({"stage": entry.stage} if entry.kind is Kind.PRESS else {})

@@ -82,7 +82,7 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
         task: What is to be done.
         entries: The policies.
         server: The operator's page.
-        ending: Frees policies and renderer when it ends.
+        ending: Frees policies, renderer and log when it ends.
         rater: Who judges, by a pseudonym.
         episodes: Episodes of each policy.
         first_episode: Index of the first one.
@@ -153,4 +153,6 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
     ordered = [sources[policy.spec] for policy in plan.policies]
     players = Players(plan, ordered, make, judge, command)
     players.prepare()
-    return TrialsSession(folder, plan, players, judge, duo, overlay, server, silence_s=silence_s)
+    session = TrialsSession(folder, plan, players, judge, duo, overlay, server, silence_s=silence_s)
+    ending.callback(session.close)
+    return session

@@ -125,7 +125,6 @@ class TrialsSession:
             return False
         finally:
             self._duo.hold("The session is over.")
-            self._log.close()
         self._board.phase = Phase.OVER
         return True
 
@@ -133,6 +132,10 @@ class TrialsSession:
         """Let `run` end, and hold the arms; for other threads and signal handlers."""
         self._over.set()
         self._duo.hold("The session was stopped.")
+
+    def close(self) -> None:
+        """Let go of the log; closing twice is harmless."""
+        self._log.close()
 
     def tell(self, **more: object) -> None:
         """Show the state on the page, with what else is to be said."""
