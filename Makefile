@@ -67,10 +67,11 @@ format: setup-test  ## Format the code and fix what the linter can fix.
 bench: setup-test  ## Measure speed, as ratios and against the bars.
 	$(BIN)/python -m benchmarks
 
-docs: setup-test  ## Draw the gallery, replays and looks, and write the tables of tasks.
+docs: setup-test  ## Draw the gallery, replays, looks and printed parts, and write the tables of tasks.
 	$(BIN)/python docs/gallery.py
 	$(BIN)/python docs/replays.py
 	$(BIN)/python docs/looks.py
+	$(BIN)/python docs/prints.py
 	$(BIN)/python docs/table.py
 
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.

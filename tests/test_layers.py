@@ -70,6 +70,7 @@ FORBIDDEN = {
     "experts": ("mujoco", *GYMNASIUM),
     "policy": ("mujoco",),
     "training": ("mujoco", *GYMNASIUM),
+    "fabrication": ("mujoco", *GYMNASIUM, "duobench.envs", "duobench.sim.simulation"),
 }
 
 

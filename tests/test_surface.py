@@ -29,6 +29,10 @@ SURFACE = {
         open_source read_results record rollout source summarize verify wilson_interval write_bundle
         write_report
     """,
+    "duobench.fabrication": """
+        Paper PrintChoice PrintJob PrintedPart Recipe Spot fit_coupon job_of lay_out layout_sheet
+        neutral_layout outlines_of recipe_of stl_bytes threemf_bytes write_prints
+    """,
     "duobench.objects": """
         BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Piece Prop
         RED Shape Solid Mesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder

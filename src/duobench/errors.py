@@ -169,6 +169,10 @@ class VideoError(DuoBenchError):
     """A video cannot be encoded."""
 
 
+class FabricationError(DuoBenchError):
+    """An object cannot be printed."""
+
+
 class MachineryError(EvaluationError):
     """An episode could not be played, through no fault of the policy."""
 

@@ -12,6 +12,7 @@ from duobench.cli.display.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
+from duobench.cli.print_ import print_
 from duobench.cli.real import evaluate as real_evaluate
 from duobench.cli.real import rate as real_rate
 from duobench.cli.real import record as real_record
@@ -53,6 +54,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "export": export.verbs,
     "train": train,
     "real": real_verbs,
+    "print": print_,
     "doctor": doctor,
 }
 GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {

@@ -26,6 +26,10 @@ KEY = (0.010, 0.004)
 """Width and height in metres of the key on the post that keeps the ring from sliding sideways: the
 lower bar lies in a slot of the post, and the key reaches into a notch in its underside."""
 
+POST_PRINT_TURN = SE3.about((0, 1, 0), math.pi / 2)
+RING_PRINT_TURN = SE3.about((1, 0, 0), math.pi / 2)
+"""Post and ring are printed lying: the slot and the notch then have upright walls."""
+
 MAT_EDGE, MAT_THICKNESS = 0.24, 0.010
 """Edge and thickness of the mat in metres [task definitions]."""
 
@@ -49,9 +53,19 @@ def gate() -> Solid:
         shapes=(*bars, plate, post),
         rgba=_STEEL,
         pieces=(
-            Piece(shapes=(plate,), holes=(_upright(wide, wide, foot, BASE[2] + OVERLAP),)),
-            Piece(shapes=(post,), holes=_slot(top)),
-            Piece(shapes=bars, holes=(_notch(top),)),
+            Piece(
+                name="base",
+                shapes=(plate,),
+                holes=(_upright(wide, wide, foot, BASE[2] + OVERLAP),),
+            ),
+            Piece(name="post", shapes=(post,), holes=_slot(top), print_turn=POST_PRINT_TURN),
+            Piece(
+                name="ring",
+                rgba=_ORANGE,
+                shapes=bars,
+                holes=(_notch(top),),
+                print_turn=RING_PRINT_TURN,
+            ),
         ),
     )
 

@@ -17,6 +17,8 @@ PEG_LENGTH = 0.100
 """Length of the peg, along x, in metres [task definitions]."""
 CLEARANCE = 0.001
 """Play on each side of the peg in its hole, in metres [task definitions]."""
+PEG_PRINT_TURN = SE3.about((0, 1, 0), -math.pi / 2)
+"""The peg is printed upright, so that the hexagon is the printer's plane."""
 
 CELL = (0.060, 0.070)
 """Length (along x) and width of the board around each hole, in metres."""

@@ -41,6 +41,12 @@ BACK_MOUTH = SE3.at(-BAR[0] / 2, yaw=math.pi) @ Z_TO_X
 WALL_TIP = SE3.at(-WALL_PLATE[0] / 2 - PEG_LENGTH, 0.0, PEG_HEIGHT, yaw=math.pi) @ Z_TO_X
 """Tip of the wall's peg in the wall's frame, z outwards, towards the robot."""
 
+LIGHT_PRINT_TURN = SE3.about((0, 1, 0), -math.pi / 2)
+DARK_PRINT_TURN = LIGHT_PRINT_TURN
+WALL_PRINT_TURN = SE3.about((0, 1, 0), math.pi / 2)
+"""All three are printed with their pegs and sockets upright, so that the square is the printer's
+plane, and without supports."""
+
 
 def _peg(root: SE3) -> tuple[Shape, ...]:
     """A chamfered square peg that stands on `root` along its z and reaches a little below it."""

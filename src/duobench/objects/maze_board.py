@@ -55,7 +55,7 @@ LEDGE = 0.003
 
 _FLOOR_COLOUR = (0.80, 0.79, 0.76, 1.0)
 _WALL_COLOUR = (0.16, 0.34, 0.56, 1.0)
-_RIM_COLOUR = (0.11, 0.25, 0.42, 1.0)
+RIM_COLOUR = (0.11, 0.25, 0.42, 1.0)
 _GRIP_COLOUR = (0.08, 0.08, 0.09, 1.0)
 _START_COLOUR = (0.55, 0.72, 0.55, 1.0)
 _GOAL_COLOUR = (0.80, 0.10, 0.09, 1.0)
@@ -138,11 +138,14 @@ def printable_board(maze: Maze) -> Solid:
     inside = (_floor(), *_rim(), *_walls(maze))
     turns = _quarter_turns()
     slots = tuple(slot for turn in turns for slot in _dovetails(turn, JOINT_PLAY))
-    grips = (Piece(shapes=(*_grip(turn, EDGE / 2), *_dovetails(turn))) for turn in turns)
+    grips = (
+        Piece(name="grip", rgba=_GRIP_COLOUR, shapes=(*_grip(turn, EDGE / 2), *_dovetails(turn)))
+        for turn in turns
+    )
     return Solid(
         shapes=(*inside, *_grips()),
         rgba=_FLOOR_COLOUR,
-        pieces=(Piece(shapes=inside, holes=slots), *grips),
+        pieces=(Piece(name="floor", shapes=inside, holes=slots), *grips),
     )
 
 
@@ -179,7 +182,7 @@ def _rim() -> Iterable[Shape]:
     height = BASE + WALL_HEIGHT
     for turn in _quarter_turns():
         side = turn @ SE3.at(x=(EDGE - width) / 2, z=WALL_HEIGHT - height / 2)
-        yield box(width, EDGE, height, at=side, rgba=_RIM_COLOUR)
+        yield box(width, EDGE, height, at=side, rgba=RIM_COLOUR)
 
 
 def _grips() -> Iterable[Shape]:

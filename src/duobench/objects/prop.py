@@ -69,6 +69,8 @@ class Part:
     """Pose in the frame of the part that carries it, at hinge angle zero."""
     hinge: Hinge | None = None
     """Hinge, or None for a part that is fixed to its carrier."""
+    print_turn: SE3 = field(default_factory=SE3)
+    """Rotation from the part's frame to the printer's, whose z points up."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -99,6 +101,8 @@ class Prop:
     """Name of the layout's variant that decides which of its shapes are there, if any does."""
     variants: Built[Mapping[str, Variant]] = Built(dict)
     """What is left out for each value of that variant; may be given as a function."""
+    print_turn: SE3 = field(default_factory=SE3)
+    """Rotation from the prop's frame to the printer's, whose z points up; pieces have their own."""
 
     def prints(self, variants: Mapping[str, str]) -> tuple[Solid, ...]:
         """What to print for a layout: the root part, then the others.

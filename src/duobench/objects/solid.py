@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -62,6 +62,12 @@ class Piece:
     """What it is made of; their union is one body."""
     holes: tuple[Shape, ...] = ()
     """What is cut out of it, wider by the play of a joint than what goes in."""
+    name: str = ""
+    """Name within the solid, such as "ring"; equal pieces may have the same."""
+    rgba: Colour | None = None
+    """Colour that it is printed in, where it differs from the solid's."""
+    print_turn: SE3 = field(default_factory=SE3)
+    """Rotation from the solid's frame to the printer's, whose z points up."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

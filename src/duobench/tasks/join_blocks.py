@@ -71,9 +71,18 @@ TASK = Task(
     kept_paraphrases=kept_paraphrases("join_blocks"),
     horizon=829,
     props=(
-        Prop(name="light_block", solid=lambda: bars.light_bar(LIGHT)),
-        Prop(name="dark_block", solid=lambda: bars.dark_bar(DARK)),
-        Prop(name="wall", solid=lambda: bars.wall(GREY), fixed=True),
+        Prop(
+            name="light_block",
+            solid=lambda: bars.light_bar(LIGHT),
+            print_turn=bars.LIGHT_PRINT_TURN,
+        ),
+        Prop(name="dark_block", solid=lambda: bars.dark_bar(DARK), print_turn=bars.DARK_PRINT_TURN),
+        Prop(
+            name="wall",
+            solid=lambda: bars.wall(GREY),
+            fixed=True,
+            print_turn=bars.WALL_PRINT_TURN,
+        ),
     ),
     placements={
         "light_block": Placement(

@@ -143,7 +143,7 @@ class Task:
                 poses={name: p.sample(rng) for name, p in self.placements.items()},
                 variants={name: choice.sample(rng) for name, choice in self.variants.items()},
             )
-            layout = self._arranged(sampled)
+            layout = self.arranged(sampled)
             rejected += 1
             if self.accept(layout):
                 rejected = 0
@@ -153,7 +153,12 @@ class Task:
             "widen the placements."
         )
 
-    def _arranged(self, sampled: Layout) -> Layout:
+    def arranged(self, sampled: Layout) -> Layout:
+        """A layout with the poses that follow from the sampled ones.
+
+        Raises:
+            LayoutError: It leaves a prop unplaced.
+        """
         needed = {prop.name for prop in self.props}
         try:
             layout = self.arrange(sampled)

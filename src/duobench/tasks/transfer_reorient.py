@@ -27,6 +27,7 @@ from duobench.objects.hexagon_peg import (
     BOARD_HEIGHT,
     HEXAGON,
     PEG_LENGTH,
+    PEG_PRINT_TURN,
     peg,
     socket_board,
 )
@@ -72,7 +73,7 @@ TASK = Task(
     kept_paraphrases=kept_paraphrases("transfer_reorient"),
     horizon=505,
     props=(
-        Prop(name=PEG, solid=lambda: peg(BLUE)),
+        Prop(name=PEG, solid=lambda: peg(BLUE), print_turn=PEG_PRINT_TURN),
         Prop(name=BOARD, solid=lambda: socket_board(WHITE), fixed=True),
     ),
     placements={

@@ -40,8 +40,9 @@ IMAGE_KINDS = {
     b"\xff\xd8\xff": "image/jpeg",
     b"\x89PNG": "image/png",
     b"\x1aE\xdf\xa3": "video/webm",
+    b"%PDF": "application/pdf",
 }
-"""Content types of images and films, by their first bytes."""
+"""Content types of images, films and sheets to print, by their first bytes."""
 _PING_S = 10.0
 """How often a browser is asked whether it lives, and how long it may take to say so, in seconds."""
 _TIMEOUT_S = 2.0
@@ -146,7 +147,7 @@ class PageServer:
 
         Args:
             name: Its name: letters, digits, '_', '-' and '.'.
-            data: JPEG, PNG or WebM.
+            data: JPEG, PNG, WebM or PDF.
 
         Returns:
             Its address on this server, with the token.
@@ -156,7 +157,9 @@ class PageServer:
         """
         kind = next((kind for sign, kind in IMAGE_KINDS.items() if data.startswith(sign)), None)
         if kind is None or not re.fullmatch(_NAME, name, re.ASCII):
-            raise ServingError(f"A page shows JPEG, PNG or WebM by a plain name, got {name!r}.")
+            raise ServingError(
+                f"A page shows JPEG, PNG, WebM or PDF by a plain name, got {name!r}."
+            )
         kept = {other: self._images[other] for other in self._images if other != name}
         names = list(kept)[-(MAX_SCENES - 1) :]
         self._images = {other: kept[other] for other in names} | {name: (kind, data)}

@@ -39,7 +39,8 @@ class Overlay:
 
     def __init__(self, task: Task, rig: Rig) -> None:
         """Compile the task's model; no OpenGL before the first image."""
-        self._task = task
+        self.task = task
+        """What is on the table."""
         self._simulation = Simulation(task.props)
         self._renderer: Renderer | None = None
         self.table_from_head = head_pose(rig)
@@ -54,7 +55,7 @@ class Overlay:
         Raises:
             LayoutError: There is none.
         """
-        sampled = first_valid(self._simulation, self._task.layouts(seed, split), self._task.id)
+        sampled = first_valid(self._simulation, self.task.layouts(seed, split), self.task.id)
         return Layout.from_json(sampled.to_json())
 
     def images(self, layout: Layout, joints: Array) -> dict[str, bytes]:

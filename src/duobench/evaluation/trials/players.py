@@ -219,6 +219,25 @@ class Players:
         return self._made[policy]
 
 
+class Watch:
+    """Says that an episode has begun, and the number of each control step."""
+
+    def __init__(self, on_start: Callable[[], None], on_step: Callable[[int], None]) -> None:
+        """Remember whom to tell."""
+        self._on_start, self._on_step = on_start, on_step
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """The arms are at home, and the policy begins."""
+        self._on_start()
+
+    def on_step(self, step: Step) -> None:
+        """A control step was executed."""
+        self._on_step(step.number)
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """Whoever plays says so."""
+
+
 class _Last:
     """A watcher that keeps the last step."""
 

@@ -1,0 +1,167 @@
+"""A folder with everything that printing needs: the same choice gives the same bytes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from duobench.errors import FabricationError, check_known
+from duobench.fabrication.coupon import ID as COUPON
+from duobench.fabrication.coupon import fit_coupon
+from duobench.fabrication.parts import ALL_VARIANTS, PrintJob, job_of
+from duobench.fabrication.recipe import RECIPE_SCHEMA, Recipe, recipe_of
+from duobench.fabrication.recipe_page import UNTRIED, recipe_page
+from duobench.fabrication.sheet import layout_sheet, neutral_layout
+from duobench.fabrication.sheet_pages import Paper
+from duobench.fabrication.shopping import shopping_lines
+from duobench.fabrication.stl import stl_bytes
+from duobench.fabrication.threemf import threemf_bytes
+from duobench.files import begin_or_continue, differences, encode, locked, remove_temporary, write
+from duobench.sim.layout import Layout
+from duobench.tasks.task import Task
+from duobench.versions import __version__
+
+_NAME = re.compile(r"\w[\w.-]*")
+DESCRIPTION = "print.json"
+"""File of a folder that says what it holds."""
+FOLDER_SCHEMA = 1
+"""Version of its fields."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PrintChoice:
+    """What a folder of prints holds."""
+
+    tasks: list[str]
+    """Ids of the tasks."""
+    variants: list[str]
+    """Variants of their objects; empty for the first one, or for those of the seed's layout."""
+    seed: int | None
+    """Seed of the layout on the sheets; None for the neutral one."""
+    paper: str
+    """Size of the sheets."""
+    version: str = __version__
+    """Version of DuoBench."""
+
+    def differences(self, other: Self) -> list[str]:
+        """In what another one differs, one phrase each."""
+        now, before = (
+            {
+                "tasks": ", ".join(each.tasks),
+                "variants": ", ".join(each.variants) or "by default",
+                "seed": "none" if each.seed is None else each.seed,
+                "paper": each.paper,
+                "version": each.version,
+            }
+            for each in (self, other)
+        )
+        return differences(now, before)
+
+
+def write_prints(
+    folder: Path,
+    tasks: Sequence[Task],
+    *,
+    variants: Sequence[str] = (),
+    layouts: Mapping[str, Layout] | None = None,
+    seed: int | None = None,
+    paper: Paper = Paper.A4,
+    progress: Callable[[Recipe], None] = lambda _recipe: None,
+) -> list[Recipe]:
+    """Write everything that is needed to print the objects of tasks, and the fit coupon.
+
+    Args:
+        folder: A new folder, or one that holds what the same choice gave.
+        tasks: The tasks.
+        variants: Which variants of objects that have some, see `parts.job_of`; by default those of
+            the layouts, and without them the first ones.
+        layouts: What is on the layout sheets, by the task's id; neutral layouts by default.
+        seed: The seed that the layouts come from, for the title of the sheets.
+        paper: What the sheets are printed on.
+        progress: Called with each recipe once its folder is written.
+
+    Returns:
+        The recipes, that of the coupon first.
+
+    Raises:
+        UnknownNameError: No object of the tasks has such a variant.
+        FabricationError: A part does not fit a printer, two tasks have one name, or a name is no
+            name of a folder.
+        OtherRunError: The folder holds something else.
+        OutputError: It cannot be written, or another process is writing into it.
+    """
+    ids = [task.id for task in tasks]
+    if taken := sorted({name for name in ids if ids.count(name) > 1 or name == COUPON}):
+        raise FabricationError(f"Each folder needs a name of its own, got twice: {taken}.")
+    if odd := [name for name in ids if not _NAME.fullmatch(name)]:
+        raise FabricationError(
+            f"{odd[0]!r} cannot be the name of a folder; a task's id has letters, digits and _."
+        )
+    choices = {name for task in tasks for p in task.props if p.choice for name in p.variants}
+    for name in variants:
+        check_known("variant", name, {*choices, ALL_VARIANTS})
+    layouts = layouts or {}
+    jobs = [job_of(task, variants or _variants(task, layouts.get(task.id))) for task in tasks]
+    choice = PrintChoice(tasks=ids, variants=list(variants), seed=seed, paper=paper.value)
+    with locked(folder):
+        begin_or_continue(folder, folder / DESCRIPTION, choice, FOLDER_SCHEMA, what="print")
+        remove_temporary(folder)
+        recipes = []
+        for job in (fit_coupon(), *jobs):
+            recipe = recipe_of(job)
+            _write_job(folder / job.id, job, recipe)
+            recipes.append(recipe)
+            if job.id != COUPON:
+                (task,) = (task for task in tasks if task.id == job.id)
+                layout = layouts.get(task.id) or neutral_layout(task)
+                title = "neutral layout" if seed is None else f"layout of seed {seed}"
+                write(folder / job.id / "layout.pdf", layout_sheet(task, layout, title, paper))
+            progress(recipe)
+        write(folder / "README.md", "\n".join(_index(recipes)) + "\n")
+        write(folder / "shopping.md", "\n".join(_shopping(recipes)) + "\n")
+    return recipes
+
+
+def _variants(task: Task, layout: Layout | None) -> list[str]:
+    """The variants of a layout that decide what is printed."""
+    if layout is None:
+        return []
+    return [layout.variants[prop.choice] for prop in task.props if prop.choice is not None]
+
+
+def _write_job(folder: Path, job: PrintJob, recipe: Recipe) -> None:
+    for part in job.parts:
+        write(folder / f"{part.name}.stl", stl_bytes(part.mesh, part.name))
+    if recipe.file is not None:
+        write(folder / recipe.file, threemf_bytes(job))
+    write(folder / "recipe.json", encode(recipe, RECIPE_SCHEMA))
+    write(folder / "recipe.md", recipe_page(recipe))
+
+
+def _index(recipes: Sequence[Recipe]) -> Iterator[str]:
+    yield from ("# Objects to print", "", UNTRIED, "")
+    yield "Print the fit coupon, measure and try it, then the tasks. A folder has the parts as STL,"
+    yield "all of them as they lie in one 3MF, the recipe, and the layout sheet."
+    yield "[shopping.md](shopping.md) lists what is bought."
+    yield ""
+    yield "| folder | parts | beds | filament (g) | hours |"
+    yield "| --- | ---: | ---: | ---: | ---: |"
+    for recipe in recipes:
+        count = sum(part.count for part in recipe.parts)
+        numbers = f"{count} | {recipe.beds} | {recipe.filament_g:.0f} | {recipe.hours:.1f}"
+        yield f"| [{recipe.id}]({recipe.id}/recipe.md) | {numbers} |"
+
+
+def _shopping(recipes: Sequence[Recipe]) -> Iterator[str]:
+    yield from ("# What is bought", "")
+    grams = sum(recipe.filament_g for recipe in recipes)
+    yield f"For all tasks: about {grams:.0f} g of PLA filament (estimated), glue for plastic,"
+    yield "double-sided tape, calipers, a scale that shows 0.1 g. No product is named: what is"
+    yield "bought should be as near to these sizes as can be had."
+    yield ""
+    for recipe in recipes:
+        if recipe.bought:
+            yield from (f"## {recipe.title}", "", *shopping_lines(tuple(recipe.bought)), "")

@@ -1,0 +1,266 @@
+"""The parts that a task's objects are printed in, each as it lies on the printer's bed."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from duobench.errors import FabricationError, UnknownNameError
+from duobench.fabrication.shopping import Item, items_of
+from duobench.objects.prop import Prop
+from duobench.objects.shapes import PRINTER, Colour
+from duobench.objects.solid import (
+    PLA_DENSITY,
+    Mesh,
+    Solid,
+    manifold_from,
+    mass_properties,
+    mesh_of,
+    pieces_of,
+    placed,
+)
+from duobench.spatial import SE3
+from duobench.tasks.task import Task
+from duobench.types import Array
+
+ALL_VARIANTS = "all"
+"""In the place of variants: every one of them."""
+SAME_VOLUME = 1e-12
+"""Volume in m³ by which equal parts may differ: what arithmetic leaves of nothing."""
+_MERGED = 1e-6
+"""Metres within which vertices of a mesh are merged, so that none of its triangles is a sliver."""
+_UNSAFE = re.compile(r"[^\w.-]+")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class PrintedPart:
+    """One part, in its print pose."""
+
+    name: str
+    """Name of its file, without an ending."""
+    body: str
+    """The object or part of an object that it belongs to, such as "chest/lid"."""
+    piece: str = ""
+    """Which piece of it, where it is printed in several."""
+    mesh: Mesh
+    """What is printed, in metres: z up, its lowest point at 0, the middle of its box over 0, 0."""
+    rgba: Colour
+    """Red, green, blue and opacity, each 0 to 1."""
+    count: int = 1
+    """How many of it are needed."""
+    print_from_object: SE3 = field(default_factory=SE3)
+    """Pose of the object's frame in that of the mesh."""
+    is_solid: bool = True
+    """Whether its mass is felt, so that it is printed without hollows."""
+    density: float = PLA_DENSITY
+    """Density in kg/m³ of what is printed solid."""
+
+    @property
+    def size(self) -> Array:
+        """Edges (3,) of the box around it in metres."""
+        return np.ptp(self.mesh.vertices, axis=0)
+
+    @property
+    def volume(self) -> float:
+        """Volume of one of it in m³."""
+        return manifold_from(self.mesh).volume()
+
+    @property
+    def mass(self) -> float:
+        """Mass of one of it, printed solid, in kg."""
+        return self.volume * self.density
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObjectMass:
+    """What an object weighs when it is put together."""
+
+    body: str
+    """The object, or the part of it that moves by itself."""
+    mass: float
+    """Mass in kg, as simulated."""
+    is_solid: bool
+    """Whether the mass is felt; that of something fixed to the table is not."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class PrintJob:
+    """What is printed together: all of a task, or the coupon."""
+
+    id: str
+    """Name of its folder: the task's."""
+    title: str
+    """Name for people."""
+    description: str
+    """What it is for, in a sentence."""
+    parts: tuple[PrintedPart, ...]
+    """What is printed; may be nothing."""
+    masses: tuple[ObjectMass, ...] = ()
+    """What the objects weigh."""
+    bought: tuple[Item, ...] = ()
+    """What is not printed."""
+
+
+def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
+    """What to print of a task.
+
+    Args:
+        task: The task.
+        variants: Which variants of an object that has some, such as numbers of mazes; "all" means
+            all of them, nothing the first one.
+
+    Raises:
+        UnknownNameError: There is no such variant.
+        FabricationError: A part does not fit a printer of `shapes.PRINTER`.
+    """
+    bought = items_of(task)
+    not_printed = {name for item in bought for name in item.props}
+    props = [prop for prop in task.props if prop.name not in not_printed]
+    parts, masses = [], []
+    for prop in props:
+        for value, variant in _values(prop, variants):
+            label = f"{prop.name}_{value}" if value else prop.name
+            new, weights = _printed(prop, label, variant)
+            parts += new
+            masses += weights
+    parts = _with_names(_merged(parts))
+    for part in parts:
+        check_fits(part)
+    return PrintJob(
+        id=task.id,
+        title=task.title,
+        description=f"Printed objects of the task {task.title} of the benchmark DuoBench.",
+        parts=tuple(parts),
+        masses=tuple(masses),
+        bought=bought,
+    )
+
+
+def upright(
+    name: str, mesh: Mesh, rgba: Colour, *, turn: SE3 | None = None, body: str = ""
+) -> PrintedPart:
+    """A part of a mesh, turned and set on the bed.
+
+    Args:
+        name: Name of the part.
+        mesh: What is printed, in the object's frame, in metres.
+        rgba: Colour.
+        turn: Rotation from the object's frame to the printer's; none by default.
+        body: The object that it belongs to; its own name by default.
+    """
+    turn = turn or SE3()
+    turned = placed(manifold_from(mesh), turn).as_original().simplify(_MERGED)
+    low, high = (np.array(turned.bounding_box()[k : k + 3]) for k in (0, 3))
+    x, y = (-(low + high)[:2] / 2).tolist()
+    shift = SE3.at(x, y, -float(low[2]))
+    moved = mesh_of(turned)
+    vertices = (moved.vertices + shift.translation).round(9)
+    return PrintedPart(
+        name=name,
+        body=body or name,
+        mesh=Mesh(vertices=vertices, faces=moved.faces),
+        rgba=rgba,
+        print_from_object=shift @ turn,
+    )
+
+
+def check_fits(part: PrintedPart) -> None:
+    """Reject a part that no printer takes.
+
+    Raises:
+        FabricationError: It is larger than `shapes.PRINTER` as it lies.
+    """
+    if (part.size > PRINTER).any():
+        size = " × ".join(f"{1000 * edge:.0f}" for edge in part.size)
+        raise FabricationError(
+            f"{part.body} cannot be printed: it is {size} mm as it lies, and the printer takes "
+            f"{1000 * PRINTER:.0f} mm. Give its solid `pieces` to be put together, or another "
+            "`print_turn`."
+        )
+
+
+def _values(prop: Prop, variants: Sequence[str]) -> Iterator[tuple[str, Mapping[str, str]]]:
+    """The variants of an object to print; one without a name where it has none."""
+    if prop.choice is None:
+        yield "", {}
+        return
+    known = tuple(prop.variants)
+    chosen = known if ALL_VARIANTS in variants else tuple(dict.fromkeys(variants)) or known[:1]
+    for value in chosen:
+        if value not in known:
+            raise UnknownNameError(f"variant of {prop.name}", value, known)
+        yield value, {prop.choice: value}
+
+
+def _printed(
+    prop: Prop, label: str, variant: Mapping[str, str]
+) -> tuple[list[PrintedPart], list[ObjectMass]]:
+    """The parts of one object, and what it weighs."""
+    root, *others = prop.prints(variant)
+    bodies = [(label, root, prop.print_turn, prop.fixed)]
+    for part, solid in zip(prop.parts, others, strict=True):
+        is_still = prop.fixed and part.hinge is None
+        bodies.append((f"{label}/{part.name}", solid, part.print_turn, is_still))
+    parts, masses = [], []
+    for body, solid, turn, is_still in bodies:
+        mass = mass_properties(solid).mass
+        masses.append(ObjectMass(body=body, mass=mass, is_solid=not is_still))
+        parts += [
+            replace(part, is_solid=not is_still, density=solid.density)
+            for part in _pieces(body, solid, turn)
+        ]
+    return parts, masses
+
+
+def _pieces(body: str, solid: Solid, turn: SE3) -> Iterator[PrintedPart]:
+    """The pieces of a solid, or the one that it is."""
+    stem = body.replace("/", "-")
+    meshes = pieces_of(solid)
+    if not solid.pieces:
+        yield upright(stem, meshes[0], solid.rgba, turn=turn, body=body)
+        return
+    for number, (piece, mesh) in enumerate(zip(solid.pieces, meshes, strict=True)):
+        name = piece.name or str(number + 1)
+        made = upright(
+            f"{stem}-{name}", mesh, piece.rgba or solid.rgba, turn=piece.print_turn, body=body
+        )
+        yield replace(made, piece=name)
+
+
+def _merged(parts: list[PrintedPart]) -> list[PrintedPart]:
+    """Parts of which equal pieces of the same name are one that is printed several times."""
+    kept: list[PrintedPart] = []
+    for part in parts:
+        for number, other in enumerate(kept):
+            if part.piece and part.name == other.name and _same(part.mesh, other.mesh):
+                kept[number] = replace(other, count=other.count + part.count)
+                break
+        else:
+            kept.append(part)
+    return kept
+
+
+def _same(one: Mesh, other: Mesh) -> bool:
+    """Whether two parts on the bed are the same but for quarter turns."""
+    first, second = manifold_from(one), manifold_from(other)
+    turns = (SE3.at(yaw=k * math.pi / 2) for k in range(4))
+    return any(
+        (first - turned).volume() < SAME_VOLUME and (turned - first).volume() < SAME_VOLUME
+        for turned in (placed(second, turn) for turn in turns)
+    )
+
+
+def _with_names(parts: list[PrintedPart]) -> list[PrintedPart]:
+    """Parts with names that any file system takes, each another one."""
+    names = [_UNSAFE.sub("_", part.name).lstrip(".") or "part" for part in parts]
+    several = {name for name, count in Counter(map(str.lower, names)).items() if count > 1}
+    numbered = [
+        f"{name}-{number}" if name.lower() in several else name
+        for number, name in enumerate(names, 1)
+    ]
+    return [replace(part, name=name) for part, name in zip(parts, numbered, strict=True)]

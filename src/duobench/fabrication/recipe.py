@@ -1,0 +1,282 @@
+"""How to print a job: printer, settings, masses, sizes to measure, and what it takes.
+
+Filament and time are estimates from the volume, `MATERIAL_PER_SECOND` says how.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from duobench.fabrication import coupon, details
+from duobench.fabrication.bed import lay_out
+from duobench.fabrication.details import Dimension
+from duobench.fabrication.parts import PrintedPart, PrintJob
+from duobench.fabrication.shopping import Item
+from duobench.fabrication.threemf import hex_colour
+from duobench.objects.mazes import CELLS, MAZES, Cell
+from duobench.objects.shapes import PRINTER
+from duobench.objects.solid import PLA_DENSITY
+
+RECIPE_SCHEMA = 1
+"""Version of a recipe's fields."""
+NOZZLE, LAYER, FINE_LAYER = 0.4, 0.2, 0.12
+"""Diameter of the nozzle and height of the layers in mm; the finer ones are for chamfers."""
+WALLS, CAPS = 4, 5
+"""Lines of a wall, and layers of a floor or a roof."""
+SPARSE = 0.15
+"""Share that is filled of what may be lighter than simulated."""
+TOLERANCE = 0.05
+"""Share by which the mass of what is lifted may be off."""
+MATERIAL_PER_SECOND = 8e-9
+"""Volume in m³ that a printer lays down in a second, all in all, in layers of 0.2 mm; in finer
+ones less by as much. A slow printer needs twice the time, and a fast one half of it."""
+WASTE = 1.05
+"""What is laid down over what is in the parts: purged, brims, supports."""
+_STEEP = 0.72
+"""Share of an area that looks down from which on it needs something below it: 46 degrees."""
+_FIRST_LAYER = 2e-4
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PartRecipe:
+    """How to print one part."""
+
+    name: str
+    """The part; its STL has this name."""
+    file: str
+    """Its STL, in the folder of the recipe."""
+    body: str
+    """The object that it is a part of."""
+    count: int
+    """How many of it."""
+    beds: list[int]
+    """On which beds of the 3MF its copies lie, counted from 1."""
+    size_mm: tuple[float, float, float]
+    """Width, depth and height as it lies."""
+    orientation: str
+    """Which side is up."""
+    colour: str
+    """Colour as #RRGGBB."""
+    colour_changes: list[tuple[float, str]]
+    """From which height (mm above the bed) on it has another colour."""
+    layer_mm: float
+    """Height of its layers."""
+    walls: int
+    """Lines of its walls."""
+    infill_percent: int
+    """How much of it is filled: 100 is solid."""
+    supports: str
+    """Where it needs supports."""
+    volume_cm3: float
+    """Volume of one."""
+    mass_g: tuple[float, float, float] | None
+    """Mass of one: least, target and most. None where it may weigh anything."""
+    filament_g: float
+    """Estimated filament for all copies, in grams."""
+    hours: float
+    """Estimated time for all copies."""
+    dimensions: list[Dimension]
+    """What to measure."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObjectRecipe:
+    """What an object weighs when it is put together, and how it is fixed."""
+
+    body: str
+    """The object, or the part of it that moves by itself."""
+    mass_g: tuple[float, float, float] | None
+    """Least, target and most. None where it may weigh anything."""
+    fixing: str
+    """How it is fixed to the table; empty for what is not."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Recipe:
+    """How to print a job."""
+
+    id: str
+    """The task, or "coupon"."""
+    title: str
+    """Name for people."""
+    printer: str
+    """What kind of printer."""
+    material: str
+    """What is printed."""
+    nozzle_mm: float
+    """Diameter of the nozzle."""
+    file: str | None
+    """The 3MF with all parts; None where nothing is printed."""
+    beds: int
+    """How many beds the 3MF has."""
+    parts: list[PartRecipe]
+    """The parts."""
+    objects: list[ObjectRecipe]
+    """What they are put together to."""
+    assembly: list[str]
+    """How that is done."""
+    bought: list[Item]
+    """What is not printed."""
+    notes: list[str]
+    """What else there is to know."""
+    filament_g: float
+    """Estimated filament in grams."""
+    hours: float
+    """Estimated time."""
+
+
+def recipe_of(job: PrintJob) -> Recipe:
+    """How to print a job."""
+    spots = lay_out(job.parts)
+    beds = {part.name: [s.bed + 1 for s in spots if s.part is part] for part in job.parts}
+    parts = [_part(job.id, part, beds[part.name]) for part in job.parts]
+    return Recipe(
+        id=job.id,
+        title=job.title,
+        printer=f"filament, bed and height of {1000 * PRINTER:.0f} mm",
+        material=f"PLA, {PLA_DENSITY:.0f} kg/m³ when printed solid",
+        nozzle_mm=NOZZLE,
+        file=f"{job.id}.3mf" if parts else None,
+        beds=max((spot.bed + 1 for spot in spots), default=0),
+        parts=parts,
+        objects=[
+            ObjectRecipe(
+                body=each.body,
+                mass_g=_range(1000 * each.mass) if each.is_solid else None,
+                fixing=details.FIXING.get(f"{job.id}/{each.body}", ""),
+            )
+            for each in job.masses
+        ],
+        assembly=list(details.ASSEMBLY.get(job.id, ())),
+        bought=list(job.bought),
+        notes=_notes(job),
+        filament_g=round(math.fsum(part.filament_g for part in parts), 1),
+        hours=round(math.fsum(part.hours for part in parts), 1),
+    )
+
+
+def overhang(part: PrintedPart) -> float:
+    """Area in m² of a part that looks down by more than 45 degrees, that on the bed aside."""
+    corners = part.mesh.vertices[part.mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    twice = np.linalg.norm(normals, axis=1)
+    looks_down = normals[:, 2] < -_STEEP * twice
+    is_high = corners[:, :, 2].mean(axis=1) > _FIRST_LAYER
+    return float(twice[looks_down & is_high].sum() / 2)
+
+
+def extruded(part: PrintedPart) -> float:
+    """Volume in m³ that is laid down for one part: all of it, or walls, caps and sparse infill."""
+    volume = part.volume
+    if part.is_solid:
+        return volume
+    corners = part.mesh.vertices[part.mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    areas = np.linalg.norm(normals, axis=1)
+    is_flat = np.abs(normals[:, 2]) > _STEEP * areas
+    skin = float(areas[~is_flat].sum() * WALLS * NOZZLE + areas[is_flat].sum() * CAPS * LAYER)
+    skin = min(volume, skin / 1000)
+    return skin + SPARSE * (volume - skin)
+
+
+def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
+    key = _key(job, part)
+    laid_down = extruded(part) * part.count * WASTE
+    layer = FINE_LAYER if key in details.FINE else LAYER
+    width, depth, height = (round(1000 * float(edge), 2) for edge in part.size)
+    return PartRecipe(
+        name=part.name,
+        file=f"{part.name}.stl",
+        body=part.body,
+        count=part.count,
+        beds=sorted(set(beds)),
+        size_mm=(width, depth, height),
+        orientation=_orientation(part),
+        colour=hex_colour(part.rgba),
+        colour_changes=[
+            (change.above_mm, hex_colour(change.rgba)) for change in details.CHANGES.get(key, ())
+        ],
+        layer_mm=layer,
+        walls=WALLS,
+        infill_percent=100 if part.is_solid else round(100 * SPARSE),
+        supports=details.SUPPORTS.get(key, "none"),
+        volume_cm3=round(1e6 * part.volume, 2),
+        mass_g=_range(1000 * part.mass) if part.is_solid else None,
+        filament_g=round(1000 * laid_down * part.density, 1),
+        hours=round(laid_down / MATERIAL_PER_SECOND * LAYER / layer / 3600, 2),
+        dimensions=[
+            *_box(width, depth, height),
+            *details.DIMENSIONS.get(key, ()),
+        ],
+    )
+
+
+def _key(job: str, part: PrintedPart) -> str:
+    """Task, body and piece, without the number of a variant."""
+    body, slash, rest = part.body.partition("/")
+    stem = body.rpartition("_")[0] if body.rpartition("_")[2].isdigit() else body
+    return "/".join(filter(None, (job, stem + slash + rest, part.piece)))
+
+
+def _box(*edges: float) -> list[Dimension]:
+    return [
+        Dimension(what=what, mm=edge, tolerance_mm=details.FREE)
+        for what, edge in zip(("width", "depth", "height"), edges, strict=True)
+    ]
+
+
+def _range(grams: float) -> tuple[float, float, float]:
+    """Least, target and most."""
+    least, target, most = (grams * (1 + k * TOLERANCE) for k in (-1, 0, 1))
+    return round(least, 1), round(target, 1), round(most, 1)
+
+
+def _orientation(part: PrintedPart) -> str:
+    """Which axis of the object is up."""
+    up = part.print_from_object.rotation[2]
+    axis = int(np.abs(up).argmax())
+    if up[axis] < 1 - 1e-6 and up[axis] > -1 + 1e-6:
+        return "as it lies in the 3MF"
+    name = f"{'+' if up[axis] > 0 else '-'}{'xyz'[axis]}"
+    return "as it stands on the table" if name == "+z" else f"its {name} side up"
+
+
+def _notes(job: PrintJob) -> list[str]:
+    notes = list(details.NOTES.get(job.id, ()))
+    if job.id == "ball_maze":
+        for each in job.masses:
+            number = each.body.rpartition("_")[2]
+            if number.isdigit():
+                maze = MAZES[int(number)]
+                notes.append(
+                    f"Maze {number}, seen from above as it lies in the 3MF: it starts "
+                    f"{_corner(maze.start)}, its goal is {_corner(maze.goal)}."
+                )
+    if job.id == coupon.ID:
+        notes += _about_coupon()
+    return notes
+
+
+def _corner(cell: Cell) -> str:
+    column, row = cell
+    return f"{'back' if row == CELLS - 1 else 'front'} {'right' if column == CELLS - 1 else 'left'}"
+
+
+def _about_coupon() -> list[str]:
+    plays = {"hexagonal": coupon.HEXAGON_PLAYS, "square": coupon.SQUARE_PLAYS}
+    return [
+        *(
+            f"Sockets 1 to {len(values)} of the {name} peg have a play of "
+            f"{', '.join(f'{1000 * value:g}' for value in values)} mm on each side; each has as "
+            "many dimples as its number."
+            for name, values in plays.items()
+        ),
+        "Either peg should go through its socket 3 without force, however it is turned, as it does "
+        "in simulation.",
+        "If it needs force there, and goes through a higher one as it should, the printer makes "
+        "holes too narrow: set its program's compensation of holes to the difference, and print "
+        "the coupon again.",
+    ]

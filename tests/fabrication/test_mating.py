@@ -1,0 +1,185 @@
+"""What goes together is measured on the files that a printer gets, not on the numbers behind them.
+
+Every size in a recipe is measured here, each joint from both of its sides.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from duobench.fabrication.details import DIMENSIONS
+from duobench.objects import chest, gate, hexagon_peg, joint_blocks, maze_board
+from duobench.objects.mazes import MAZES
+from tests.fabrication.printed import hits, triangles, width
+
+NEAR = 0.05
+"""How far in mm a mating size may be off."""
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+LUG, BARREL = (*chest.HINGE[:1], 0.118, chest.HINGE[2]), (0.0, 0.1, 0.0)
+PEG_SIDE = (joint_blocks.BAR[0] / 2 + 0.010, 0.0, 0.0)
+SOCKET = (joint_blocks.BAR[0] / 2 - 0.010, 0.0, 0.0)
+WALL_PEG = (-joint_blocks.WALL_PLATE[0] / 2 - 0.010, 0.0, joint_blocks.PEG_HEIGHT)
+TOP = gate.RING_HEIGHT - gate.RING_RADIUS
+BAR_Z = TOP - gate.RING_THICKNESS / 2
+KEY_Z = TOP - gate.RING_THICKNESS + gate.KEY[1] / 2
+STAY = (maze_board.BAR[1] + maze_board.STAY) / 2
+RIM = maze_board.EDGE / 2
+HOLE = (hexagon_peg.HEXAGON.x, 0.0, 0.015)
+FLAT = (0.0, math.cos(math.pi / 6), math.sin(math.pi / 6))
+
+# By recipe's entry and what is measured: part, point in the object's frame, direction.
+PLACES = {
+    ("hinge_chest/chest", "cavity along the hinge, between the lugs"): ("chest", (0, 0, 0.03), Y),
+    ("hinge_chest/chest", "cavity across"): ("chest", (0, 0.05, 0.03), X),
+    ("hinge_chest/chest", "hole in a lug, diameter"): ("chest", LUG, Z),
+    ("hinge_chest/chest/lid", "length of the hinge's barrel"): ("chest-lid", (0.003, 0, 0), Y),
+    ("hinge_chest/chest/lid", "hole in the barrel, diameter"): ("chest-lid", BARREL, Z),
+    ("pour_marbles/left_cup", "inside, between flats"): ("left_cup", (0, 0, 0.04), X),
+    ("pour_marbles/right_cup", "inside, between flats"): ("right_cup", (0, 0, 0.04), Y),
+    ("ball_maze/board/floor", "slot for a dovetail, at the rim's outside"): (
+        *("board_0-floor", (RIM - 1e-6, STAY, 0.0), Y),
+    ),
+    ("ball_maze/board/floor", "slot for a dovetail, at its end"): (
+        *("board_0-floor", (RIM - maze_board.DOVETAIL[0] - 0.0002 + 1e-6, STAY, 0.0), Y),
+    ),
+    ("ball_maze/board/grip", "dovetail where it leaves the stay"): (
+        *("board_0-grip", (RIM - 1e-6, STAY, 0.0), Y),
+    ),
+    ("ball_maze/board/grip", "dovetail at its end"): (
+        *("board_0-grip", (RIM - maze_board.DOVETAIL[0] + 1e-6, STAY, 0.0), Y),
+    ),
+    ("ball_maze/board/grip", "bar, thickness"): (
+        *("board_0-grip", (maze_board.GRIP_OFFSET, 0.0, 0.0), X),
+    ),
+    ("join_blocks/light_block", "peg, either way across"): ("light_block", PEG_SIDE, Y),
+    ("join_blocks/dark_block", "sockets, either way across"): ("dark_block", SOCKET, Y),
+    ("join_blocks/wall", "peg, either way across"): ("wall", WALL_PEG, Y),
+    ("transfer_gate/gate/base", "hole for the post"): ("gate-base", (0, 0, 0.012), X),
+    ("transfer_gate/gate/post", "edge of the post"): ("gate-post", (0, 0, 0.1), X),
+    ("transfer_gate/gate/post", "slot for the ring"): ("gate-post", (0.01, 0, BAR_Z), Y),
+    ("transfer_gate/gate/post", "key in the slot"): ("gate-post", (0, 0, KEY_Z), X),
+    ("transfer_gate/gate/ring", "bar of the ring, across"): ("gate-ring", (0.02, 0, BAR_Z), Y),
+    ("transfer_gate/gate/ring", "notch for the key"): ("gate-ring", (0, 0, KEY_Z), X),
+    ("transfer_gate/gate/ring", "opening, between flats"): (
+        *("gate-ring", (0, 0, gate.RING_HEIGHT), X),
+    ),
+    ("transfer_reorient/peg", "between flats"): ("peg", (0, 0, 0), Z),
+    ("transfer_reorient/board", "hexagonal hole, between flats"): ("board", HOLE, Y),
+}
+MEASURED_BELOW = {
+    ("join_blocks/dark_block", "depth of a socket"),
+    ("join_blocks/wall", "height of the peg's middle"),
+    ("ball_maze/board/floor", "way between walls"),
+}
+SIZES = {(key, size.what): size.mm for key, sizes in DIMENSIONS.items() for size in sizes}
+
+
+def test_every_size_of_a_recipe_is_measured() -> None:
+    assert set(SIZES) == {*PLACES, *MEASURED_BELOW}
+
+
+@pytest.mark.parametrize("key", PLACES, ids=": ".join)
+def test_a_part_has_the_size_that_its_recipe_asks_for(key: tuple[str, str]) -> None:
+    of, at, way = PLACES[key]
+    assert width(key[0].split("/")[0], of, at, way) == pytest.approx(SIZES[key], abs=NEAR)
+
+
+@pytest.mark.parametrize("way", [Y, Z])
+@pytest.mark.parametrize("end", [1, -1])
+def test_square_pegs_have_the_play_of_the_simulation_in_square_sockets(
+    way: tuple[float, ...], end: int
+) -> None:
+    socket = width("join_blocks", "dark_block", (end * SOCKET[0], 0.0, 0.0), way)
+    for of, at in (("light_block", PEG_SIDE), ("wall", WALL_PEG)):
+        play = (socket - width("join_blocks", of, at, way)) / 2
+        assert play == pytest.approx(1000 * joint_blocks.CLEARANCE, abs=NEAR)
+
+
+def reach(name: str, of: str, at: tuple[float, ...], way: tuple[float, ...]) -> float:
+    """How far from a point it is to the first surface, in millimetres."""
+    return float(1000 * hits(triangles(name, of), np.array(at) + 1.3e-7, np.array(way))[0])
+
+
+def test_pegs_reach_their_sockets_and_meet_no_bottom() -> None:
+    face = joint_blocks.BAR[0] / 2
+    depth = reach("join_blocks", "dark_block", (face, 0.0, 0.0), (-1.0, 0.0, 0.0))
+    assert depth == pytest.approx(SIZES["join_blocks/dark_block", "depth of a socket"], abs=NEAR)
+    light = reach("join_blocks", "light_block", (face, 0.0, 0.0), X)
+    wall = reach("join_blocks", "wall", (-0.010, 0.0, joint_blocks.PEG_HEIGHT), (-1.0, 0.0, 0.0))
+    assert light == pytest.approx(1000 * joint_blocks.PEG_LENGTH, abs=NEAR)
+    assert wall == pytest.approx(light, abs=NEAR)
+    assert light < depth
+
+
+def test_the_peg_on_the_wall_is_as_high_as_the_recipe_says() -> None:
+    down, up = (reach("join_blocks", "wall", WALL_PEG, (0.0, 0.0, s)) for s in (-1.0, 1.0))
+    low = 1000 * triangles("join_blocks", "wall")[:, :, 2].min()
+    middle = 1000 * WALL_PEG[2] + (up - down) / 2 - low
+    expected = SIZES["join_blocks/wall", "height of the peg's middle"]
+    assert middle == pytest.approx(expected, abs=NEAR)
+
+
+@pytest.mark.parametrize("turn", range(3))
+def test_the_hexagonal_peg_has_its_play_on_every_side(turn: int) -> None:
+    angle = math.pi / 2 + turn * math.pi / 3
+    peg = width("transfer_reorient", "peg", (0, 0, 0), (0.0, math.cos(angle), math.sin(angle)))
+    hole = width("transfer_reorient", "board", HOLE, (math.cos(angle), math.sin(angle), 0.0))
+    assert (hole - peg) / 2 == pytest.approx(1000 * hexagon_peg.CLEARANCE, abs=NEAR)
+
+
+def test_the_lid_turns_between_the_lugs_about_the_holes_of_both() -> None:
+    beside = (chest.HINGE[0] + 0.003, 0.0, chest.HINGE[2])
+    between = width("hinge_chest", "chest", beside, Y)
+    barrel = width("hinge_chest", "chest-lid", (0.003, 0, 0), Y)
+    assert (between - barrel) / 2 == pytest.approx(1000 * chest.GAP, abs=NEAR)
+    for of, hole in (("chest", LUG), ("chest-lid", BARREL)):
+        for way in (X, Z):
+            ahead, behind = (
+                reach("hinge_chest", of, hole, (s * way[0], 0.0, s * way[2])) for s in (1, -1)
+            )
+            assert ahead == pytest.approx(behind, abs=NEAR)
+
+
+@pytest.mark.parametrize("way", [X, Y])
+def test_the_post_has_its_play_in_the_base(way: tuple[float, ...]) -> None:
+    hole = width("transfer_gate", "gate-base", (0, 0, 0.012), way)
+    post = width("transfer_gate", "gate-post", (0, 0, 0.012), way)
+    assert (hole - post) / 2 == pytest.approx(0.2, abs=NEAR)
+
+
+def test_the_ring_lies_on_the_floor_of_its_slot_over_the_key() -> None:
+    up = (0.0, 0.0, 1.0)
+    floor = reach("transfer_gate", "gate-post", (0.01, 0.0, 0.1), up)
+    bar = reach("transfer_gate", "gate-ring", (0.01, 0.0, 0.1), up)
+    assert bar == pytest.approx(floor, abs=NEAR)
+    key = reach("transfer_gate", "gate-post", (0.0, 0.0, 0.1), up)
+    notch = reach("transfer_gate", "gate-ring", (0.0, 0.0, 0.1), up)
+    assert notch - key == pytest.approx(0.2, abs=NEAR)
+    slot = width("transfer_gate", "gate-post", (0.01, 0, BAR_Z), Y)
+    across = width("transfer_gate", "gate-ring", (0.01, 0, BAR_Z), Y)
+    assert (slot - across) / 2 == pytest.approx(0.2, abs=NEAR)
+
+
+@pytest.mark.parametrize("number", range(len(MAZES)))
+def test_a_dovetail_has_its_play_in_the_slot_of_any_board(number: int) -> None:
+    for inwards in (0.0005, 0.004, 0.0075):
+        at = (RIM - inwards, STAY, 0.0)
+        slot = width("ball_maze", f"board_{number}-floor", at, Y)
+        dovetail = width("ball_maze", f"board_{number}-grip", at, Y)
+        assert (slot - dovetail) / 2 == pytest.approx(0.2, abs=NEAR)
+
+
+def test_a_ball_has_the_ways_of_the_maze_to_itself() -> None:
+    expected = SIZES["ball_maze/board/floor", "way between walls"]
+    ball = width("ball_maze", "ball", (0, 0, 0), X)
+    assert ball == pytest.approx(1000 * 2 * maze_board.BALL_RADIUS, abs=NEAR)
+    for number, maze in enumerate(MAZES):
+        wall = next(s for s in sorted(maze.walls, key=str) if s.along_x)
+        x, y = maze_board.cell_centre(wall.cell)
+        # From the middle of the cell up to the wall, which is half a way.
+        up = reach("ball_maze", f"board_{number}-floor", (x, y, 0.008), Y)
+        assert 2 * up == pytest.approx(expected, abs=NEAR)

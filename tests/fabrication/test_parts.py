@@ -1,0 +1,218 @@
+"""What a printer is given: one watertight body a part, on the bed, no two in one place."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from dataclasses import replace
+
+import lib3mf
+import numpy as np
+import pytest
+
+from duobench.errors import FabricationError, UnknownNameError
+from duobench.fabrication import PrintJob, job_of, lay_out, stl_bytes, threemf_bytes
+from duobench.fabrication.recipe import overhang
+from duobench.fabrication.threemf import BED_STEP, hex_colour
+from duobench.objects import Part, Prop, block
+from duobench.objects.shapes import PRINTER
+from duobench.spatial import SE3
+from duobench.tasks import catalog
+from tests.fabrication.printed import JOBS, PARTS, as_read, job, part
+
+RED = (0.8, 0.1, 0.1, 1.0)
+parts = pytest.mark.parametrize(("name", "of"), PARTS)
+jobs = pytest.mark.parametrize("name", [name for name in JOBS if job(name).parts])
+
+
+def task_with(*props: Prop) -> object:
+    return replace(catalog.get("bin_sort"), id="mine", props=props, placements={})
+
+
+@parts
+def test_a_part_is_one_watertight_body(name: str, of: str) -> None:
+    mesh = as_read(part(name, of))
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.body_count == 1
+    assert mesh.volume > 0
+    assert mesh.area_faces.min() > 0
+
+
+@parts
+def test_a_part_stands_on_the_bed_and_fits(name: str, of: str) -> None:
+    low, high = np.array(as_read(part(name, of)).bounds)
+    assert low[2] == 0
+    assert low[:2] + high[:2] == pytest.approx([0, 0], abs=1e-4)
+    assert (high - low <= 1000 * PRINTER).all()
+
+
+@parts
+def test_a_part_lies_on_a_face_and_not_on_an_edge(name: str, of: str) -> None:
+    mesh = as_read(part(name, of))
+    heights = mesh.triangles[:, :, 2].max(axis=1)
+    on_bed = mesh.area_faces[heights < 1e-6].sum()
+    assert on_bed > 150 or of == "ball"
+
+
+@parts
+def test_what_hangs_over_is_little_where_nothing_supports_it(name: str, of: str) -> None:
+    # Bridges over sockets and the lower quarter of the lid's barrel stay.
+    supported = ("ball", *(f"board_{n}-floor" for n in range(10)))
+    area = 1e6 * overhang(part(name, of))
+    assert area > 150 if of in supported else area < 1100
+    if of not in (*supported, "chest-lid"):
+        assert area < 220
+
+
+@jobs
+def test_no_two_parts_share_a_place(name: str) -> None:
+    spots = lay_out(job(name).parts)
+    assert len(spots) == sum(each.count for each in job(name).parts)
+    boxes = [(each.bed, np.array([each.x, each.y]), each.part.size[:2] / 2) for each in spots]
+    for _, middle, half in boxes:
+        assert (middle - half >= -1e-9).all()
+        assert (middle + half <= PRINTER + 1e-9).all()
+    for (one_bed, one, half), (other_bed, other, room) in itertools.combinations(boxes, 2):
+        apart = np.abs(one - other) - half - room
+        assert one_bed != other_bed or apart.max() > 0.005
+
+
+def read_strictly(data: bytes) -> tuple[lib3mf.Model, list[str]]:
+    model = lib3mf.get_wrapper().CreateModel()
+    reader = model.QueryReader("3mf")
+    reader.SetStrictModeActive(True)
+    reader.ReadFromBuffer(data)
+    return model, [reader.GetWarning(k)[1] for k in range(reader.GetWarningCount())]
+
+
+@jobs
+def test_a_strict_reader_has_no_objection(name: str) -> None:
+    model, warnings = read_strictly(threemf_bytes(job(name)))
+    assert warnings == []
+    assert model.GetUnit() == lib3mf.ModelUnit.MilliMeter
+    data = model.GetMetaDataGroup()
+    texts = {}
+    for k in range(data.GetMetaDataCount()):
+        entry = data.GetMetaData(k)
+        texts[entry.GetName()] = entry.GetValue()
+    assert texts["Title"] == job(name).title
+    assert set(texts) == {"Title", "Designer", "LicenseTerms", "Description"}
+
+
+@jobs
+def test_a_3mf_has_the_parts_with_their_names_colours_and_places(name: str) -> None:
+    model, _ = read_strictly(threemf_bytes(job(name)))
+    objects = {}
+    iterator = model.GetMeshObjects()
+    while iterator.MoveNext():
+        mesh = iterator.GetCurrentMeshObject()
+        objects[mesh.GetName()] = mesh
+    assert set(objects) == {each.name for each in job(name).parts}
+    group = model.GetColorGroups()
+    assert group.MoveNext()
+    colours = group.GetCurrentColorGroup()
+    for each in job(name).parts:
+        mesh = objects[each.name]
+        assert mesh.IsManifoldAndOriented()
+        assert mesh.GetTriangleCount() == len(each.mesh.faces)
+        points = np.array([list(v.Coordinates) for v in mesh.GetVertices()])
+        assert points == pytest.approx(1000 * each.mesh.vertices, abs=1e-4)
+        resource, number, has_one = mesh.GetObjectLevelProperty()
+        assert has_one
+        assert resource == colours.GetResourceID()
+        colour = colours.GetColor(number)
+        seen = (colour.Red, colour.Green, colour.Blue)
+        assert "#" + "".join(f"{value:02X}" for value in seen) == hex_colour(each.rgba)
+    items = model.GetBuildItems()
+    places = []
+    while items.MoveNext():
+        item = items.GetCurrent()
+        fields = item.GetObjectTransform().Fields
+        places.append((item.GetObjectResource().GetName(), fields[3][0], fields[3][1]))
+    expected = [
+        (spot.part.name, 1000 * (spot.x + spot.bed * BED_STEP), 1000 * spot.y)
+        for spot in lay_out(job(name).parts)
+    ]
+    assert [place[0] for place in places] == [place[0] for place in expected]
+    assert np.array([p[1:] for p in places]) == pytest.approx(
+        np.array([p[1:] for p in expected]), abs=1e-3
+    )
+
+
+def test_titles_with_any_characters_can_be_read() -> None:
+    odd = replace(job("bin_sort"), title='<Ä & "bowl">', description="a < b")
+    model, warnings = read_strictly(threemf_bytes(odd))
+    assert warnings == []
+    assert model.GetMetaDataGroup().GetMetaDataByKey("", "Title").GetValue() == odd.title
+
+
+def test_equal_grips_are_one_part_that_is_printed_four_times() -> None:
+    maze = job_of(catalog.get("ball_maze"))
+    assert {each.name: each.count for each in maze.parts} == {
+        "board_0-floor": 1,
+        "board_0-grip": 4,
+        "ball": 1,
+    }
+    assert len({each.rgba for each in maze.parts}) == 3
+
+
+def test_mazes_are_chosen_by_their_numbers() -> None:
+    names = [each.name for each in job_of(catalog.get("ball_maze"), ("3", "7")).parts]
+    assert names == ["board_3-floor", "board_3-grip", "board_7-floor", "board_7-grip", "ball"]
+    with pytest.raises(UnknownNameError, match="Unknown variant of board '12'"):
+        job_of(catalog.get("ball_maze"), ("12",))
+
+
+def test_what_is_too_large_is_refused_with_its_size() -> None:
+    with pytest.raises(FabricationError, match=r"300 × 20 × 20 mm as it lies.*`pieces`"):
+        job_of(task_with(Prop(name="pole", solid=lambda: block(0.3, 0.02, 0.02, RED))))
+
+
+def test_the_print_turn_of_an_object_decides_which_side_is_up() -> None:
+    turn = SE3.about((0, 1, 0), math.pi / 2)
+    prop = Prop(
+        name="tower",
+        solid=lambda: block(0.02, 0.04, 0.2, RED),
+        print_turn=turn,
+        parts=(Part(name="arm", solid=lambda: block(0.01, 0.02, 0.03, RED)),),
+    )
+    tower, arm = job_of(task_with(prop)).parts
+    assert tower.size == pytest.approx([0.2, 0.04, 0.02])
+    assert arm.size == pytest.approx([0.01, 0.02, 0.03])
+    assert (tower.name, arm.name) == ("tower", "tower-arm")
+
+
+def test_files_of_objects_with_odd_names_are_told_apart() -> None:
+    props = [
+        Prop(name=name, solid=lambda: block(0.02, 0.02, 0.02, RED))
+        for name in ("../a", "b c", "b/c", "B_c")
+    ]
+    names = [each.name for each in job_of(task_with(*props)).parts]
+    assert len({name.lower() for name in names}) == len(props)
+    assert all("/" not in name and not name.startswith(".") for name in names)
+
+
+def test_a_task_that_cannot_be_printed_is_bought() -> None:
+    mine = replace(task_with(Prop(name="pan", solid=lambda: block(0.5, 0.5, 0.1, RED))))
+    bought = job_of(replace(mine, printable=False))
+    assert bought.parts == ()
+    assert [item.name for item in bought.bought] == ["pan"]
+    assert "500 × 500 × 100 mm" in bought.bought[0].sizes[0]
+
+
+def test_every_object_is_printed_or_bought() -> None:
+    for name in catalog.names():
+        done: PrintJob = job(name)
+        roots = (each.body.partition("/")[0] for each in done.parts)
+        printed = {re.sub(r"_[0-9]+$", "", root) for root in roots}
+        bought = {prop for item in done.bought for prop in item.props}
+        for prop in catalog.get(name).props:
+            assert (prop.name in printed) != (prop.name in bought), prop.name
+
+
+def test_an_stl_does_not_look_like_text() -> None:
+    data = stl_bytes(part("bin_sort", "white_cube").mesh, "solid")
+    assert not data.startswith(b"solid")
+    assert len(data) == 84 + 12 * 50

@@ -1,0 +1,198 @@
+"""The layout sheet: outlines in their true size, where the layout has the objects."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from duobench.errors import UnknownNameError
+from duobench.fabrication import Paper, layout_sheet, neutral_layout, outlines_of
+from duobench.fabrication.pdf import Page, pdf
+from duobench.objects import Prop, bowl, gate
+from duobench.objects.maze_board import EDGE
+from duobench.sim.layout import Layout
+from duobench.spatial import SE3
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+from duobench.types import Array
+
+MM = 72 / 25.4
+CONTACT_LINE = f"{0.4 * MM:.3f}"
+
+
+def prop_of(task: str, name: str) -> Prop:
+    (found,) = (prop for prop in catalog.get(task).props if prop.name == name)
+    return found
+
+
+def area(polygon: Array) -> float:
+    x, y = polygon.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def perimeter(polygon: Array) -> float:
+    return float(np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum())
+
+
+def streams(data: bytes) -> list[str]:
+    """The drawing of each page; every object must be where the index says."""
+    start = int(re.findall(rb"startxref\n(\d+)\n", data)[-1])
+    assert data[start:].startswith(b"xref")
+    places = [int(place) for place in re.findall(rb"(\d{10}) 00000 n ", data[start:])]
+    for number, place in enumerate(places, 1):
+        assert data[place:].startswith(b"%d 0 obj\n" % number)
+    found = []
+    for match in re.finditer(rb"/Length (\d+) >>\nstream\n", data):
+        end = match.end() + int(match[1])
+        assert data[end:].startswith(b"\nendstream")
+        found.append(data[match.end() : end].decode("cp1252"))
+    return found
+
+
+def lines(stream: str, width: str) -> Array:
+    """Both ends (n, 2, 2) in mm of the single lines of a width, in points."""
+    number = r"(-?[\d.]+)"
+    pattern = rf"^{width} w\n0 G\n\[\] 0 d\n{number} {number} m\n{number} {number} l\nS$"
+    found = re.findall(pattern, stream, flags=re.MULTILINE)
+    return np.array(found, dtype=float).reshape(-1, 2, 2) / MM
+
+
+def test_the_outline_of_a_cube_is_its_square() -> None:
+    (outline,) = outlines_of(prop_of("bin_sort", "white_cube"))
+    assert outline.shape == (4, 2)
+    assert np.abs(outline) == pytest.approx(np.full((4, 2), 0.016))
+    assert area(outline) == pytest.approx(0.032**2)
+
+
+def test_a_bowl_is_round_and_has_no_hole() -> None:
+    (outline,) = outlines_of(prop_of("bin_sort", "white_bowl"))
+    assert np.hypot(*outline.T) == pytest.approx(np.full(len(outline), bowl.RADIUS))
+
+
+def test_what_lies_on_the_table_may_be_less_than_what_is_seen() -> None:
+    (seen,) = outlines_of(prop_of("transfer_gate", "gate"))
+    (contact,) = outlines_of(prop_of("transfer_gate", "gate"), below=0.002)
+    assert np.ptp(contact, axis=0) == pytest.approx(gate.BASE[:2])
+    assert np.ptp(seen, axis=0)[0] == pytest.approx(2 * (gate.RING_RADIUS + gate.RING_THICKNESS))
+
+
+def test_parts_belong_to_the_outline() -> None:
+    (chest,) = outlines_of(prop_of("hinge_chest", "chest"))
+    assert chest[:, 0].min() < -0.1  # the lip of the lid, in front of the box
+    left = outlines_of(prop_of("carry_pot", "pot"))
+    assert np.ptp(left[0], axis=0)[1] > 0.3  # both handles
+
+
+def test_outlines_are_those_of_the_chosen_variant() -> None:
+    board = prop_of("ball_maze", "board")
+    (first,) = outlines_of(board)
+    (other,) = outlines_of(board, {"board": "7"})
+    assert area(first) == pytest.approx(area(other))
+    assert area(first) > EDGE**2
+    with pytest.raises(UnknownNameError, match="Unknown variant of board"):
+        outlines_of(board, {})
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_the_neutral_layout_has_everything_where_it_may_be(name: str) -> None:
+    task = catalog.get(name)
+    layout = neutral_layout(task)
+    assert {prop.name for prop in task.props} <= layout.poses.keys()
+    for prop, place in task.placements.items():
+        x, y, z = layout.poses[prop].translation
+        assert place.x.low <= x <= place.x.high
+        assert place.y.low <= y <= place.y.high
+        assert z == place.z
+
+
+def turned(task: Task) -> Layout:
+    """A layout in which everything is turned, and little lies on the edge of a sheet."""
+    layout = neutral_layout(task)
+    poses = {name: pose @ SE3.at(0.013, 0.021, yaw=0.4) for name, pose in layout.poses.items()}
+    return replace(layout, poses=poses)
+
+
+@pytest.mark.parametrize("paper", Paper)
+@pytest.mark.parametrize("name", catalog.names())
+def test_all_tiles_together_show_every_outline_once(name: str, paper: Paper) -> None:
+    task = catalog.get(name)
+    layout = turned(task)
+    _, *tiles = streams(layout_sheet(task, layout, "a test", paper))
+    drawn = np.vstack([lines(tile, CONTACT_LINE) for tile in tiles])
+    length = np.linalg.norm(drawn[:, 0] - drawn[:, 1], axis=1).sum()
+    on_table = [prop for prop in task.props if prop.name in task.placements and prop.name != "ball"]
+    expected = sum(
+        1000 * perimeter(outline)
+        for prop in on_table
+        for outline in outlines_of(prop, layout.variants, below=0.002)
+    )
+    # Numbers in the file have a thousandth of a point.
+    assert length == pytest.approx(expected, rel=1e-3)
+    width, height = paper.size
+    assert (drawn >= 0).all()
+    assert (drawn[:, :, 0] <= width).all()
+    assert (drawn[:, :, 1] <= height).all()
+
+
+@pytest.mark.parametrize("paper", Paper)
+def test_an_outline_is_in_its_place_and_has_its_true_size(paper: Paper) -> None:
+    task = catalog.get("bin_sort")
+    layout = turned(task)
+    cube = layout.poses["white_cube"]
+    expected = {
+        tuple((1000 * cube.apply([x, y, 0.0])[:2]).round(1).tolist())
+        for x in (-0.016, 0.016)
+        for y in (-0.016, 0.016)
+    }
+    found = set()
+    for tile in streams(layout_sheet(task, layout, "a test", paper))[1:]:
+        corner = re.search(r"lower left corner: x (-?\d+), y (-?\d+) mm", tile)
+        assert corner is not None
+        width, height = paper.tile
+        left, bottom = (paper.size[0] - width) / 2, paper.size[1] - 12 - height
+        for across, up in lines(tile, CONTACT_LINE).reshape(-1, 2):
+            x, y = int(corner[1]) + up - bottom, int(corner[2]) - (across - left)
+            found.add((round(float(x), 1), round(float(y), 1)))
+    assert all(min(math.dist(corner, other) for other in found) < 0.15 for corner in expected), (
+        expected,
+        found,
+    )
+
+
+def test_rulers_are_a_hundred_millimetres_long() -> None:
+    for tile in streams(layout_sheet(catalog.get("bin_sort"), turned(catalog.get("bin_sort"))))[1:]:
+        ruled = lines(tile, f"{0.3 * MM:.2f}")
+        lengths = np.linalg.norm(ruled[:, 0] - ruled[:, 1], axis=1)
+        rulers = ruled[np.abs(lengths - 100) < 1e-3]
+        assert len(rulers) == 2
+        ways = rulers[:, 1] - rulers[:, 0]
+        assert abs(ways[0] @ ways[1]) < 1e-3
+
+
+def test_places_are_written_in_millimetres_and_degrees() -> None:
+    task = catalog.get("bin_sort")
+    poses = {**neutral_layout(task).poses, "white_cube": SE3.at(0.5231, -0.2014, 0.016, yaw=0.5)}
+    first, *_ = streams(layout_sheet(task, Layout(poses=poses), "seed 4 (a test)"))
+    assert "white_cube: x 523.1, y -201.4 mm, yaw 28.6°" in first
+    assert r"seed 4 \(a test\)" in first
+
+
+def test_a_maze_is_named_and_its_ball_is_placed() -> None:
+    task = catalog.get("ball_maze")
+    layout = task.arranged(replace(neutral_layout(task), variants={"board": "9"}))
+    first, *_ = streams(layout_sheet(task, layout))
+    assert "board 9: x 500.0" in first
+    assert "In or on another object: ball, x" in first
+
+
+def test_an_incomplete_layout_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="object of the layout 'white_cube'"):
+        layout_sheet(catalog.get("bin_sort"), Layout(poses={}))
+
+
+def test_the_viewer_is_asked_not_to_scale() -> None:
+    assert b"/PrintScaling /None" in pdf([Page(100.0, 100.0)], "A (title) \\")
