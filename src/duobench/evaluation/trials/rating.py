@@ -132,6 +132,10 @@ class RatingSession:
         self._publish()
         return True
 
+    def close(self) -> None:
+        """Let go of the log; closing twice is harmless."""
+        self._log.close()
+
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
         self._over.set()

@@ -43,7 +43,6 @@ export class Overlay {
     }
     const text = JSON.stringify([footprints, isPlacing]);
     if (text !== this.#outlines) this.#draw(text, isPlacing ? footprints : [], size);
-    this.#part("overlay").disabled = !isPlacing;
     this.#blend();
   }
 
