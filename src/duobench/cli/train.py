@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from duobench.training.training import Training
 
 
-def train(
+def train(  # noqa: PLR0913 - each is an argument of the command line
     policy: tyro.conf.Positional[Literal["act", "diffusion", "pi05", "xvla"]],
     more: tyro.conf.Positional[tuple[str, ...]] = (),
     *,

@@ -14,8 +14,10 @@ from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
 from duobench.cli.print_ import print_
 from duobench.cli.real import evaluate as real_evaluate
+from duobench.cli.real import home as real_home
 from duobench.cli.real import rate as real_rate
 from duobench.cli.real import record as real_record
+from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
 from duobench.cli.record import record
 from duobench.cli.render import render
@@ -67,9 +69,11 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     },
     "export": {"lerobot": export.lerobot},
     "real": {
+        "home": real_home.home,
         "record": real_record.record,
         "eval": real_evaluate.evaluate,
         "rate": real_rate.rate,
+        "teleop": real_teleop.teleop,
     },
 }
 """Verbs that have verbs of their own."""

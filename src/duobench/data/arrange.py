@@ -1,7 +1,7 @@
 """Data sets out of data sets: several merged into one, one split into two.
 
-Files are copied as they are, with the videos beside them. What cannot be done is found out before the first copy, and what was
-interrupted goes on when it is called again.
+Files are copied as they are, with the videos beside them. What cannot be done is found out before
+the first copy, and what was interrupted goes on when it is called again.
 """
 
 from __future__ import annotations

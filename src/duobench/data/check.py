@@ -140,3 +140,9 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
             ),
         }
     return [sentence for sentence, is_so in faults.items() if is_so]
+
+
+def _goes_back(recording: Recording) -> bool:
+    """Whether a row is before another; real arms that were held in a step stay at one time."""
+    passed = np.diff(recording.time)
+    return bool((passed < 0).any() or (not recording.info.is_real and (passed == 0).any()))

@@ -245,9 +245,13 @@ class Session:
         self._info, self._seen = info, backend.read()
         self.feeling.update(intent)
         if terminated or truncated:
-            self._end("Solved." if info["success"] else "Time is up.")
+            self._end(self._why_over(info))
         elif info["success"] and self.state is State.RECORDING:
             self.state, self.note = State.SUCCESS, "Solved: open the hands and retreat."
+
+    def _why_over(self, info: Info) -> str:
+        """Why an episode is over, in a sentence."""
+        return "Solved." if info["success"] else "Time is up."
 
     def _end(self, note: str) -> None:
         self.state, self.note = State.DECIDE, f"{note} Keep the episode or discard it."
@@ -289,13 +293,16 @@ class Session:
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._number, TRAIN)
         env.next_name = f"{self._number:05d}"
-        options = {SPLIT: TRAIN, INSTRUCTION: self._instruction or None}
-        _, self._info = env.reset(seed=seed, options=options)
+        _, self._info = env.reset(seed=seed, options=self._reset_options(seed))
         self._seen: DuoState = env.base.backend.read()
         self._steps, self._stage_changes, self._is_kept = 0, [], False
         self.state, self.note = State.WAITING, ""
         self.device.begin(env.base.backend.last_command)
         self.feeling.begin()
+
+    def _reset_options(self, seed: int) -> dict[str, Any]:  # noqa: ARG002 - real arms need it
+        """Options of a reset with a seed."""
+        return {SPLIT: TRAIN, INSTRUCTION: self._instruction or None}
 
 
 def _so_far(env: Recorder) -> tuple[int, int]:

@@ -28,6 +28,8 @@ class KeyTerminal:
         self._handle = sys.stdin.fileno() if handle is None else handle
         self._keys: queue.Queue[str] = queue.Queue()
         self._call: Callable[[str], None] | None = None
+        self.on_space: Callable[[], None] | None = None
+        """Called for the space bar, whatever is asked, and when the terminal is gone."""
         self._lock = threading.Lock()
         self._before: list[object] | None = None
         if os.isatty(self._handle):
@@ -85,6 +87,8 @@ class KeyTerminal:
                 key = os.read(self._handle, 1).decode(errors="replace")
             except OSError:
                 key = ""
+            if key in {"", " "} and self.on_space is not None:
+                self.on_space()
             with self._lock:
                 call = self._call
             if call is not None:

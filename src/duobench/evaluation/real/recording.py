@@ -9,10 +9,9 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
-
 from duobench.data import Actor, ActorKind, DataSet, Recorder
 from duobench.data.after_success import AFTER_SUCCESS_S
+from duobench.data.real.placing import placement
 from duobench.data.real.robot import Robot
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import ResetOptions, Start
@@ -30,7 +29,6 @@ from duobench.hardware.judge import DeclaredJudge
 from duobench.randomness import TRAIN, episode_seed
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
-from duobench.sim.layout import Layout
 
 EPISODE_SUFFIX = ".parquet"
 """What ends the name of a policy that is a recorded episode."""
@@ -261,18 +259,3 @@ class _Watched:
             self._judge.declare(self._last)
         elif key.isdecimal() and 0 < int(key) <= self._last:
             self._judge.declare(int(key))
-
-
-def placement(layout: Layout) -> str:
-    """Where the objects of a layout belong, one a line: in mm in the table frame, and in degrees.
-
-    Args:
-        layout: The layout.
-    """
-    lines = []
-    for name, pose in sorted(layout.poses.items()):
-        x, y, z = 1000.0 * pose.translation
-        yaw = np.degrees(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
-        lines.append(f"  {name}: x {x:.0f} mm, y {y:.0f} mm, z {z:.0f} mm, turned by {yaw:.0f} deg")
-    lines += [f"  {name}: {value}" for name, value in sorted(layout.variants.items())]
-    return "\n".join(lines) or "  as you like; this task says nothing."
