@@ -84,18 +84,21 @@ def test_tasks_choose_their_episodes(tmp_path: Path) -> None:
     assert not any("episodes" in word for word in arguments("pi05", data))
 
 
-def test_simulated_and_real_episodes_are_told_apart_where_they_can_be(
+def test_simulated_and_real_episodes_are_told_apart_where_that_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = export(tmp_path / "mixed", TASKS[:1], domains=(0, 1))
     key = "--policy.domain_feature_key=domain"
     monkeypatch.setattr(training, "PLUGIN", "pytest")  # any distribution that is installed
-    assert key in arguments("xvla", data)
-    assert key not in arguments("act", data)
-    assert key not in arguments("xvla", export(tmp_path / "one", domains=(1, 1)))
+    assert key not in arguments("xvla", data)  # as in the paper: an evaluation could not tell
+    assert key in arguments("xvla", data, domain_ids=True)
+    with pytest.raises(DataError, match="act learns from both"):
+        arguments("act", data, domain_ids=True)
+    with pytest.raises(DataError, match="one domain alone"):
+        arguments("xvla", export(tmp_path / "one", domains=(1, 1)), domain_ids=True)
     monkeypatch.setattr(training, "PLUGIN", "not-installed")
     with pytest.raises(DuoBenchError, match="pip install"):
-        arguments("xvla", data)
+        arguments("xvla", data, domain_ids=True)
 
 
 def test_a_training_goes_on_in_its_folder(tmp_path: Path) -> None:
