@@ -52,8 +52,8 @@ def view(
             viewer.run()
 
 
-def serve_page(port: int, lan: bool) -> PageServer:
-    """Serve the page, to this machine or to the network.
+def serve_page(port: int, lan: bool, page: str = "live_page.html") -> PageServer:
+    """Serve a page, to this machine or to the network; `web.page.assets` says which there are.
 
     Raises:
         ServingError: The port cannot be had, or there is no certificate for the network.
@@ -63,5 +63,5 @@ def serve_page(port: int, lan: bool) -> PageServer:
     from duobench.web.server import PageServer
 
     if not lan:
-        return PageServer(assets(), port=port)
-    return PageServer(assets(), host="0.0.0.0", port=port, certificate=make_certificate())
+        return PageServer(assets(page), port=port)
+    return PageServer(assets(page), host="0.0.0.0", port=port, certificate=make_certificate())

@@ -36,8 +36,13 @@ MAX_PEERS = 32
 """Browsers at a time."""
 MAX_SCENES = 64
 """Scenes that are kept, and so many images; the oldest one gives way."""
-IMAGE_KINDS = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG": "image/png", b"\x1aE\xdf\xa3": "video/webm"}
-"""Content types of images and films, by their first bytes."""
+IMAGE_KINDS = {
+    b"\xff\xd8\xff": "image/jpeg",
+    b"\x89PNG": "image/png",
+    b"\x1aE\xdf\xa3": "video/webm",
+    b"%PDF": "application/pdf",
+}
+"""Content types of images, films and sheets to print, by their first bytes."""
 _PING_S = 10.0
 """How often a browser is asked whether it lives, and how long it may take to say so, in seconds."""
 _TIMEOUT_S = 2.0
@@ -142,7 +147,7 @@ class PageServer:
 
         Args:
             name: Its name: letters, digits, '_', '-' and '.'.
-            data: JPEG, PNG or WebM.
+            data: JPEG, PNG, WebM or PDF.
 
         Returns:
             Its address on this server, with the token.
@@ -152,7 +157,9 @@ class PageServer:
         """
         kind = next((kind for sign, kind in IMAGE_KINDS.items() if data.startswith(sign)), None)
         if kind is None or not re.fullmatch(_NAME, name, re.ASCII):
-            raise ServingError(f"A page shows JPEG, PNG or WebM by a plain name, got {name!r}.")
+            raise ServingError(
+                f"A page shows JPEG, PNG, WebM or PDF by a plain name, got {name!r}."
+            )
         kept = {other: self._images[other] for other in self._images if other != name}
         names = list(kept)[-(MAX_SCENES - 1) :]
         self._images = {other: kept[other] for other in names} | {name: (kind, data)}
@@ -247,15 +254,21 @@ class PageServer:
             return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
         if url.path == SOCKET_PATH:
             return self._objection(connection, request)
-        scene = re.fullmatch(r"/scene/([\w.-]+)\.bin", url.path, re.ASCII)
-        if scene and (data := self._scenes.get(scene[1])) is not None:
-            return _found("application/octet-stream", (data, None), request)
-        image = re.fullmatch(r"/image/([\w.-]+)", url.path, re.ASCII)
-        if image and (shown := self._images.get(image[1])) is not None:
-            return _found(shown[0], (shown[1], None), request)
-        if url.path in self._files:
-            return _found(*self._files[url.path], request)
+        if (found := self._shown(url.path)) is not None:
+            return _found(*found, request)
         return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")
+
+    def _shown(self, path: str) -> tuple[str, tuple[bytes, str | None]] | None:
+        """Content type, content and encoding of what only those with the token may see."""
+        if path in self._files:
+            return self._files[path]
+        if scene := re.fullmatch(rf"/scene/({_NAME})\.bin", path, re.ASCII):
+            data = self._scenes.get(scene[1])
+            return None if data is None else ("application/octet-stream", (data, None))
+        if (image := re.fullmatch(rf"/image/({_NAME})", path, re.ASCII)) is None:
+            return None
+        kind, data = self._images.get(image[1], ("", None))
+        return None if data is None else (kind, (data, None))
 
     def _objection(self, connection: ServerConnection, request: Request) -> Response | None:
         """Why a page may not connect; None if it may."""

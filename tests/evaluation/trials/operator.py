@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from duobench.errors import DuoBenchError
 from duobench.evaluation.trials.folder import TrialsFolder
 from duobench.evaluation.trials.opening import Contender, open_session
 from duobench.evaluation.trials.session import TrialsSession
@@ -72,10 +73,11 @@ class Operator:
             self.say("stage", stage=stage)
         self.until(lambda status: len(status["presses"]) == count + 1)
 
-    def play(self, presses: Sequence[Sequence[int | None]]) -> dict[str, Any]:
+    def play(
+        self, presses: Sequence[Sequence[int | None]], chunks: int = STEPS // toys.CHUNK
+    ) -> dict[str, Any]:
         """Judge an episode chunk by chunk, until it is over; what the page says then."""
-        chunks = [*presses, *[()] * (STEPS // toys.CHUNK - len(presses))]
-        for each in chunks:
+        for each in [*presses, *[()] * (chunks - len(presses))]:
             assert toys.Patient.waiting.acquire(timeout=toys.TIMEOUT_S)
             for stage in each:
                 self.press(stage)
@@ -106,15 +108,19 @@ class Stand:
         self.server = PageServer(assets("trials_page.html"))
         self.ending.callback(self.server.close)
         chosen: dict[str, Any] = {"rater": "operator", "silence_s": 60.0} | options
-        self.session: TrialsSession = open_session(
-            self.folder,
-            self.duo,
-            short_task(),
-            contenders,
-            self.server,
-            self.ending,
-            **chosen,
-        )
+        try:
+            self.session: TrialsSession = open_session(
+                self.folder,
+                self.duo,
+                short_task(),
+                contenders,
+                self.server,
+                self.ending,
+                **chosen,
+            )
+        except DuoBenchError:
+            self.ending.close()
+            raise
 
 
 def contenders() -> list[Contender]:

@@ -46,7 +46,11 @@ def command_line(verb: str, function: Callable[..., None], given: Mapping[str, o
         value = given[name]
         if name in _NO_MATTER or value == parameter.default:
             continue
-        words.append(f"--{name.replace('_', '-')}")
+        flag = f"--{name.replace('_', '-')}"
+        if "UseAppendAction" in str(parameter.annotation) and isinstance(value, tuple):
+            words += [word for each in value for word in (flag, str(each))]
+            continue
+        words.append(flag)
         if name in _ELSEWHERE:
             words.append(_ELSEWHERE[name])
         elif isinstance(value, tuple):

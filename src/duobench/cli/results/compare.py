@@ -11,7 +11,7 @@ from duobench.cli.display.console import console
 from duobench.errors import DuoBenchError, OtherRunError
 
 
-def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path) -> None:
+def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool = False) -> None:
     """Compare runs: the paper's table, tests on the same episodes, figures, and one page.
 
     Args:
@@ -20,6 +20,10 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path) -> None:
             and paper:xvla show the paper's results beside them, which were measured elsewhere, on
             other tasks, and are tested against nothing.
         out: Folder of the comparison; an earlier one in it is replaced.
+        mixed: Write the paper's mixed table in its place: trained on sim, real or mixed data,
+            evaluated in simulation and on real arms. A run is named TRAINING=FOLDER or
+            NAME/TRAINING=FOLDER, such as ACT/sim=runs/act, unless it says itself what its policy
+            was trained on.
     """
     from duobench.results.comparison.entrants import split_name
     from duobench.results.comparison.paper import SCHEME
@@ -28,6 +32,9 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path) -> None:
         path = split_name(run)[1]
         if not run.startswith(SCHEME):
             find_runs([path])
+    if mixed:
+        _mixed(runs, out)
+        return
     from duobench.results.compare import compare as compare_runs
     from duobench.results.compare import write_comparison
     from duobench.results.comparison import words
@@ -46,3 +53,15 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path) -> None:
 
 def _for_comparing(error: DuoBenchError) -> str | None:
     return "Give --out another folder." if isinstance(error, OtherRunError) else None
+
+
+def _mixed(runs: tuple[str, ...], out: Path) -> None:
+    """Write the mixed table, and print it."""
+    from duobench.results.comparison.mixed import markdown, read_mixed, write_mixed
+
+    rows = read_mixed(runs)
+    with advising(_for_comparing):
+        page = write_mixed(rows, out)
+    screen = console()
+    screen.print(markdown(rows).rstrip())
+    screen.print(f"Mixed table: {page}")

@@ -1,4 +1,4 @@
-"""The film of a trial from the head camera: to look at while it is played, and to rate later.
+"""What the head camera sees, and the film of a trial, to look at now and to rate later.
 
 Encoding happens in a thread of its own, so that no control step waits for it.
 """
@@ -13,9 +13,11 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from duobench.backend import Image
-from duobench.errors import VideoError
+from duobench.errors import BackendError, RenderingError, VideoError
 from duobench.evaluation.trials.overlay import jpeg
-from duobench.types import CONTROL_HZ
+from duobench.hardware.duo import HardwareDuo
+from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.types import CONTROL_HZ, HEAD
 from duobench.video import VP9, VideoWriter
 
 if TYPE_CHECKING:
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
     from duobench.evaluation.rollout import Info, Observation, Step
 
+NATIVE = NATIVE_HEIGHT, NATIVE_WIDTH
+"""Height and width of the camera's own images."""
 FILM_EVERY = 3
 """Control steps from one frame to the next."""
 FILM_SIZE = (360, 640)
@@ -32,6 +36,30 @@ FILM_RATE = Fraction(CONTROL_HZ) / FILM_EVERY
 `FILM_EVERY`."""
 _WAITING = 64
 """Frames that wait for the encoder at most; six seconds."""
+
+
+class HeadCamera:
+    """The head camera of a rig that may have none."""
+
+    def __init__(self, duo: HardwareDuo) -> None:
+        """Look through the camera of a rig."""
+        self._duo = duo
+
+    def image(self, shape: tuple[int, int]) -> Image | None:
+        """The latest image, as the simulation's camera would have taken it.
+
+        Args:
+            shape: Height and width in pixels.
+
+        Returns:
+            The image (height, width, 3); None if there is no camera, or it gives nothing.
+        """
+        if HEAD not in self._duo.cameras:
+            return None
+        try:
+            return self._duo.images((HEAD,), shape)[HEAD]
+        except (BackendError, RenderingError):
+            return None
 
 
 class Film:

@@ -87,7 +87,7 @@ class TrialsFolder:
         """
         if not re.fullmatch(r"\w[\w.-]{0,63}", rater):
             raise EvaluationError(
-                f"A rater's name is a pseudonym of letters, digits, '_', '-' and '.', got {rater!r}."
+                f"A rater's name is of letters, digits, '_', '-' and '.', got {rater!r}."
             )
         return self.path / "ratings" / f"{rater}.jsonl"
 

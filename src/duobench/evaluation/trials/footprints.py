@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from duobench.fabrication.sheet import CONTACT, outlines_of
 from duobench.objects.prop import Prop
-from duobench.objects.solid import corner_points
 from duobench.robot.cameras import (
     HEAD_FOCAL,
     MUJOCO_FROM_OPENCV,
@@ -23,8 +23,6 @@ from duobench.types import Array
 
 _NEAREST_M = 0.05
 """What is nearer to the camera's plane than this is not projected."""
-_FLAT = 3
-"""Points of an outline, at least."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -43,8 +41,10 @@ class Footprint:
     """Height of its origin above the table."""
     yaw_deg: float
     """Turn about the vertical in degrees, counter-clockwise from above, from -180 to 180."""
-    outline: Array
-    """Convex outline (n, 2) seen from above, counter-clockwise, in metres in the table frame."""
+    seen: tuple[Array, ...]
+    """Outlines (n, 2) as seen from above, in metres in the table frame."""
+    contact: tuple[Array, ...]
+    """Outlines (n, 2) of what touches the table."""
 
 
 def footprints(props: Sequence[Prop], layout: Layout) -> list[Footprint]:
@@ -56,10 +56,12 @@ def footprints(props: Sequence[Prop], layout: Layout) -> list[Footprint]:
     for prop in props:
         pose = layout.poses[prop.name]
         x, y, z = pose.translation.tolist()
-        yaw = math.degrees(math.atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
-        outline = outline_of(prop, pose)
-        if any(_holds(other.outline, (x, y)) and z * 1e3 > other.z_mm for other in found):
+        if any(_holds(other.seen, (x, y)) and z * 1e3 > other.z_mm for other in found):
             continue
+        seen, contact = (
+            _on_table(outlines_of(prop, layout.variants, below=below), pose)
+            for below in (None, CONTACT)
+        )
         found.append(
             Footprint(
                 number=len(found) + 1,
@@ -67,42 +69,12 @@ def footprints(props: Sequence[Prop], layout: Layout) -> list[Footprint]:
                 x_mm=round(1e3 * x, 1) + 0.0,
                 y_mm=round(1e3 * y, 1) + 0.0,
                 z_mm=round(1e3 * z, 1) + 0.0,
-                yaw_deg=round(yaw, 1) + 0.0,
-                outline=outline,
+                yaw_deg=round(math.degrees(pose.yaw), 1) + 0.0,
+                seen=seen,
+                contact=contact,
             )
         )
     return found
-
-
-def outline_of(prop: Prop, pose: SE3) -> Array:
-    """Convex outline (n, 2) of an object at a pose, seen from above, in metres."""
-    points = [corner_points(prop.solid)]
-    points += [part.pose.apply(corner_points(part.solid)) for part in prop.parts]
-    return convex_hull(pose.apply(np.concatenate(points))[:, :2])
-
-
-def convex_hull(points: Array) -> Array:
-    """The corners (m, 2) of the convex hull of points (n, 2), counter-clockwise.
-
-    Source: A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions",
-    Information Processing Letters 9 (1979).
-    """
-    ordered = np.unique(np.round(points, 6), axis=0).tolist()
-    if len(ordered) < _FLAT:
-        return np.array(ordered)
-
-    def chain(line: Sequence[list[float]]) -> list[list[float]]:
-        kept: list[list[float]] = []
-        for x, y in line:
-            while len(kept) > 1:
-                (ax, ay), (bx, by) = kept[-2], kept[-1]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
-                    break
-                kept.pop()
-            kept.append([x, y])
-        return kept[:-1]
-
-    return np.array(chain(ordered) + chain(ordered[::-1]))
 
 
 def project(points: Array, table_from_camera: SE3 = TABLE_FROM_HEAD) -> Array:
@@ -122,10 +94,27 @@ def project(points: Array, table_from_camera: SE3 = TABLE_FROM_HEAD) -> Array:
     return HEAD_FOCAL * camera[:, :2] / depth + middle
 
 
-def _holds(outline: Array, point: tuple[float, float]) -> bool:
-    """Whether a point is inside a convex outline."""
-    if len(outline) < _FLAT:
-        return False
-    edges = np.roll(outline, -1, axis=0) - outline
-    to = np.array(point) - outline
-    return bool((edges[:, 0] * to[:, 1] - edges[:, 1] * to[:, 0] > 0).all())
+def _on_table(outlines: Iterable[Array], pose: SE3) -> tuple[Array, ...]:
+    """Outlines in an object's frame as points (n, 2) of the table frame."""
+    upright = SE3.at(*pose.translation[:2], yaw=pose.yaw)
+    return tuple(
+        upright.apply(np.column_stack([outline, np.zeros(len(outline))]))[:, :2]
+        for outline in outlines
+    )
+
+
+def _holds(outlines: Iterable[Array], point: tuple[float, float]) -> bool:
+    """Whether a point is inside one of some outlines: a ray from it crosses an odd number of edges.
+
+    Source: M. Shimrat, "Algorithm 112: Position of point relative to polygon", Communications of
+    the ACM 5 (1962).
+    """
+    x, y = point
+    for outline in outlines:
+        ends = np.roll(outline, -1, axis=0)
+        crossing = (outline[:, 1] > y) != (ends[:, 1] > y)
+        start, end = outline[crossing], ends[crossing]
+        at = start[:, 0] + (y - start[:, 1]) * (end - start)[:, 0] / (end - start)[:, 1]
+        if np.count_nonzero(at > x) % 2:
+            return True
+    return False

@@ -1,14 +1,15 @@
-"""The log of an evaluation on real arms: every press of a person, on the disk at once.
+"""The log of an evaluation on real arms: every press of a person, written at once.
 
-One JSON object a line. What was pressed counts, whatever happens to the process afterwards: a trial
-that the log does not close was cut, and is played again.
+One JSON object a line, with the operating system before anybody sees its effect: what was pressed
+is there, whatever happens to the process afterwards. What closes a trial is flushed to the disk as
+well. A trial that the log does not close was cut, and is played again.
 """
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -43,6 +44,9 @@ class Kind(StrEnum):
     """The trial counts."""
     INVALID = "invalid"
     """It does not, and is played again."""
+
+
+_CLOSING = (Kind.VALID, Kind.INVALID)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -110,7 +114,7 @@ class TrialLog:
             return tuple(self._entries)
 
     def add(self, entry: Entry) -> None:
-        """Write a line; it is on the disk when this returns.
+        """Write a line; when this returns, the end of this process loses nothing of it.
 
         Raises:
             OutputError: It cannot be written.
@@ -119,7 +123,8 @@ class TrialLog:
         with self._lock, writing(self.path):
             self._file.write(line)
             self._file.flush()
-            os.fsync(self._file.fileno())
+            if entry.kind in _CLOSING:  # a press shall not wait for a disk
+                os.fsync(self._file.fileno())
             self._entries.append(entry)
 
     def close(self) -> None:
@@ -140,7 +145,7 @@ def read_entries(path: Path) -> Iterable[Entry]:
         raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
 
 
-def _short(entry: Entry) -> dict[str, object]:
+def _short(entry: Entry) -> Mapping[str, object]:
     """An entry without what it does not say; a press that takes back says `null`."""
     kept = {name: value for name, value in asdict(entry).items() if value not in (None, "")}
     return kept | ({"stage": entry.stage} if entry.kind is Kind.PRESS else {})

@@ -7,6 +7,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
+from duobench.data import Actor, ActorKind, DataSet, Recorder
+from duobench.data.real.robot import Robot
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
@@ -16,6 +18,7 @@ from duobench.evaluation.trials.overlay import Overlay
 from duobench.evaluation.trials.plan import Plan, TrialPolicy, shuffled
 from duobench.evaluation.trials.players import Players
 from duobench.evaluation.trials.session import SILENCE_S, TrialsSession
+from duobench.hardware.clock import VirtualClock
 from duobench.hardware.duo import HardwareDuo
 from duobench.hardware.env import make_real_env
 from duobench.policy.serving.address import RemoteServer
@@ -67,6 +70,7 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
     first_episode: int = 0,
     order_seed: int = 0,
     blind: bool = False,
+    data: DataSet | None = None,
     command: str = "",
     silence_s: float = SILENCE_S,
 ) -> TrialsSession:
@@ -78,12 +82,13 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
         task: What is to be done.
         entries: The policies.
         server: The operator's page.
-        ending: Frees policies and renderer when it ends.
+        ending: Frees policies, renderer and log when it ends.
         rater: Who judges, by a pseudonym.
         episodes: Episodes of each policy.
         first_episode: Index of the first one.
         order_seed: Decides the order in which policies take turns, and blind ones get letters.
         blind: Whether the page hides their names until the end.
+        data: Where trials that count are recorded, with all cameras of the rig; None records none.
         command: The command that started it, if there is one.
         silence_s: Seconds without a sign of the page after which the arms are held.
 
@@ -130,18 +135,24 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
     overlay = Overlay(definition, duo.rig)
     ending.callback(overlay.close)
 
-    def make(config: EnvConfig, person: PersonJudge) -> gym.Env:
+    def make(config: EnvConfig, person: PersonJudge, policy: TrialPolicy) -> gym.Env:
         options: dict[str, Any] = {
             "cameras": config.cameras,
             "image_size": config.image_size,
             "action_mode": config.action_mode,
             "horizon": config.horizon,
         }
-        return make_real_env(duo, task.reference, judge=person, **options)
+        env = make_real_env(duo, task.reference, judge=person, **options)
+        if data is None:
+            return env
+        metadata = policy.metadata
+        actor = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
+        robot = Robot.of(duo, waits=isinstance(duo.clock, VirtualClock))
+        return Recorder(env, data, actor, is_reviewed=True, robot=robot)
 
     ordered = [sources[policy.spec] for policy in plan.policies]
     players = Players(plan, ordered, make, judge, command)
     players.prepare()
-    return TrialsSession(
-        folder, plan, players, judge, duo, overlay, server, silence_s=silence_s
-    )
+    session = TrialsSession(folder, plan, players, judge, duo, overlay, server, silence_s=silence_s)
+    ending.callback(session.close)
+    return session

@@ -39,7 +39,8 @@ class Overlay:
 
     def __init__(self, task: Task, rig: Rig) -> None:
         """Compile the task's model; no OpenGL before the first image."""
-        self._task = task
+        self.task = task
+        """What is on the table."""
         self._simulation = Simulation(task.props)
         self._renderer: Renderer | None = None
         self.table_from_head = head_pose(rig)
@@ -54,40 +55,20 @@ class Overlay:
         Raises:
             LayoutError: There is none.
         """
-        sampled = first_valid(self._simulation, self._task.layouts(seed, split), self._task.id)
+        sampled = first_valid(self._simulation, self.task.layouts(seed, split), self.task.id)
         return Layout.from_json(sampled.to_json())
 
-    def rendering(self, layout: Layout, joints: Array) -> bytes | None:
-        """The whole scene as the head camera would see it, as JPEG; None where nothing renders.
+    def images(self, layout: Layout, joints: Array) -> dict[str, bytes]:
+        """What lies over the live image; nothing where nothing renders.
 
         Args:
             layout: Where the objects are.
             joints: Measured joints (2, 7) in radians.
+
+        Returns:
+            "layout", the whole scene as the head camera would see it, as JPEG; and "ghost", the
+            robot alone on a transparent ground, as PNG.
         """
-        image = self._render(layout, joints)
-        return None if image is None else jpeg(image)
-
-    def ghost(self, layout: Layout, joints: Array) -> bytes | None:
-        """The robot alone on a transparent ground, as PNG; None where nothing renders.
-
-        Args:
-            layout: Where the objects are, which may hide a part of it.
-            joints: Measured joints (2, 7) in radians.
-        """
-        image = self._render(layout, joints)
-        if image is None or self._renderer is None:
-            return None
-        seen = self._renderer.segment(self._simulation.data, HEAD)
-        alpha = np.isin(seen, self._robot_geoms()) * round(255 * GHOST_OPACITY)
-        return _png(np.dstack([image, alpha.astype(np.uint8)]))
-
-    def close(self) -> None:
-        """Free what images need."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-
-    def _render(self, layout: Layout, joints: Array) -> Image | None:
         simulation = self._simulation
         simulation.reset_data()
         simulation.duo.set_configuration(DuoCommand(joints=joints, openings=np.ones(2)))
@@ -95,9 +76,18 @@ class Overlay:
         if self._renderer is None:
             self._renderer = Renderer(simulation.model, height=NATIVE_HEIGHT, width=NATIVE_WIDTH)
         try:
-            return self._renderer.render(simulation.data, HEAD)
+            image = self._renderer.render(simulation.data, HEAD)
+            seen = self._renderer.segment(simulation.data, HEAD)
         except RenderingError:
-            return None  # outlines and numbers are there without
+            return {}  # outlines and numbers are there without
+        alpha = np.isin(seen, self._robot_geoms()) * round(255 * GHOST_OPACITY)
+        return {"layout": jpeg(image), "ghost": _png(np.dstack([image, alpha.astype(np.uint8)]))}
+
+    def close(self) -> None:
+        """Free what images need."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
     def _robot_geoms(self) -> NDArray[np.intp]:
         """Geoms of both arms and grippers."""
@@ -108,7 +98,7 @@ class Overlay:
 
 
 def head_pose(rig: Rig) -> SE3:
-    """Pose of a rig's head camera in the table frame, with MuJoCo's axes; nominal until measured."""
+    """Pose of a rig's head camera in the table frame, with MuJoCo's axes, if need be nominal."""
     camera = rig.cameras.get(HEAD)
     if camera is None or camera.calibration is None:
         return TABLE_FROM_HEAD

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
+from duobench.data import Recorder
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
 from duobench.envs.reset_options import LAYOUT
@@ -17,7 +18,7 @@ from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.trials.judging import PersonJudge
-from duobench.evaluation.trials.plan import Plan, Trial
+from duobench.evaluation.trials.plan import Plan, Trial, TrialPolicy
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.env import FAULT_KIND
 from duobench.policy import Policy
@@ -32,8 +33,8 @@ from duobench.versions import package_versions, record_versions
 if TYPE_CHECKING:
     from duobench.evaluation.rollout import Info, Observation, Step
 
-MakeEnv = Callable[[EnvConfig, PersonJudge], gym.Env]
-"""Makes the environment of a configuration on the arms, judged by a person."""
+MakeEnv = Callable[[EnvConfig, PersonJudge, TrialPolicy], gym.Env]
+"""Makes the environment of a configuration on the arms for a policy, judged by a person."""
 
 
 class LaidOut(DuoWrapper):
@@ -200,11 +201,41 @@ class Players:
             ended_by_success=last.terminated,
         )
 
+    def settle(self, trial: Trial, *, counts: bool) -> None:
+        """Keep the recording of a trial that counts, and forget that of one that does not."""
+        env, _ = self._prepared(trial.policy)
+        if isinstance(env.env, Recorder):
+            env.env.finish(reason="The policy failed.")
+            if counts:
+                env.env.keep()
+            else:
+                env.env.discard()
+
     def _prepared(self, policy: int) -> tuple[LaidOut, Policy]:
         if policy not in self._made:
-            env = LaidOut(self._make_env(self.run(policy).config, self._judge))
+            chosen = self._plan.policies[policy]
+            env = LaidOut(self._make_env(self.run(policy).config, self._judge, chosen))
             self._made[policy] = env, self._sources[policy].bind(env)
         return self._made[policy]
+
+
+class Watch:
+    """Says that an episode has begun, and the number of each control step."""
+
+    def __init__(self, on_start: Callable[[], None], on_step: Callable[[int], None]) -> None:
+        """Remember whom to tell."""
+        self._on_start, self._on_step = on_start, on_step
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """The arms are at home, and the policy begins."""
+        self._on_start()
+
+    def on_step(self, step: Step) -> None:
+        """A control step was executed."""
+        self._on_step(step.number)
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """Whoever plays says so."""
 
 
 class _Last:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
@@ -22,13 +23,47 @@ from duobench.evaluation.trials.folder import Standing, TrialsFolder
 from duobench.evaluation.trials.judging import Presses
 from duobench.evaluation.trials.log import Entry, Kind, TrialLog, press_entry
 from duobench.evaluation.trials.plan import Plan, Trial
-from duobench.evaluation.trials.ratings import rated
 from duobench.results.records import EpisodeRecord, Press
 from duobench.types import CONTROL_HZ
 from duobench.web.server import PageServer
 
 TURN_S = 0.05
 WATCHING = "You watch: take over to rate."
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rating:
+    """What one rater said about one film."""
+
+    presses: tuple[Press, ...]
+    """Every press."""
+    stage: int
+    """The highest stage that stands."""
+    note: str = ""
+    """What the rater wrote."""
+
+
+def rated(entries: Iterable[Entry], max_stage: int) -> dict[tuple[int, int], Rating]:
+    """The films that a log of ratings closes, by trial and attempt; the last word counts.
+
+    Args:
+        entries: The log of one rater.
+        max_stage: The task's last stage.
+    """
+    found: dict[tuple[int, int], Rating] = {}
+    presses, note = Presses(max_stage), ""
+    for entry in entries:
+        if entry.kind is Kind.BEGIN:
+            presses, note = Presses(max_stage), ""
+        elif entry.kind is Kind.PRESS:
+            press = Press(stage=entry.stage, step=entry.step or 0, time_s=entry.time_s or 0.0)
+            presses.add(press)
+        elif entry.kind is Kind.NOTE:
+            note = entry.text
+        elif entry.kind is Kind.VALID:
+            key = entry.trial, entry.attempt
+            found[key] = Rating(presses=presses.all, stage=presses.stage, note=note)
+    return found
 
 
 class RatingSession:
@@ -97,6 +132,10 @@ class RatingSession:
         self._publish()
         return True
 
+    def close(self) -> None:
+        """Let go of the log; closing twice is harmless."""
+        self._log.close()
+
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
         self._over.set()
@@ -104,9 +143,7 @@ class RatingSession:
     def _rate(self, trial: Trial, attempt: int, place: int, count: int) -> bool:
         """Have one film rated; False if the session was stopped."""
         record = self._record(trial)
-        film = self._server.publish_image(
-            f"film-{place}.webm", self._film(trial).read_bytes()
-        )
+        film = self._server.publish_image(f"film-{place}.webm", self._film(trial).read_bytes())
         with self._lock:
             self._now, self._presses = (trial, attempt), Presses(self._plan.task.max_stage)
             self._last_step = record.steps

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from duobench.evaluation.trials.folder import Standing, TrialsFolder
+from duobench.evaluation.trials.log import read_entries
 from duobench.evaluation.trials.plan import Plan
-from duobench.evaluation.trials.ratings import all_agreements
+from duobench.evaluation.trials.rating import rated
 from duobench.files import write
 from duobench.pages import render
 from duobench.results import metrics
@@ -16,7 +17,7 @@ from duobench.results.compare import compare, write_comparison
 from duobench.results.comparison import words
 from duobench.results.metrics import Score
 from duobench.results.report import write_report
-from duobench.results.reporting.agreement import Agreement, kappa_text
+from duobench.results.reporting.agreement import Agreement, Verdict, agreements, kappa_text
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -120,6 +121,39 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
     )
     write(folder.page, _page(report))
     return report
+
+
+def all_agreements(folder: TrialsFolder, plan: Plan) -> list[Agreement]:
+    """How all who judged the trials agree, any two of them.
+
+    Raises:
+        FileError: A log or a record cannot be read.
+        EvaluationError: A record is of another run.
+    """
+    standing = Standing.of(folder.read_log())
+    last = plan.task.max_stage
+    trials = {trial.number: trial for trial in plan.trials() if trial.number in standing.valid}
+    remaining = {trial.number for trial in folder.remaining(plan, standing)}
+    judged: dict[str, dict[int, Verdict]] = {plan.rater: {}}
+    for number, trial in trials.items():
+        if number in remaining:
+            continue
+        run_folder = folder.run(plan.letter(trial.policy))
+        record = run_folder.read_record(run_folder.read_run(), plan.episode(trial.episode))
+        judged[plan.rater][number] = _verdict(record.final_stage, last)
+    for rater in folder.raters():
+        ratings = rated(read_entries(folder.ratings(rater)), last)
+        name = rater if rater != plan.rater else f"{rater} (film)"
+        judged[name] = {
+            number: _verdict(ratings[number, attempt].stage, last)
+            for number, attempt in standing.valid.items()
+            if (number, attempt) in ratings
+        }
+    return agreements(judged)
+
+
+def _verdict(stage: int, last: int) -> Verdict:
+    return Verdict(stage=stage, success=stage == last)
 
 
 def _page(report: TrialsReport) -> str:

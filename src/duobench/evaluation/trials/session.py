@@ -16,24 +16,21 @@ from functools import partial
 
 import numpy as np
 
-from duobench.backend import Image
-from duobench.errors import BackendError, MessageError, RenderingError
+from duobench.errors import BackendError, MessageError
 from duobench.evaluation.trials import messages
-from duobench.evaluation.trials.film import Film
+from duobench.evaluation.trials.film import NATIVE, Film, HeadCamera
 from duobench.evaluation.trials.folder import Standing, TrialsFolder
 from duobench.evaluation.trials.judging import PersonJudge
 from duobench.evaluation.trials.log import Entry, Kind, TrialLog, press_entry
 from duobench.evaluation.trials.overlay import Overlay, jpeg
 from duobench.evaluation.trials.plan import Plan, Trial
-from duobench.evaluation.trials.players import Played, Players
+from duobench.evaluation.trials.players import Played, Players, Watch
 from duobench.evaluation.trials.status import Board, Phase
-from duobench.evaluation.trials.watching import Watch
+from duobench.fabrication.sheet import layout_sheet
 from duobench.files import write
 from duobench.hardware.duo import HardwareDuo
 from duobench.results.records import Judged, Press
-from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.layout import Layout
-from duobench.types import HEAD
 from duobench.web.server import PageServer
 
 SILENCE_S = 2.0
@@ -93,6 +90,7 @@ class TrialsSession:
         """
         self._folder, self._plan, self._players = folder, plan, players
         self._judge, self._duo, self._overlay, self._server = judge, duo, overlay, server
+        self._head = HeadCamera(duo)
         self._silence, self._wall = silence_s, wall
         self._log: TrialLog = folder.open_log(wall())
         self._standing = Standing.of(self._log.entries)
@@ -107,6 +105,8 @@ class TrialsSession:
         self._at_end: bool | None = None
         self._note = ""
         self._ghost_joints: np.ndarray | None = None
+        self._begun: set[int] = set()
+        self._sheets: dict[str, str] = {}
         server.on_message = self._take
         server.on_driver_lost = lambda: self._lose("The operator's page lost its connection.")
 
@@ -124,7 +124,6 @@ class TrialsSession:
             return False
         finally:
             self._duo.hold("The session is over.")
-            self._log.close()
         self._board.phase = Phase.OVER
         return True
 
@@ -132,6 +131,10 @@ class TrialsSession:
         """Let `run` end, and hold the arms; for other threads and signal handlers."""
         self._over.set()
         self._duo.hold("The session was stopped.")
+
+    def close(self) -> None:
+        """Let go of the log; closing twice is harmless."""
+        self._log.close()
 
     def tell(self, **more: object) -> None:
         """Show the state on the page, with what else is to be said."""
@@ -150,6 +153,7 @@ class TrialsSession:
             self._plan.episode(trial.episode).seed, self._plan.episode(trial.episode).split
         )
         self._board.begin(trial, self._attempt, layout, self._standing)
+        self._offer_sheet(trial, layout)
         self._write(Kind.BEGIN, text=self._plan.letter(trial.policy))
         self._place(layout)
         played, film = self._play(trial, layout)
@@ -158,6 +162,7 @@ class TrialsSession:
             automatic = bool(self._lost or played.invalid)
             if (video := film.video()) is not None:
                 write(self._folder.invalid_film(trial.number, self._attempt), video)
+            self._players.settle(trial, counts=False)
             self._write(Kind.INVALID, text=reason, yes=automatic)
             self._board.message = f"The trial is invalid and comes again: {reason}"
             self._standing = Standing.of(self._log.entries)
@@ -165,6 +170,14 @@ class TrialsSession:
         self._keep(trial, played, film.video())
         self._board.message = ""
         return True
+
+    def _offer_sheet(self, trial: Trial, layout: Layout) -> None:
+        """Give the footprints of an episode out as a sheet to print, for rigs without cameras."""
+        name = f"sheet-{trial.episode}"
+        if name not in self._sheets:
+            pdf = layout_sheet(self._overlay.task, layout, f"episode {trial.episode}")
+            self._sheets = {name: self._server.publish_image(f"{name}.pdf", pdf)}
+        self._board.sheet = self._sheets[name]
 
     def _place(self, layout: Layout) -> None:
         """Wait until the objects are placed and the operator has said that the arms may move."""
@@ -193,7 +206,7 @@ class TrialsSession:
         self._start = self._duo.clock.now()
         self._board.phase, self._board.message = Phase.MOVING, ""
         self._publish()
-        film = Film(self._head_image, self._server.publish_frame)
+        film = Film(self._head.image, self._server.publish_frame)
         watch = Watch(self._on_start, self._on_step)
         played = self._players.play(trial, layout, [film, watch])
         self._duo.hold("The episode is over.")
@@ -253,8 +266,11 @@ class TrialsSession:
         )
         at_end = True if self._at_end is None else self._at_end
         run_folder = self._folder.run(self._plan.letter(trial.policy))
-        run_folder.begin(played.run)
+        if not run_folder.description.exists() or trial.policy not in self._begun:
+            run_folder.begin(played.run)
+            self._begun.add(trial.policy)
         run_folder.write(played.record(judged, presses.changes(), at_end=at_end), video)
+        self._players.settle(trial, counts=True)
         self._write(Kind.VALID)
         self._standing = Standing.of(self._log.entries)
 
@@ -350,17 +366,8 @@ class TrialsSession:
             make = partial(Entry, kind=kind, trial=self._trial.number, attempt=self._attempt)
             self._log.add(make(at=self._wall(), **more))  # pyright: ignore[reportArgumentType]
 
-    def _head_image(self, shape: tuple[int, int]) -> Image | None:
-        """What the head camera sees; None if the rig has none, or it gives nothing."""
-        if HEAD not in self._duo.cameras:
-            return None
-        try:
-            return self._duo.images((HEAD,), shape)[HEAD]
-        except (BackendError, RenderingError):
-            return None
-
     def _keep_image(self) -> None:
-        image = self._head_image((NATIVE_HEIGHT, NATIVE_WIDTH))
+        image = self._head.image(NATIVE)
         if image is not None and self._trial is not None:
             write(self._folder.placed(self._trial.number, self._attempt), jpeg(image))
 
@@ -368,7 +375,7 @@ class TrialsSession:
         """Show the live image, and the layout over it; the ghost again once an arm has moved."""
         if not self._server.has_viewers:
             return
-        image = self._head_image((NATIVE_HEIGHT, NATIVE_WIDTH))
+        image = self._head.image(NATIVE)
         if image is not None:
             self._server.publish_frame(jpeg(image))
         joints = self._duo.read().joints
@@ -376,14 +383,9 @@ class TrialsSession:
         if before is not None and float(np.max(np.abs(joints - before))) < MOVED_RAD:
             return
         self._ghost_joints = joints.copy()
-        for name, made in (
-            ("layout", self._overlay.rendering(layout, joints)),
-            ("ghost", self._overlay.ghost(layout, joints)),
-        ):
-            if made is not None:
-                self._board.images[name] = self._server.publish_image(
-                    f"{name}-{self._board.next_image()}", made
-                )
+        for name, made in self._overlay.images(layout, joints).items():
+            address = self._server.publish_image(f"{name}-{self._board.next_image()}", made)
+            self._board.images[name] = address
 
     def _publish(self) -> None:
         self._server.publish_status(self._board.status(self._duo.fault, self._duo.held))

@@ -16,7 +16,7 @@ from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, Array
 
 
 class Phase(StrEnum):
@@ -63,6 +63,8 @@ class Board:
         """Whether the last stage still held; None if nobody said."""
         self.images: dict[str, str] = {}
         """Addresses of images by what they show."""
+        self.sheet = ""
+        """Address of the footprints to print; empty if there is none."""
         self.more: dict[str, Any] = {}
         """What is shown at the end."""
         self._trial: dict[str, Any] = {}
@@ -131,13 +133,12 @@ class Board:
             "held": held,
             "image_size": [NATIVE_WIDTH, NATIVE_HEIGHT],
             "images": self.images,
+            "sheet": self.sheet,
             "footprints": self._footprints,
             **self.more,
         }
 
     def _footprint(self, each: Footprint) -> dict[str, Any]:
-        on_table = np.column_stack([each.outline, np.zeros(len(each.outline))])
-        corners = project(on_table, self._table_from_head)
         return {
             "number": each.number,
             "name": each.name.replace("_", " "),
@@ -145,6 +146,11 @@ class Board:
             "y_mm": each.y_mm,
             "z_mm": each.z_mm,
             "yaw_deg": each.yaw_deg,
-            "outline": [] if np.isnan(corners).any() else corners.round(1).tolist(),
-            "outline_mm": (1e3 * each.outline).round(1).tolist(),
+            "outlines": [self._in_image(outline) for outline in each.contact or each.seen],
         }
+
+    def _in_image(self, outline: Array) -> list[list[float]]:
+        """An outline on the table in pixels of the head camera; empty where it is behind that."""
+        on_table = np.column_stack([outline, np.zeros(len(outline))])
+        corners = project(on_table, self._table_from_head)
+        return [] if np.isnan(corners).any() else corners.round(1).tolist()

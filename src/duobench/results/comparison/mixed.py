@@ -99,7 +99,9 @@ def read_mixed(sources: Sequence[str]) -> tuple[MixedRow, ...]:
             )
     order = sorted(cells, key=lambda key: (*map(list(tasks).index, key[:1]), key[1], _rank(key[2])))
     return tuple(
-        MixedRow(task=tasks[task], policy=name, trained_on=trained, cells=cells[task, name, trained])
+        MixedRow(
+            task=tasks[task], policy=name, trained_on=trained, cells=cells[task, name, trained]
+        )
         for task, name, trained in order
     )
 

@@ -43,7 +43,6 @@ export class Overlay {
     }
     const text = JSON.stringify([footprints, isPlacing]);
     if (text !== this.#outlines) this.#draw(text, isPlacing ? footprints : [], size);
-    this.#part("overlay").disabled = !isPlacing;
     this.#blend();
   }
 
@@ -51,16 +50,19 @@ export class Overlay {
     this.#outlines = text;
     const svg = this.#part("outlines");
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const shapes = footprints
-      .filter(({ outline }) => outline.length > 2)
-      .flatMap(({ number, outline }) => {
+    const shapes = footprints.flatMap(({ number, outlines }) => {
+      const drawn = outlines.filter((outline) => outline.length > 2);
+      if (!drawn.length) return [];
+      const lines = drawn.flatMap((outline) => {
         const points = outline.map((point) => point.join(",")).join(" ");
-        const lines = ["halo", ""].map((name) => shape("polygon", { points, class: name }));
-        const [x, y] = [0, 1].map((axis) => mean(outline.map((point) => point[axis])));
-        const label = shape("text", { x, y });
-        label.textContent = number;
-        return [...lines, label];
+        return ["halo", ""].map((name) => shape("polygon", { points, class: name }));
       });
+      const corners = drawn.flat();
+      const [x, y] = [0, 1].map((axis) => mean(corners.map((point) => point[axis])));
+      const label = shape("text", { x, y });
+      label.textContent = number;
+      return [...lines, label];
+    });
     svg.replaceChildren(...shapes);
   }
 

@@ -141,6 +141,7 @@ class Trials {
   #allow() {
     if (!this.#status) return;
     const { phase, stage, stages, fault, sheet } = this.#status;
+    const isPlacing = ["placing", "ready"].includes(phase);
     for (const [id, phases] of Object.entries(BUTTONS)) {
       part(`#${id}`).hidden = !this.#isDriver || !phases.includes(phase);
     }
@@ -150,7 +151,9 @@ class Trials {
     part("#closing").hidden = part("#spoiled").hidden = !isJudging;
     part("#at-end").hidden = stage !== stages.length;
     part("#trial").hidden = phase === "over";
-    part(".sheet").hidden = !sheet;
+    part(".trials").dataset.phase = phase;
+    part("#overlay").hidden = part("#objects").hidden = !isPlacing;
+    part(".sheet").hidden = !sheet || !isPlacing;
     if (sheet) part(".sheet a").href = sheet;
     this.#judging.isOpen = this.#isDriver && ["playing", "judging"].includes(phase);
     this.#judging.show(this.#status);

@@ -1,0 +1,144 @@
+"""`duobench real eval`: evaluate policies on real arms, with an operator who judges."""
+
+from __future__ import annotations
+
+import secrets
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from duobench.cli.advice import AdvisedError, advising
+from duobench.cli.display.console import command_line, console, counted
+from duobench.cli.doctor import load_engine
+from duobench.cli.interrupt import stopping
+from duobench.cli.view import serve_page
+from duobench.errors import DuoBenchError, LockedError, OtherRunError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from duobench.evaluation.trials.report import TrialsReport
+
+
+def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
+    rig: str,
+    task: str,
+    policy: tyro.conf.UseAppendAction[tuple[str, ...]],
+    out: Path,
+    episodes: int = 15,
+    blind: bool = False,
+    trained_on: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    rater: str = "operator",
+    first_episode: int = 0,
+    order_seed: int | None = None,
+    record: Path | None = None,
+    port: int = 0,
+    lan: bool = False,
+    guard: bool = True,
+    fast: bool = False,
+) -> None:
+    """Evaluate policies on real arms: an operator places the objects and judges, on one page.
+
+    Open the printed address and follow the page. All policies play the same layouts and take turns.
+    Every press is on the disk at once: the same command goes on where it was stopped, also with
+    more episodes. At the end each policy has a report as in simulation, and they are compared. Not
+    yet tried on an arm.
+
+    Args:
+        rig: File of the rig, rig.json, or simulated for drivers without hardware.
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE.
+        policy: A policy that sees images, as duobench eval takes it, or NAME@ws://HOST:PORT for one
+            that is served; give it once for each policy.
+        out: Folder of the evaluation.
+        episodes: Episodes of each policy; the paper has 15.
+        blind: Hide the names of the policies on the page until all trials are played.
+        trained_on: What the policies were trained on, in their order: sim, real or mixed.
+        rater: Pseudonym of who judges; it is recorded.
+        first_episode: Index of the first episode; layouts follow from task and index alone.
+        order_seed: Decides the order in which policies take turns; without it nobody knows it.
+        record: Record the trials that count into this data set too, with all cameras.
+        port: Port of the page; 0 takes a free one.
+        lan: Let other machines in the network open the page, which is encrypted then.
+        guard: Keep the arms apart and off the table by a simulation of them.
+        fast: Do not wait for real time; for drivers without hardware alone.
+    """
+    command = command_line("real eval", evaluate, locals())
+    load_engine()
+    from duobench.cli.real.rigs import opened_rig
+    from duobench.data import DataSet
+    from duobench.evaluation.trials.folder import TrialsFolder
+    from duobench.evaluation.trials.opening import Contender, open_session
+    from duobench.evaluation.trials.report import write_trials_report
+    from duobench.files import locked
+    from duobench.results.suite import find_tasks
+
+    if trained_on and len(trained_on) != len(policy):
+        raise AdvisedError(
+            f"Give --trained-on once for each --policy, in their order: got {len(trained_on)} for "
+            f"{len(policy)}."
+        )
+    contenders = [
+        Contender(spec=spec, trained_on=trained)
+        for spec, trained in zip(policy, trained_on or ("",) * len(policy), strict=True)
+    ]
+    (info,) = find_tasks([task])
+    folder, screen = TrialsFolder(out), console()
+    with ExitStack() as ending:
+        ending.enter_context(advising(_advice))
+        duo = opened_rig(rig, guard=guard, fast=fast)
+        ending.callback(duo.close)
+        ending.enter_context(locked(folder.path))
+        server = serve_page(port, lan, "trials_page.html")
+        ending.callback(server.close)
+        session = open_session(
+            folder,
+            duo,
+            info,
+            contenders,
+            server,
+            ending,
+            rater=rater,
+            episodes=episodes,
+            first_episode=first_episode,
+            order_seed=secrets.randbelow(2**31) if order_seed is None else order_seed,
+            blind=blind,
+            data=None if record is None else DataSet.open(record),
+            command=command,
+        )
+        screen.print(f"Open {server.url}\nCtrl-C holds the arms and ends the session.")
+        with stopping(session.stop):
+            session.run()
+        report = write_trials_report(folder)
+        page = out / folder.page.name
+        results = [each.row() for each in report.policies]
+        session.tell(results=results, files=f"Report: {page}")
+        _show(report, screen)
+        screen.print(f"Report: {page}")
+
+
+def _show(report: TrialsReport, screen: Console) -> None:
+    """Print what came out, a line for each policy."""
+    from duobench.results import metrics
+
+    for each in report.policies:
+        score = each.score
+        screen.print(
+            f"{each.letter} {each.policy}: {score.successes} of {score.episodes}, "
+            f"{metrics.percent(score.success_rate)} % (95 % interval "
+            f"{metrics.interval_percent(score)} %)"
+        )
+    for verdict in report.verdicts:
+        screen.print(verdict)
+    invalid = sum(count for _, count in report.invalid)
+    if invalid:
+        screen.print(f"{counted(invalid, 'invalid trial')}, played again; the report says why.")
+    if report.missing:
+        screen.print(
+            f"{counted(report.missing, 'trial')} still to be played; the same command goes on."
+        )
+
+
+def _advice(error: DuoBenchError) -> str | None:
+    return "Give --out another folder." if isinstance(error, OtherRunError | LockedError) else None

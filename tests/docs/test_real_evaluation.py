@@ -1,0 +1,107 @@
+"""The page on evaluating on real arms: its commands run, with a scripted operator and rater."""
+
+import shlex
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from duobench.evaluation.trials.film import FILM_RATE
+from duobench.evaluation.trials.plan import Plan
+from duobench.evaluation.trials.session import SILENCE_S
+from tests.docs.markdown import DOCS, blocks, text_of
+from tests.evaluation.trials.operator import Operator
+from tests.web.pages import Page, open_page
+
+PAGE = DOCS / "real_evaluation.md"
+TIMEOUT_S = 300
+
+
+def attend(line: str, folder: Path, attend: Callable[[Page], None]) -> str:
+    """Run a command, and do something at its page; what it prints."""
+    command = [sys.executable, "-P", "-m", *shlex.split(line)]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            address = next(each for each in process.stdout if "http://" in each)
+            with open_page(address.split()[-1]) as page:
+                attend(page)
+            said = process.communicate(timeout=TIMEOUT_S)[0]
+        finally:
+            process.kill()
+    assert process.returncode == 0
+    return said
+
+
+def operate(page: Page) -> None:
+    """Judge both trials as stage 2; one in which the page was slow comes again."""
+    operator = Operator(page)
+    over = threading.Event()
+
+    def live() -> None:
+        while not over.wait(0.2):
+            operator.say("alive")
+
+    living = threading.Thread(target=live)
+    living.start()
+    try:
+        for number in (1, 2):
+            while operator.until(bool)["trial"]["number"] == number:
+                judge(operator)
+                if operator.status["phase"] == "over":
+                    break
+    finally:
+        over.set()
+        living.join()
+
+
+def judge(operator: Operator) -> None:
+    operator.phase("placing")
+    if operator.status["fault"]:
+        operator.say("recover")
+        operator.until(lambda status: not status["fault"])
+    status = operator.begin()
+    attempt = status["trial"]["attempt"]
+    operator.until(
+        lambda status: status["phase"] == "judging" or status["trial"]["attempt"] > attempt
+    )
+    if operator.status["phase"] == "judging":
+        operator.press(2)
+        operator.finish()
+
+
+def rate(page: Page) -> None:
+    page.say(kind="drive")
+    for number in (1, 2):
+        page.hear_of("status", phase="rating", number=number)
+        page.say(kind="at", time_s=0.5, stage=number)
+        page.hear_of("status", stage=number)
+        page.say(kind="finish")
+
+
+def test_commands_run(tmp_path: Path) -> None:
+    (commands,) = blocks(PAGE, "sh")
+    said = {}
+    for line in commands.splitlines():
+        name = " ".join(line.split()[1:3])
+        if name == "real eval":
+            said[name] = attend(line, tmp_path, operate)
+        elif name == "real rate":
+            said[name] = attend(line, tmp_path, rate)
+        else:
+            command = [sys.executable, "-P", "-m", *shlex.split(line)]
+            done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+            said[name] = done.stdout
+    assert "0 of 1" in said["real eval"]
+    assert "the same stage in 1 of 2 episodes" in said["real rate"]
+    assert "n = 1" in said["compare --mixed"]
+    assert (tmp_path / "trials" / "comparison" / "index.html").exists()
+    assert (tmp_path / "mixed" / "mixed.tex").exists()
+
+
+def test_numbers_are_those_of_the_code() -> None:
+    text = text_of(PAGE)
+    assert f"no sign for {SILENCE_S:g} s" in text
+    assert f"{FILM_RATE} frames a second" in text
+    assert f"{Plan.__dataclass_fields__['episodes'].default} episodes a policy" in text

@@ -1,0 +1,212 @@
+"""The pages of the operator and of a rater of real arms, in a browser."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page
+
+from duobench.evaluation.trials.log import Kind, read_entries
+from duobench.evaluation.trials.rating import RatingSession, rated
+from duobench.evaluation.trials.session import HELD_BY_OPERATOR
+from duobench.results.source import read_source
+from duobench.web.page import assets
+from duobench.web.server import PageServer
+from tests.evaluation.trials import toys
+from tests.evaluation.trials.operator import STEPS, Stand, contenders
+from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
+from tools.pages import DESKTOP, PHONE, View
+
+LAST = 5
+
+
+@pytest.fixture(scope="module")
+def window() -> Iterator[Browser]:
+    with started() as window:
+        yield window
+
+
+class Led:
+    """A session in a thread, whose page a browser has open."""
+
+    def __init__(self, path: Path) -> None:
+        self.stand = Stand(path, contenders()[:1], episodes=1, blind=True)
+        self.results: list[bool] = []
+        self.thread = threading.Thread(target=self.run)
+        self.thread.start()
+
+    def run(self) -> None:
+        self.results.append(self.stand.session.run())
+        row = {"letter": "A", "policy": "mine", "trained_on": "sim", "episodes": 1}
+        row |= {"successes": 1, "rate": 1.0, "low": 0.2065, "high": 1.0, "progress": 1.0}
+        self.stand.session.tell(results=[row], files="Report: index.html")
+
+    def close(self) -> None:
+        self.stand.session.stop()
+        toys.Patient.gate.release(100)
+        self.thread.join()
+        self.stand.ending.close()
+
+
+@pytest.fixture
+def led(tmp_path: Path) -> Iterator[Led]:
+    with closing(Led(tmp_path / "trials")) as led:
+        yield led
+
+
+def shown(page: Page, selector: str) -> None:
+    page.wait_for_selector(f"{selector}:visible", timeout=60_000)
+
+
+def start(page: Page) -> None:
+    shown(page, "#placed")
+    page.click("#placed")
+    shown(page, "#start")
+    page.click("#start")
+    assert toys.Patient.waiting.acquire(timeout=toys.TIMEOUT_S)
+    until(page, "document.querySelector('.state').textContent == 'The policy plays'")
+
+
+def stage(page: Page) -> int:
+    return page.locator(".stage-keys [aria-pressed=true]").count()
+
+
+@pytest.mark.parametrize("view", [DESKTOP, DARK_PHONE], ids=lambda view: view.name)
+def test_no_rule_of_accessibility_is_broken(window: Browser, led: Led, view: View) -> None:
+    with opened(window, led.stand.server.url, view) as page:
+        shown(page, "#placed")
+        until(page, "document.querySelector('#layout').naturalWidth == 1280")
+        assert page.evaluate("document.documentElement.scrollWidth") == view.width
+        assert broken_rules(page) == []
+        start(page)
+        assert broken_rules(page) == []
+        page.keyboard.press(str(LAST))
+        until(page, "document.querySelectorAll('.stage-keys [aria-pressed=true]').length == 5")
+        toys.Patient.gate.release()
+        shown(page, "#finish")
+        assert page.locator("#at-end").is_visible()
+        assert page.evaluate("document.documentElement.scrollWidth") == view.width
+        assert broken_rules(page) == []
+        page.click("#finish")
+        shown(page, "#over")
+        assert broken_rules(page) == []
+        assert "20.6–100.0" in (page.locator("#over tbody").text_content() or "")
+
+
+def test_objects_are_placed_over_the_live_image(window: Browser, led: Led) -> None:
+    with opened(window, led.stand.server.url) as page:
+        shown(page, "#placed")
+        until(page, "document.querySelector('#live').dataset.frames > 1")
+        until(page, "document.querySelector('#layout').naturalWidth == 1280")
+        assert page.locator("#outlines text").all_text_contents() == ["1", "2", "3", "4"]
+        assert page.locator("#footprints tbody tr").count() == 4
+        layout = page.locator("#layout")
+        assert layout.evaluate("(image) => image.style.opacity") == "0.5"
+        page.check("#difference")
+        assert layout.evaluate("(image) => image.style.mixBlendMode") == "difference"
+        page.uncheck("#difference")
+        page.check("#flicker")
+        until(page, "document.querySelector('#layout').hidden")
+        until(page, "!document.querySelector('#layout').hidden")
+        page.uncheck("#flicker")
+        assert page.locator("#ghost").is_hidden()
+        page.check("#show-ghost")
+        until(page, "document.querySelector('#ghost').naturalWidth == 1280")
+        page.check("#native")
+        width = "document.querySelector('#live').getBoundingClientRect().width"
+        assert page.evaluate(width) == 1280
+        sheet = page.locator(".sheet a").get_attribute("href")
+        answer = page.request.get(led.stand.server.url.split("/?")[0] + (sheet or ""))
+        assert answer.headers["content-type"] == "application/pdf"
+
+
+def test_keys_judge_and_undo(window: Browser, led: Led) -> None:
+    with opened(window, led.stand.server.url) as page:
+        start(page)
+        for key, expected in (("1", 1), ("3", 3), ("2", 3), ("Backspace", 3), ("Backspace", 1)):
+            count = page.locator(".presses li").count()
+            page.keyboard.press(key)
+            until(page, f"document.querySelectorAll('.presses li').length == {count + 1}")
+            assert stage(page) == expected
+        assert page.locator(".presses .gone").count() == 2
+        toys.Patient.gate.release(STEPS)
+        shown(page, "#finish")
+        page.fill("#note", "2 was close ")  # no key of a stage while somebody types
+        page.keyboard.press("Tab")
+        page.click("#finish")
+        shown(page, "#over")
+    (record,) = read_source(led.stand.folder.run("A").path)[1]
+    assert record.final_stage == 1
+    assert record.judged is not None
+    assert record.judged.note == "2 was close"
+    assert [press.stage for press in record.judged.presses] == [1, 3, 2, None, None]
+
+
+def test_space_bar_holds_whatever_has_the_focus(window: Browser, led: Led) -> None:
+    with opened(window, led.stand.server.url, PHONE) as page:
+        start(page)
+        page.focus(".stage-keys button")
+        page.keyboard.press("Space")
+        for _ in range(500):
+            if led.stand.duo.held is not None:
+                break
+            page.wait_for_timeout(20)
+        assert led.stand.duo.held == HELD_BY_OPERATOR
+        assert stage(page) == 0
+        toys.Patient.gate.release()
+        shown(page, "#invalid")
+        page.click("#invalid")
+        until(page, "document.querySelector('.note').textContent.startsWith('Say why')")
+        page.fill("#reason", "A cup fell.")
+        page.click("#invalid")
+        until(page, "document.querySelector('.where').textContent.includes('attempt 2')")
+    kinds = [entry.kind for entry in led.stand.folder.read_log()]
+    assert kinds[:5] == [Kind.BEGIN, Kind.PLACED, Kind.START, Kind.HOLD, Kind.END]
+
+
+def test_second_browser_watches(window: Browser, led: Led) -> None:
+    with (
+        opened(window, led.stand.server.url) as page,
+        opened(window, led.stand.server.url) as other,
+    ):
+        shown(page, "#placed")
+        until(other, "document.querySelector('.role').textContent.startsWith('You watch')")
+        assert other.locator("#placed").is_hidden()
+        assert other.locator("#hold").is_disabled()
+        other.click(".role button")
+        until(page, "document.querySelector('#placed').hidden")
+        shown(other, "#placed")
+
+
+def test_rater_judges_films_by_keys(window: Browser, led: Led) -> None:
+    with opened(window, led.stand.server.url) as page:
+        start(page)
+        page.keyboard.press("2")
+        toys.Patient.gate.release(STEPS)
+        shown(page, "#finish")
+        page.click("#finish")
+        shown(page, "#over")
+    led.thread.join()
+    folder = led.stand.folder
+    with closing(PageServer(assets("rating_page.html"))) as server:
+        session = RatingSession(folder, "second", server)
+        thread = threading.Thread(target=session.run)
+        thread.start()
+        with opened(window, server.url, PHONE) as page:
+            until(page, "document.querySelector('video').readyState >= 2")
+            until(page, "document.querySelector('.role').textContent == 'You rate'")
+            assert page.evaluate("document.documentElement.scrollWidth") == PHONE.width
+            assert broken_rules(page) == []
+            page.evaluate("document.querySelector('video').currentTime = 0.4")
+            until(page, "!document.querySelector('video').seeking")
+            page.keyboard.press("3")
+            until(page, "document.querySelectorAll('.presses li').length == 1")
+            page.click("#finish")
+            until(page, "document.querySelector('.note').textContent.startsWith('Every film')")
+        thread.join()
+        session.close()
+    (rating,) = rated(read_entries(folder.ratings("second")), LAST).values()
+    assert rating.stage == 3
+    assert [press.step for press in rating.presses] == [12]
