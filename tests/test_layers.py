@@ -47,6 +47,7 @@ EVERYWHERE = (
 AT_HOME = {
     "duobench.policy.lerobot": ("torch", "lerobot"),
     "duobench.teleop.leaders.lerobot_source": ("lerobot",),
+    "duobench.evaluation.ray": ("ray",),
     "duobench.interop.vla_eval": ("vla_eval",),
     "duobench.interop.vlagents": ("vlagents", "rpyc"),
 }
