@@ -49,6 +49,7 @@ AT_HOME = {
     "duobench.policy.lerobot": ("torch", "lerobot"),
     "duobench.teleop.leaders.lerobot_source": ("lerobot",),
     "duobench.hardware": ("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
+    "duobench.evaluation.ray": ("ray",),
     "duobench.interop.vla_eval": ("vla_eval",),
     "duobench.interop.vlagents": ("vlagents", "rpyc"),
 }

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Literal
 from duobench.cli.display.console import command_line, console, counted
 from duobench.cli.doctor import load_engine
 from duobench.cli.interrupt import raising
-from duobench.errors import PolicyError
+from duobench.errors import EvaluationError, PolicyError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from duobench.evaluation.ray.cluster import Cluster
     from duobench.evaluation.viewing.watching import RunWatch
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
@@ -51,6 +52,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     watch: bool = False,
     watch_port: int = 0,
     layout: str | None = None,
+    executor: Literal["processes", "ray"] = "processes",
+    address: str = "auto",
+    policy_gpus: float = 0.0,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
@@ -99,6 +103,10 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             and no result depends on it.
         watch_port: Port of that page; 0 takes a free one.
         layout: Renamed: give --format.
+        executor: ray plays on a Ray cluster that is there (extra ray, docs/scale.md): --workers
+            simulators on its nodes, the policy in actors, and this process, which alone writes.
+        address: Address of that cluster, HOST:PORT; auto is the one of this machine.
+        policy_gpus: Graphics cards that each actor of the policy asks for there.
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
@@ -153,8 +161,19 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             command=command,
             watch=live,
             shard=part,
+            cluster=_cluster(executor, address, policy_gpus),
         )
     _show(folder.read_run(), results, relative(folder.page), screen)
+
+
+def _cluster(executor: Literal["processes", "ray"], address: str, gpus: float) -> Cluster | None:
+    from duobench.evaluation.ray.cluster import Cluster
+
+    if executor == "ray":
+        return Cluster(address=address, policy_gpus=gpus)
+    if address != Cluster().address or gpus:
+        raise EvaluationError("--address and --policy-gpus are for --executor ray.")
+    return None
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from duobench.errors import EvaluationError, UnplayedError
 from duobench.evaluation.episode import EpisodeResult, Job
 from duobench.evaluation.executor import executor_for
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.ray.cluster import Cluster
 from duobench.evaluation.rollout import Observer
 from duobench.evaluation.viewing.watching import RunWatch
 from duobench.files import locked
@@ -41,6 +42,7 @@ def evaluate(  # noqa: PLR0913
     command: str = "",
     watch: RunWatch | None = None,
     shard: Shard | None = None,
+    cluster: Cluster | None = None,
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
@@ -66,6 +68,7 @@ def evaluate(  # noqa: PLR0913
         watch: Shows what is played while it is played; no result depends on it.
         shard: Which part of the episodes is played; None plays all. Each part has a folder of its
             own, and `open_sources` reads all parts as one run.
+        cluster: The Ray cluster on which workers and policy are; None for this machine alone.
 
     Returns:
         What all records of the run add up to.
@@ -82,7 +85,7 @@ def evaluate(  # noqa: PLR0913
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
     limits = limits or TimeLimits()
     job = Job(policy=choice, suite=suite, limits=limits, videos=videos, command=command)
-    executor = executor_for(job, workers, watch)
+    executor = executor_for(job, workers, watch, cluster)
     observing = observers if watch is None else [*observers, watch]
     with locked(folder.path), closing(executor):
         run = replace(executor.prepare(), shard=shard)

@@ -12,6 +12,7 @@ from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
 from duobench.evaluation.processes.executor import ProcessExecutor
 from duobench.evaluation.processes.schedule import Schedule
+from duobench.evaluation.ray.cluster import Cluster
 from duobench.evaluation.viewing.live import LiveWatcher
 from duobench.evaluation.viewing.watching import Playing, RunWatch
 from duobench.policy.registry import PolicyKind
@@ -146,22 +147,28 @@ class LocalExecutor:
         return self._runner
 
 
-def executor_for(job: Job, workers: int, watch: RunWatch | None = None) -> Executor:
+def executor_for(
+    job: Job, workers: int, watch: RunWatch | None = None, cluster: Cluster | None = None
+) -> Executor:
     """What does a job.
 
     Args:
         job: What to play.
         workers: Processes that play side by side; with 0 this process plays.
         watch: Shows what they play.
+        cluster: The Ray cluster on which they are; None for this machine alone.
 
     Raises:
-        EvaluationError: If the number of workers is negative.
+        EvaluationError: If the number of workers is negative, or 0 on a cluster, or Ray cannot be
+            used.
         RenderingError: If there are to be videos, and nothing renders.
     """
     if workers < 0:
         raise EvaluationError(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
+    if cluster is not None:
+        return _on_cluster(job, workers, watch, cluster)
     if workers == 0:
         return LocalExecutor(job, watch)
     # How to render is chosen before there are workers, so that not each of them finds out for
@@ -172,3 +179,13 @@ def executor_for(job: Job, workers: int, watch: RunWatch | None = None) -> Execu
         with suppress(RenderingError):
             rendering.choose(processes=workers)
     return ProcessExecutor(job, workers, watch)
+
+
+def _on_cluster(job: Job, workers: int, watch: RunWatch | None, cluster: Cluster) -> Executor:
+    from duobench.evaluation.ray.cluster import check_environment
+    from duobench.evaluation.ray.executor import RayExecutor
+
+    if workers == 0:
+        raise EvaluationError("On a cluster there is at least one worker; got 0.")
+    check_environment()
+    return RayExecutor(job, workers, cluster, watch)

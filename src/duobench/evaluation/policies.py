@@ -64,7 +64,7 @@ class PolicyChoice:
     server: RemoteServer | None = None
     """Where it is served."""
     address: PolicyAddress | None = None
-    """Where it answers, if it is in a process of its own on this machine."""
+    """Where it answers, if it is in a process of its own."""
 
     @property
     def is_scripted(self) -> bool:
@@ -246,7 +246,8 @@ def _apart(address: PolicyAddress) -> PolicySource:
     """A policy in a process of its own, which its parent looks after: here is no time limit."""
     from duobench.policy.serving.client import OwnPolicy
 
-    url = f"ws://127.0.0.1:{address.port}"
+    host = f"[{address.host}]" if ":" in address.host else address.host
+    url = f"ws://{host}:{address.port}"
     remote = OwnPolicy(RemoteServer(url=url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S))
     return PolicySource(
         metadata=remote.metadata,

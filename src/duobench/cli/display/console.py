@@ -12,7 +12,10 @@ PLAIN_WIDTH = 130
 """Columns when the output goes to a file or another program, which never wraps."""
 _ELSEWHERE: Mapping[str, str] = {"out": "DIR", "server": "URL", "key_file": "FILE"}
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
-_NO_MATTER = ("workers", "retry_broken", "wait", "watch", "watch_port")
+_NO_MATTER = (
+    *("workers", "retry_broken", "wait", "watch", "watch_port"),
+    *("executor", "address", "policy_gpus"),
+)
 """Options that no result depends on."""
 
 

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, Generic, NoReturn, TypeVar
@@ -60,11 +60,12 @@ class Child(Generic[T]):
     module: ClassVar[str]
     """The module whose `main(connection, clock)` it runs."""
 
-    def __init__(self, kind: Any) -> None:
+    def __init__(self, kind: Any, hidden: Collection[str] = ()) -> None:
         """Start the process, which waits to be told what to do.
 
         Args:
             kind: Type of the messages that it sends.
+            hidden: Environment variables that it does not get.
 
         Raises:
             MachineryError: The process cannot be started.
@@ -89,6 +90,7 @@ class Child(Generic[T]):
                 pass_fds=files,
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
+                env={name: value for name, value in os.environ.items() if name not in hidden},
             )
         except OSError as error:
             raise MachineryError(f"A process cannot be started: {error}.") from error
@@ -100,6 +102,10 @@ class Child(Generic[T]):
         """Send a request; whether the child still lives is found out elsewhere."""
         with suppress(OSError):
             self.channel.send(request)
+
+    def receive(self) -> list[T]:
+        """Read what has arrived; see `Channel.receive`."""
+        return self.channel.receive()
 
     def death(self) -> str | None:
         """How the process ended, in words; None while it lives.

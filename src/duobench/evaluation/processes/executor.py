@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from multiprocessing.connection import wait
 
 from msgspec.structs import replace as replace_field
 
@@ -75,10 +74,15 @@ class ProcessExecutor:
         self._watch = watch
         self._schedule = Schedule()
         self._most = workers
-        self._team = Team(self._job)
+        self._team = self._make_team()
         self._failed_starts = 0
+        self._most_failed_starts = MAX_FAILED_STARTS
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
+
+    def _make_team(self) -> Team:
+        """Who does the job, without a process yet."""
+        return Team(self._job)
 
     @property
     def unplayed(self) -> dict[Episode, str]:
@@ -145,11 +149,11 @@ class ProcessExecutor:
         """Wait for reports, a moment at most, and act on them."""
         self._show()
         children = self._team.children
-        readable = wait([child.channel.socket for child in children], TICK_S)
+        readable = self._team.wait(TICK_S)
         for child in children:
             if child not in self._team.children:
                 continue
-            reports, fault = _read(child, is_readable=child.channel.socket in readable)
+            reports, fault = _read(child, is_readable=child in readable)
             for report in reports:
                 if child in self._team.children:
                     yield from self._receive(child, report)
@@ -196,8 +200,8 @@ class ProcessExecutor:
     ) -> Iterator[EpisodeResult]:
         match report:
             case Ready():
-                if self._ready not in (None, report):
-                    raise EvaluationError("The policy has changed while the run was going on.")
+                if self._ready is not None:
+                    self._check_same(self._ready, report)
                 self._ready = report
                 self._failed_starts = 0
                 worker.is_ready = True
@@ -215,6 +219,15 @@ class ProcessExecutor:
                 self._note_fault(worker, fault)
             case _:
                 _log.warning("A message that nobody asked for was dropped.")
+
+    def _check_same(self, first: Ready, other: Ready) -> None:
+        """Check that two workers play the same.
+
+        Raises:
+            EvaluationError: They do not.
+        """
+        if first != other:
+            raise EvaluationError("The policy has changed while the run was going on.")
 
     def _accept(self, worker: Worker, result: EpisodeResult) -> Iterator[EpisodeResult]:
         """Pass on what was asked for, and drop anything else."""
@@ -265,9 +278,9 @@ class ProcessExecutor:
     def _note_failed_start(self, fault: str) -> None:
         """Note that a process was of no use; too many in a row end the run."""
         self._failed_starts += 1
-        if self._failed_starts == MAX_FAILED_STARTS:
+        if self._failed_starts == self._most_failed_starts:
             raise MachineryError(
-                f"{MAX_FAILED_STARTS} workers in a row failed while they were starting, the "
+                f"{self._most_failed_starts} workers in a row failed while they were starting, the "
                 f"last one like this: {fault}"
             )
 
@@ -320,7 +333,7 @@ def _read(
     """What a process has said, and what has become of it if it is of no more use."""
     try:
         if is_readable:
-            return child.channel.receive(), None
+            return child.receive(), None
         return (), child.death()
     except EOFError:
         return (), child.death_within(DEATH_SEEN_S) or "its process closed the connection."

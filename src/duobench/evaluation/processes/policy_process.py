@@ -17,6 +17,8 @@ from duobench.policy.serving.address import MAX_S
 from duobench.policy.serving.host import PolicyHost
 from duobench.results.limits import TimeLimits
 
+LOOPBACK = "127.0.0.1"
+
 
 class MakePolicy(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """To the process of a policy: make it, and answer."""
@@ -27,6 +29,8 @@ class MakePolicy(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """How many observations a `BatchPolicy` answers together; None takes the default."""
     limits: TimeLimits
     """How long it may take."""
+    host: str = LOOPBACK
+    """Address at which it listens; that of another interface is reached by other machines."""
 
 
 class StopAnswering(msgspec.Struct, tag=True, frozen=True):
@@ -35,10 +39,12 @@ class StopAnswering(msgspec.Struct, tag=True, frozen=True):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyAddress:
-    """Where a policy answers that is in a process of its own on this machine."""
+    """Where a policy answers that is in a process of its own."""
 
+    host: str = LOOPBACK
+    """Address of the machine; the loopback address unless told."""
     port: int
-    """Port at the loopback address."""
+    """Its port."""
     key: str
     """What it asks for; only those who play with it have it."""
     batching: Batching | None
@@ -100,10 +106,13 @@ def _answer(parent: Parent, requests: Requests, clock: EpisodeClock) -> None:
         PolicyPool(made) if is_plain else made,
         metadata,
         batching or Batching(mode="dynamic", size=1),
+        host=job.host,
         key=key,
         busy=lambda: clock.timed(job.limits),
         answer_s=MAX_S,  # the parent looks after its time
     )
     threading.Thread(target=lambda: (requests.get(), host.stop()), daemon=True).start()
-    parent.report(Answering(PolicyAddress(port=host.port, key=key, batching=batching)))
+    parent.report(
+        Answering(PolicyAddress(host=job.host, port=host.port, key=key, batching=batching))
+    )
     host.run()

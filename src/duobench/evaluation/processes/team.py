@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from itertools import count
+from multiprocessing.connection import wait
 
 from duobench.evaluation.episode import Job
 from duobench.evaluation.processes.messages import Stop
@@ -59,8 +60,7 @@ class Team:
         # Whether all workers share one policy is known once it is made.
         most = wanted if self._is_shared is False else 1
         for _ in range(most - len(self.workers)):
-            choice, limits = self._job.policy, self._job.limits
-            self._policies.append(PolicyProcess(choice.name, choice.batching, limits))
+            self._policies.append(self._new_policy())
             self._start_worker(self._policies[-1])
 
     def note_address(self, policy: PolicyProcess, address: PolicyAddress) -> None:
@@ -98,9 +98,23 @@ class Team:
         self.workers.clear()
         self._policies.clear()
 
+    def wait(self, seconds: float) -> Sequence[Worker | PolicyProcess]:
+        """Wait until a process has said something, or the time is over; those that have."""
+        sockets = {child.channel.socket: child for child in self.children}
+        return [sockets[each] for each in wait(sockets, seconds)]  # pyright: ignore[reportArgumentType]
+
+    def _new_policy(self) -> PolicyProcess:
+        """Start a process that makes the policy."""
+        choice = self._job.policy
+        return PolicyProcess(choice.name, choice.batching, self._job.limits)
+
+    def _new_worker(self, policy: PolicyProcess | None) -> Worker:
+        """Start a worker, which waits for the job."""
+        return Worker(policy)
+
     def _start_worker(self, policy: PolicyProcess | None) -> None:
         """Start a worker, which begins once its policy answers."""
-        worker = Worker(policy)
+        worker = self._new_worker(policy)
         taken = {each.number for each in self.workers}
         worker.number = next(number for number in count(1) if number not in taken)
         self.workers.append(worker)

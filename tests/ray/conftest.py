@@ -1,0 +1,13 @@
+"""A Ray cluster of two nodes on this machine, started once a test session."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from benchmarks.ray_cluster import LocalCluster, local_cluster
+
+
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[LocalCluster]:
+    with local_cluster(nodes=2, cpus=2) as there:
+        yield there
