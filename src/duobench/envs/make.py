@@ -1,7 +1,7 @@
 """The evaluation protocol: which wrappers an environment is made of.
 
 From the inside out: the base environment, random resets, stages, the horizon, the action mode,
-binary grippers, action chunks, object states, cameras.
+binary grippers, action chunks, object states, cameras, and worse sensing where it is shifted.
 """
 
 from __future__ import annotations
@@ -21,9 +21,12 @@ from duobench.envs.wrappers.binary_gripper import BinaryGripper
 from duobench.envs.wrappers.cameras import Cameras
 from duobench.envs.wrappers.object_states import ObjectStates
 from duobench.envs.wrappers.randomized_reset import RandomizedReset
+from duobench.envs.wrappers.sensing import Sensing
 from duobench.envs.wrappers.task_stages import TaskStages
 from duobench.envs.wrappers.time_limit import TimeLimit
 from duobench.references import load
+from duobench.shifts.levels import level_for
+from duobench.shifts.shift import SENSING
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 
@@ -54,6 +57,7 @@ def make_base(task: str | Task, **options: Any) -> SimEnv:
         render_mode=config.render_mode,
         render_size=config.render_size,
         look=config.look,
+        shift=config.shift,
     )
     base.config = config
     return base
@@ -101,4 +105,6 @@ def _stack(env: gym.Env, config: EnvConfig, horizon: int | None) -> DuoWrapper:
         stack = ObjectStates(stack)
     if config.cameras:
         stack = Cameras(stack, config.cameras, config.image_size)
+    if level_for(config.shift, SENSING, stack.task):
+        stack = Sensing(stack, config.shift)
     return stack

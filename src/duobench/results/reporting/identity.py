@@ -33,6 +33,7 @@ def identity(run: Run) -> Facts:
         "Tasks": ", ".join(task.id for task in suite.tasks),
         "Episodes": f"{_indices(suite)}, {suite.episodes} of each task{_shard(run)}",
         "Look": suite.look,
+        "Shift": str(suite.shift),
         "Cameras": images,
         "Other observations": ", ".join(filter(None, ("joints, openings, tool poses", objects))),
         "Action mode": config.action_mode,
