@@ -67,6 +67,22 @@ def variety_generator(task_id: str, seed: int, variety: str, purpose: str) -> np
     return np.random.Generator(np.random.PCG64(words))
 
 
+def shift_generator(task_id: str, seed: int, axis: str, split: str = EVAL) -> np.random.Generator:
+    """Generator of what an episode has along an axis of a shift; unrelated to the layout's.
+
+    Args:
+        task_id: Id of the task.
+        seed: Seed that sampled the layout.
+        axis: Name of the axis; other axes, unrelated numbers.
+        split: What the layout was sampled for.
+
+    Raises:
+        UnknownNameError: There is no such split.
+    """
+    words = _digest(_word("shift", split), task_id, SUITE_VERSION, int(seed), axis)
+    return np.random.Generator(np.random.PCG64(words))
+
+
 def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
     """Seed (32 bits) of the n-th episode of a task's split in this suite version.
 

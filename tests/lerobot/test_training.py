@@ -122,7 +122,16 @@ def test_x_vla_learns_from_simulated_and_real_episodes_apart(
     base = checkpoints.xvla(tmp_path / "base", action_mode="ee6d", num_domains=2)
     mixed = say_real(data, tmp_path / "mixed", episode=1)
     words = ["xvla", "--data", mixed, "--out", tmp_path / "out", "--tasks", TASKS[learned]]
-    train(*words, "--domain-ids", "--steps", STEPS, "--", *QUICK, f"--policy.path={base}", "--policy.dtype=float32")
+    train(
+        *words,
+        "--domain-ids",
+        "--steps",
+        STEPS,
+        "--",
+        *QUICK,
+        f"--policy.path={base}",
+        "--policy.dtype=float32",
+    )
     last = tmp_path / "out/checkpoints/last/pretrained_model"
     before, after = (load_file(folder / "model.safetensors") for folder in (base, last))
     (prompts,) = (name for name in before if name.endswith("soft_prompt_hub.weight"))

@@ -33,6 +33,9 @@ KINDS = {
 }
 """What the folders are that our verbs write, by a file in each, and a verb that takes it."""
 
+_INSIDE = ("shard-*-of-*/run.json", "*-[1-5]/run.json", "none/run.json", "*/shard-*-of-*/run.json")
+"""Where runs lie in a folder of shards, or of conditions."""
+
 
 def find_folder(folder: Path, sign: str) -> None:
     """Find out that a folder is of the kind that a verb takes.
@@ -68,8 +71,16 @@ def find_runs(paths: Sequence[Path]) -> None:
         raise AdvisedError("Name a run: the folder that was given to --out of duobench eval.")
     for path in paths:
         is_pattern = bool(set("*?[") & set(str(path))) and not path.exists()
-        if not (path.is_file() or is_pattern or any(path.glob("shard-*-of-*/run.json"))):
+        inside = (each for pattern in _INSIDE for each in path.glob(pattern))
+        if not (path.is_file() or is_pattern or any(inside)):
             find_folder(path, "run.json")
+
+
+def conditions_of(path: Path) -> list[Path]:
+    """Folders of the conditions in a folder, by shift; none if it is that of a run."""
+    from duobench.results.robustness.conditions import conditions_in
+
+    return list(conditions_in(path).values())
 
 
 def relative(path: Path) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
@@ -12,17 +12,22 @@ from typing import TYPE_CHECKING, Literal
 from duobench.cli.display.console import command_line, console, counted
 from duobench.cli.doctor import load_engine
 from duobench.cli.interrupt import raising
-from duobench.errors import EvaluationError, PolicyError
+from duobench.errors import EvaluationError, OptionError, PolicyError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from duobench.evaluation.policies import PolicyChoice
     from duobench.evaluation.ray.cluster import Cluster
     from duobench.evaluation.viewing.watching import RunWatch
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
+    from duobench.results.limits import TimeLimits
     from duobench.results.metrics import Results
     from duobench.results.run import Run
+    from duobench.results.suite import Suite
+    from duobench.results.suites.shard import Shard
+    from duobench.shifts.shift import Shift
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -47,6 +52,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     execute: int | None = None,
     latency: int = 0,
     shard: str | None = None,
+    shift: str = "none",
+    axes: tuple[str, ...] = (),
+    levels: tuple[int, ...] = (),
     wait: float = 60.0,
     key_file: Path | None = None,
     watch: bool = False,
@@ -68,7 +76,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         out: Folder of the run.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         suite: paper (100 episodes of each task, 30 actions executed of a chunk), quick (10
-            episodes), or none for one of your own; other options change what a name stands for.
+            episodes), robust (20 episodes under each of 41 shifts, see docs/robustness.md), or none
+            for one of your own; other options change what a name stands for.
         episodes: Episodes of each task. Default: 20, or what the suite says.
         first_episode: Index of the first episode; seeds follow from task and index alone.
         workers: Simulators that play side by side, in processes of their own; the policy has
@@ -97,6 +106,10 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             answers it; until then the chunk before goes on.
         shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1;
             it has a folder of its own in --out. See docs/scale.md.
+        shift: Play under one shift, such as look-3; see docs/robustness.md.
+        axes: Of the suite robust, these axes alone: look, camera, layout, physics, instruction,
+            sensing, latency, all.
+        levels: Of the suite robust, these levels alone, 1 to 5; no shift is always played.
         wait: Seconds to wait for a server that is not there.
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
         watch: Show on a page in the browser what is played. It costs nothing while nobody looks,
@@ -119,6 +132,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     from duobench.results.suites.catalog import PAPER_EXECUTE, make_suite
     from duobench.results.suites.merged import shard_folder
     from duobench.results.suites.shard import Shard
+    from duobench.shifts.shift import Shift
 
     batching = _batching(batch, max_batch)
     _check_old_names(policy, layout)
@@ -130,16 +144,21 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         look=look,
         execute=execute,
         latency=latency,
+        shift=Shift.parse(shift),
     )
     asked = played.execution.execute or PAPER_EXECUTE
     remote = _remote(policy, server, format, asked, wait, key_file)
     choice = PolicyChoice.parse(policy, batching=batching, server=remote)
     limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
     part = None if shard is None else Shard.parse(shard)
-    folder = RunFolder(out if part is None else shard_folder(out, part))
+    conditions = _conditions(played, axes, levels)
     screen = console()
     if workers == 0 and not choice.is_scripted:
         screen.print("The policy plays in the process of the simulator, which it can see and move.")
+    if conditions:
+        _evaluate_shifts(choice, played, out, conditions, limits, workers, command, part, screen)
+        return
+    folder = RunFolder(out if part is None else shard_folder(out, part))
     advised = advising(partial(for_evaluation, folder, policy))
     with (
         advised,
@@ -174,6 +193,69 @@ def _cluster(executor: Literal["processes", "ray"], address: str, gpus: float) -
     if address != Cluster().address or gpus:
         raise EvaluationError("--address and --policy-gpus are for --executor ray.")
     return None
+
+
+def _conditions(suite: Suite, axes: Sequence[str], levels: Sequence[int]) -> list[Shift]:
+    """The shifts under which a suite is played; none if it has no conditions."""
+    from duobench.errors import check_known
+    from duobench.results.suites.catalog import SUITES
+    from duobench.shifts.shift import AXES, NO_AXIS, Shift
+
+    shifts = SUITES[suite.name].shifts if suite.name in SUITES else ()
+    if len(shifts) < 2:  # noqa: PLR2004 - the usual episodes alone
+        if axes or levels:
+            raise OptionError("--axes and --levels go with --suite robust; see --shift.")
+        return []
+    for axis in axes:
+        check_known("axis of a shift", axis, AXES)
+    for level in levels:
+        Shift(axis=AXES[0], level=level)
+    if suite.shift.axis != NO_AXIS:
+        raise OptionError("--suite robust has shifts of its own; --shift is for other suites.")
+    return [
+        each
+        for each in shifts
+        if each.axis == NO_AXIS
+        or ((not axes or each.axis in axes) and (not levels or each.level in levels))
+    ]
+
+
+def _evaluate_shifts(  # noqa: PLR0913, PLR0917 - what `evaluate` has put together
+    choice: PolicyChoice,
+    suite: Suite,
+    out: Path,
+    conditions: Sequence[Shift],
+    limits: TimeLimits,
+    workers: int,
+    command: str,
+    part: Shard | None,
+    screen: Console,
+) -> None:
+    """Play a suite under shifts, and report it."""
+    from duobench.cli.advice import advising, for_evaluation, relative
+    from duobench.cli.display.progress import EpisodesPlayed, display
+    from duobench.evaluation.robustness.shifts import evaluate_shifts
+    from duobench.results.folder import RunFolder
+    from duobench.results.robustness.conditions import read_robustness
+    from duobench.results.robustness.report import write_robustness
+
+    advised = advising(partial(for_evaluation, RunFolder(out), choice.name.text))
+    with advised, raising(screen), display(screen, "episode") as shown:
+        evaluate_shifts(
+            choice,
+            suite,
+            out,
+            conditions,
+            limits=limits,
+            workers=workers,
+            observers=[EpisodesPlayed(shown, len(conditions))],
+            command=command,
+            shard=part,
+        )
+        if part is not None:
+            screen.print(f"Shard {part} is finished; duobench report {out} reports all together.")
+            return
+        screen.print(f"Report: {relative(write_robustness([read_robustness(out)], out))}")
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.robot.limits import check_speed_fraction
+from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 RENDER_MODES = ("rgb_array",)
@@ -63,6 +64,8 @@ class EnvConfig:
     """Height and width of the image that `render` gives, in pixels; at most 720 x 1280."""
     look: str | Look = DEFAULT
     """How images look: a name of `duobench.looks.catalog.look`, or a look of one's own."""
+    shift: Shift = NO_SHIFT
+    """What differs from the usual episodes; see docs/robustness.md."""
 
     def __post_init__(self) -> None:
         """Reject invalid values."""
@@ -92,6 +95,8 @@ class EnvConfig:
         if not isinstance(self.look, Look | str):
             raise OptionError(f"A look is a name, a Look or its JSON form; got {self.look!r}.")
         as_look(self.look)
+        if not isinstance(self.shift, Shift):
+            raise OptionError(f"A shift is a Shift, its name or its fields; got {self.shift!r}.")
 
     @staticmethod
     def from_options(options: Mapping[str, Any]) -> EnvConfig:
@@ -100,7 +105,8 @@ class EnvConfig:
         Args:
             options: Values of the fields by name. `cameras` may also be True (all), False (none),
                 one name or any iterable of names; a size one number for a square; `look` the JSON
-                form of one. Numbers may be NumPy's, and a size a list.
+                form of one; `shift` a name such as "look-3", or the JSON form. Numbers may be
+                NumPy's, and a size a list.
 
         Raises:
             UnknownNameError: There is no such option, camera, mode, split or look.
@@ -140,6 +146,14 @@ def _look(value: Any) -> Any:
     return as_look(value) if isinstance(value, Mapping) else value
 
 
+def _shift(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        for name in value:
+            check_known("field of a shift", str(name), Shift.__slots__)
+        return Shift(**value)
+    return Shift.parse(value) if isinstance(value, str) else value
+
+
 _FLAGS = ("object_state", "binary_gripper")
 _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "cameras": _cameras,
@@ -149,6 +163,7 @@ _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "chunk": _number,
     "horizon": _number,
     "look": _look,
+    "shift": _shift,
 }
 """What gives a looser value the form of its field, and leaves anything else as it is."""
 

@@ -1,7 +1,7 @@
 """The evaluation protocol: which wrappers an environment is made of.
 
 From the inside out: the base environment, random resets, stages, the horizon, the action mode,
-binary grippers, action chunks, object states, cameras.
+binary grippers, action chunks, object states, cameras, and worse sensing where it is shifted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.envs.stacking import stack_on
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.envs.wrappers.randomized_reset import RandomizedReset
+from duobench.envs.wrappers.sensing import Sensing
 from duobench.envs.wrappers.task_stages import TaskStages
+from duobench.shifts.levels import level_for
+from duobench.shifts.shift import SENSING
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 
@@ -49,6 +52,7 @@ def make_base(task: str | Task, **options: Any) -> SimEnv:
         render_size=config.render_size,
         look=config.look,
         speed_fraction=config.speed_fraction,
+        shift=config.shift,
     )
     base.config = config
     return base
@@ -82,4 +86,7 @@ def with_wrappers(env: gym.Env) -> gym.Env:
 def _stack(env: gym.Env, config: EnvConfig, horizon: int | None) -> DuoWrapper:
     is_varied = config.instructions == VARIED
     judged = TaskStages(RandomizedReset(env, config.split, varied_instructions=is_varied))
-    return stack_on(judged, config, horizon)
+    stack = stack_on(judged, config, horizon)
+    if level_for(config.shift, SENSING, stack.task):
+        stack = Sensing(stack, config.shift)
+    return stack

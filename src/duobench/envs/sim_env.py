@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import gymnasium as gym
@@ -28,6 +29,9 @@ from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL
 from duobench.robot.cameras import OVERVIEW
+from duobench.shifts.layout import shifted_task
+from duobench.shifts.samples import EpisodeKey, kept_paraphrase, physics_scale, shifted_look
+from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.sim import placement
 from duobench.sim.backend import SimBackend
 from duobench.sim.layout import Layout
@@ -62,6 +66,7 @@ class SimEnv(DuoEnv):
         render_size: tuple[int, int] = RENDER_SIZE,
         look: str | Look = DEFAULT,
         speed_fraction: float = 1.0,
+        shift: Shift = NO_SHIFT,
     ) -> None:
         """Compile the task's model; no OpenGL before the first image.
 
@@ -71,6 +76,7 @@ class SimEnv(DuoEnv):
             render_size: Height and width of the image that `render` gives, in pixels.
             look: How images look; a name or a look.
             speed_fraction: Part of the joints' speed limits that the arms use; see `EnvConfig`.
+            shift: What differs from the usual episodes, by the seed of the layout.
 
         Raises:
             UnknownNameError: There is no such look, or it names an object that the task has not.
@@ -85,6 +91,8 @@ class SimEnv(DuoEnv):
         self.render_mode = render_mode
         self._render_size = render_size
         self._layout: Layout | None = None
+        self._shift = shift
+        self._shifted = shifted_task(task, shift)
 
     @property
     def layout(self) -> Layout:
@@ -119,16 +127,27 @@ class SimEnv(DuoEnv):
     def _begin(self, options: Mapping[str, Any]) -> Info:
         options = checked_reset_options(options, OF_SIMULATION)
         words = checked_instruction(options.get(INSTRUCTION), len(self.definition.instructions))
+        look = self._usual_look if (given := options.get(LOOK)) is None else as_look(given)
+        key = self._key(options)
+        self._arms.set_look(shifted_look(self._shift, key, look))
+        self.simulation.scale_physics(**asdict(physics_scale(self._shift, key)))
         self._arms.home()
-        look = options.get(LOOK)
-        self._arms.set_look(self._usual_look if look is None else as_look(look))
         tried: list[Mapping[str, Any]] = []
         candidates = self._candidates(options, tried)
         self._layout = placement.first_valid(self.simulation, candidates, self.task)
         own = self._instruct(self._layout, words if isinstance(words, int) else 0)
+        if INSTRUCTION not in options or options[INSTRUCTION] is None:
+            kept = self.definition.kept_paraphrases
+            number = kept_paraphrase(self._shift, key, len(kept))
+            words = None if number is None else kept[number].format(**self._layout.variants)
         self._instruction = words if isinstance(words, str) else own
         self.simulation.settle()
         return {LAYOUT: _as_floats(tried[-1])}
+
+    def _key(self, options: Mapping[str, Any]) -> EpisodeKey:
+        """What the samples of a shift follow from; a layout that is given stands for no seed."""
+        seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
+        return EpisodeKey(task=self.task, seed=seed, split=options.get(SPLIT, EVAL))
 
     def _candidates(
         self, options: Mapping[str, Any], tried: list[Mapping[str, Any]]
@@ -147,7 +166,7 @@ class SimEnv(DuoEnv):
             yield layout
             return
         seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
-        for sampled in self.definition.layouts(seed, options.get(SPLIT, EVAL)):
+        for sampled in self._shifted.layouts(seed, options.get(SPLIT, EVAL)):
             tried.append(sampled.to_json())
             yield Layout.from_json(tried[-1])
 

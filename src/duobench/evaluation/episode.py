@@ -43,6 +43,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.reporting.times import EpisodeTimes
 from duobench.results.run import Run
 from duobench.results.suite import Episode, Suite, TaskInfo
+from duobench.shifts.shift import Shift
 from duobench.sim.rendering import describe
 from duobench.versions import package_versions, record_versions
 
@@ -176,7 +177,7 @@ class EpisodeRunner:
         self._tell = tell
         self._live = live
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
-        self._task: TaskInfo | None = None
+        self._made: tuple[TaskInfo, Shift] | None = None
         self._env: gym.Env | None = None
         self._policy: Policy | None = None
         self._overview: Overview | None = None
@@ -191,6 +192,7 @@ class EpisodeRunner:
             instructions=job.recording.instructions if job.recording else FIXED,
             split=job.recording.split if job.recording else EVAL,
             look=job.suite.look,
+            shift=job.suite.shift,
         )
         renderer = describe().renderer if config.cameras else None
         self.run = Run(
@@ -222,7 +224,7 @@ class EpisodeRunner:
             DuoBenchError: If environment and policy cannot be made, or do not fit.
         """
         watch = Stopwatch()
-        env, policy = self._prepare(episode.task)
+        env, policy = self._prepare(episode)
         recording = self._recorder
         if recording is not None:
             recording.content = None
@@ -248,7 +250,7 @@ class EpisodeRunner:
                     seed=episode.seed,
                     watchers=watchers,
                     busy=busy,
-                    execution=self.run.suite.execution,
+                    execution=self.run.suite.execution_of(episode.task.id, episode.shift),
                 )
         except (RenderingError, MachineryError, VideoError) as fault:
             if recording is not None:
@@ -282,7 +284,7 @@ class EpisodeRunner:
             MachineryError: It cannot be asked.
             DuoBenchError: If environment and policy cannot be made, or do not fit.
         """
-        env, policy = self._prepare(episode.task)
+        env, policy = self._prepare(episode)
         (size,) = env.action_space.shape or (0,)
         check_fits(policy.metadata, env)
         observation, info = env.reset(seed=episode.seed)
@@ -304,12 +306,13 @@ class EpisodeRunner:
         except Exception:  # noqa: BLE001 - the results are there
             _log.warning("The policy could not be closed.", exc_info=True)
 
-    def _prepare(self, task: TaskInfo) -> tuple[gym.Env, Policy]:
-        """Environment and policy of a task; those of another task are closed first."""
-        if self._env is None or self._policy is None or self._task != task:
+    def _prepare(self, episode: Episode) -> tuple[gym.Env, Policy]:
+        """Environment and policy of a task and a shift; those of another are closed first."""
+        task, config = episode.task, replace(self.run.config, shift=episode.shift)
+        if self._env is None or self._policy is None or self._made != (task, episode.shift):
             self._close_environment()
             try:
-                self._env = make(task.reference, **asdict(self.run.config))
+                self._env = make(task.reference, **asdict(config))
                 self._policy = self._source.bind(self._env)
                 if self._recording is not None:
                     self._env = self._recorder = Recorder(
@@ -325,7 +328,7 @@ class EpisodeRunner:
                 raise EvaluationError(
                     f"The environment of task {task.id!r} cannot be made.\n{traceback_text(error)}"
                 ) from error
-            self._task = task
+            self._made = task, episode.shift
         return self._env, self._policy
 
     def _video_recorder(self, env: gym.Env, task: TaskInfo) -> VideoRecorder:
@@ -338,4 +341,4 @@ class EpisodeRunner:
             self._overview.close()
         if self._env is not None:
             self._env.close()
-        self._overview = self._env = self._policy = self._task = self._recorder = None
+        self._overview = self._env = self._policy = self._made = self._recorder = None

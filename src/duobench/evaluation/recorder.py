@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -114,14 +115,14 @@ class EpisodeRecorder:
         return EpisodeRecord(
             suite_version=SUITE_VERSION,
             suite=run.suite.label,
-            execution=run.suite.execution,
+            execution=run.suite.execution_of(task.id, self._episode.shift),
             task=task.id,
             episode=self._episode.index,
             seed=self._episode.seed,
             policy_seed=self._episode.policy_seed,
             policy=run.policy,
             policy_version=run.metadata.version,
-            config=run.config,
+            config=replace(run.config, shift=self._episode.shift),
             instruction=self._instruction,
             success=self.stage == task.max_stage,
             success_at_end=bool(last and last.info["success_at_end"]),

@@ -30,6 +30,7 @@ from duobench.hardware.judge import DeclaredJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import Rig
 from duobench.randomness import EVAL, SPLITS
+from duobench.shifts.shift import NO_SHIFT
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
@@ -170,8 +171,8 @@ def make_real_env(
     duo = rig if isinstance(rig, HardwareDuo) else open_rig(rig)
     definition = cast("Task", catalog.get(task))
     config = EnvConfig.from_options({"cameras": tuple(duo.cameras), **options})
-    if config.object_state or config.render_mode is not None:
-        raise OptionError("Object states and `render` need a simulation; leave them out.")
+    if config.object_state or config.render_mode is not None or config.shift != NO_SHIFT:
+        raise OptionError("Object states, `render` and shifts need a simulation; leave them out.")
     for name in config.cameras:
         check_known("camera of this rig", name, duo.cameras)
     horizon = config.horizon or definition.horizon

@@ -62,7 +62,7 @@ class RunReader(ABC):
             stems = (name.removesuffix(".json") for name in self.names(records_folder(task.id)))
             indices = {int(stem) for stem in stems if stem.isascii() and stem.isdigit()}
             found += [
-                Episode(task=task, index=index, split=run.config.split)
+                Episode(task=task, index=index, split=run.config.split, shift=run.config.shift)
                 for index in sorted(indices)
                 if (task.id, index) in wanted
             ]

@@ -101,6 +101,7 @@ def summary_json(run: Run, results: Results) -> str:
         "suite_deviations": deviations(run.suite),
         "execute": run.suite.execution.execute,
         "latency": run.suite.execution.latency,
+        "shift": run.suite.shift.name,
         "shard": run.shard and str(run.shard),
         "versions": run.versions,
         "first_episode": run.suite.first_episode,

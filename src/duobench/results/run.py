@@ -5,7 +5,7 @@ The description of a run stands in its folder, and must match when the run is re
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import ClassVar
 
 from duobench.envs.config import EnvConfig
@@ -18,6 +18,7 @@ from duobench.results.limits import TimeLimits
 from duobench.results.records import DOMAINS, MIXED, REAL, SIM, EpisodeRecord
 from duobench.results.suite import Episode, Suite
 from duobench.results.suites.shard import Shard
+from duobench.shifts.shift import Shift
 
 RUN_SCHEMA = 6
 """Version of the description's fields."""
@@ -97,11 +98,22 @@ class Run:
     def episodes(self) -> list[Episode]:
         """Every episode of every task, task by task."""
         return [
-            Episode(task=task, index=index, has_video=nth < self.videos, split=self.config.split)
+            Episode(
+                task=task,
+                index=index,
+                has_video=nth < self.videos,
+                split=self.config.split,
+                shift=self.suite.shift,
+            )
             for place, task in enumerate(self.suite.tasks)
             for nth, index in enumerate(self.suite.indices)
             if self.shard is None or self.shard.has(place, index)
         ]
+
+    def under(self, shift: Shift) -> Run:
+        """The same run with another shift."""
+        suite, config = replace(self.suite, shift=shift), replace(self.config, shift=shift)
+        return replace(self, suite=suite, config=config)
 
     @property
     def size(self) -> int:
@@ -124,10 +136,10 @@ class Run:
             "episode": episode.index,
             "policy": self.policy,
             "policy_version": self.metadata.version,
-            "config": self.config,
+            "config": replace(self.config, shift=episode.shift),
             "suite_version": self.suite.version,
             "suite": self.suite.label,
-            "execution": self.suite.execution,
+            "execution": self.suite.execution_of(episode.task.id, episode.shift),
             "max_stage": episode.task.max_stage,
             "domain": self.domain,
             "rig": self.rig,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.errors import EvaluationError
 from duobench.looks import catalog as looks
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
+from duobench.shifts.levels import latency_steps
+from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.tasks import catalog
 
 CUSTOM = "custom"
@@ -61,6 +63,8 @@ class Episode:
     """Whether a video of it is made."""
     split: str = EVAL
     """Which layouts it is one of."""
+    shift: Shift = NO_SHIFT
+    """What differs in it from the usual episode of this index."""
 
     @property
     def seed(self) -> int:
@@ -93,6 +97,8 @@ class Suite:
     """Version of the suite of that name: of what it fixes beside the episodes."""
     execution: ChunkExecution = WHOLE_CHUNKS
     """What is executed of the chunks of a policy, and when."""
+    shift: Shift = NO_SHIFT
+    """What differs from the usual episodes."""
 
     def __post_init__(self) -> None:
         """Reject an empty or impossible suite."""
@@ -112,6 +118,11 @@ class Suite:
     def label(self) -> str:
         """Name and version, as records have them: "custom", or such as "paper 1"."""
         return CUSTOM if self.name == CUSTOM else f"{self.name} {self.revision}"
+
+    def execution_of(self, task_id: str, shift: Shift) -> ChunkExecution:
+        """What is executed of chunks in episodes of a task, with the latency of a shift."""
+        latency = self.execution.latency + latency_steps(shift, task_id)
+        return replace(self.execution, latency=latency)
 
     @property
     def indices(self) -> range:

@@ -19,6 +19,7 @@ from duobench.sim.contacts import Contacts
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.handles import resolve
 from duobench.sim.layout import Layout
+from duobench.sim.scaling import PhysicsScaler
 from duobench.sim.stepper import Stepper
 from duobench.spatial import SE3
 from duobench.types import Array, DuoCommand, DuoState
@@ -95,8 +96,15 @@ class Simulation:
         slides = self.model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_FREE
         slides &= self._loose - self.model.jnt_dofadr[joints] < 3  # noqa: PLR2004 - x, y and z
         self._settled = np.where(slides, SETTLE_SPEED, SETTLE_ANGULAR_SPEED)
+        self._scaler = PhysicsScaler(self.model, roots)
         self.reset_data()
         self.forward()
+
+    def scale_physics(
+        self, *, mass: float = 1.0, friction: float = 1.0, spring: float = 1.0
+    ) -> None:
+        """Multiply the compiled physics of the objects before a reset; see `PhysicsScaler`."""
+        self._scaler.apply(mass=mass, friction=friction, spring=spring)
 
     # --- state ---------------------------------------------------------------------------------
 

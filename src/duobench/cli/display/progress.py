@@ -103,9 +103,15 @@ def display(console: Console, noun: str) -> Iterator[Display]:
 class EpisodesPlayed:
     """The progress of an evaluation."""
 
-    def __init__(self, shown: Display) -> None:
-        """Show it in a display."""
+    def __init__(self, shown: Display, conditions: int = 1) -> None:
+        """Show it in a display.
+
+        Args:
+            shown: The display.
+            conditions: Under how many shifts the run is played.
+        """
         self._shown = shown
+        self._conditions = conditions
 
     def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
         """Say what is going to be done, and what was finished earlier."""
@@ -113,9 +119,10 @@ class EpisodesPlayed:
         going_on = f", {len(finished)} already finished" if finished else ""
         heading = (
             f"Policy {run.title}: {counted(len(suite.tasks), 'task')}, "
-            f"{counted(run.size, 'episode')}{going_on}"
+            f"{counted(self._conditions * run.size, 'episode')}{going_on}"
         )
-        self._shown.begin(heading, run.counts)
+        totals = {task: self._conditions * count for task, count in run.counts.items()}
+        self._shown.begin(heading, totals)
         for record in finished:
             self._shown.advance(record.task, succeeded=record.success, earlier=True)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, find_runs, relative
+from duobench.cli.advice import AdvisedError, conditions_of, find_runs, relative
 from duobench.cli.display.console import console, counted
 
 
@@ -27,6 +27,11 @@ def bundle(folder: tyro.conf.Positional[tuple[Path, ...]], out: Path | None = No
     if any(path.is_file() for path in folder):
         raise AdvisedError(
             f"{folder[0]} is a file, which holds no evaluation; give the folder of a run."
+        )
+    if len(folder) == 1 and (conditions := conditions_of(folder[0])):
+        raise AdvisedError(
+            f"{folder[0]} holds {len(conditions)} conditions, each a run of its own. Bundle one, "
+            f"such as {conditions[0]}."
         )
     reader = open_sources(folder)
     check_whole(reader)

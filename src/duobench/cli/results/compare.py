@@ -6,7 +6,7 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import advising, find_runs
+from duobench.cli.advice import AdvisedError, advising, conditions_of, find_runs
 from duobench.cli.display.console import console
 from duobench.errors import DuoBenchError, OtherRunError
 
@@ -35,6 +35,8 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool 
     if mixed:
         _mixed(runs, out)
         return
+    if _compare_conditions(runs, out):
+        return
     from duobench.results.compare import compare as compare_runs
     from duobench.results.compare import write_comparison
     from duobench.results.comparison import words
@@ -49,6 +51,28 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool 
             if line:
                 screen.print(f"  {line}")
     screen.print(f"Comparison: {page}")
+
+
+def _compare_conditions(runs: tuple[str, ...], out: Path) -> bool:
+    """Lay evaluations under shifts over each other, if the runs are such; whether they are."""
+    from duobench.results.comparison.entrants import split_name
+    from duobench.results.robustness.conditions import read_robustness
+    from duobench.results.robustness.report import write_robustness
+
+    named = [split_name(run) for run in runs]
+    found = [bool(conditions_of(path)) for _, path in named]
+    if not any(found):
+        return False
+    if not all(found):
+        other = named[found.index(False)][1]
+        raise AdvisedError(
+            f"{other} is no folder of the suite robust, as others are. Compare one of their "
+            f"conditions with it, such as {named[found.index(True)][1] / 'none'}."
+        )
+    with advising(_for_comparing):
+        page = write_robustness([read_robustness(path, name) for name, path in named], out)
+    console().print(f"Comparison: {page}")
+    return True
 
 
 def _for_comparing(error: DuoBenchError) -> str | None:

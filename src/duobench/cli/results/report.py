@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, find_runs, relative
+from duobench.cli.advice import AdvisedError, conditions_of, find_runs, relative
 from duobench.cli.display.console import console, counted
 from duobench.cli.doctor import load_engine
 
@@ -46,6 +46,14 @@ def report(
             the code of the modules that the run names.
     """
     find_runs(source)
+    if len(source) == 1 and conditions_of(source[0]):
+        if out is not None or videos or replays:
+            raise AdvisedError(
+                f"{source[0]} holds conditions: only its own page is made. Ask for videos or a "
+                f"bundle of one of them, such as {source[0] / 'none'}."
+            )
+        _report_conditions(source[0])
+        return
     from duobench.cli.display.table import results_table
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results, write_report
@@ -77,6 +85,19 @@ def report(
     screen.print(f"Report: {relative(run_folder.page)}")
     if impossible:
         sys.exit(1)
+
+
+def _report_conditions(path: Path) -> None:
+    """Write the report of a suite that was played under shifts, and those of its conditions."""
+    from duobench.results.report import write_report
+    from duobench.results.robustness.conditions import open_conditions, read_robustness
+    from duobench.results.robustness.report import write_robustness
+
+    for reader in open_conditions(path).values():
+        folder = _place(reader, None)
+        write_report(folder, None if folder.description.exists() else reader)
+    page = write_robustness([read_robustness(path)], path)
+    console().print(f"Report: {relative(page)}")
 
 
 def _place(reader: RunReader, out: Path | None) -> RunFolder:

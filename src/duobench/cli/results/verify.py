@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import find_runs
+from duobench.cli.advice import conditions_of, find_runs
 from duobench.cli.display.console import console, counted
 from duobench.cli.doctor import load_engine
 
@@ -30,7 +30,8 @@ def verify(
 
     Args:
         source: Folder of the run, a file that duobench bundle has written, or the folders of all
-            shards of a run, or the folder that they lie in.
+            shards of a run, or the folder that they, or the
+            conditions of the suite robust, lie in.
         workers: Processes that verify side by side.
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the run names.
@@ -42,11 +43,19 @@ def verify(
     from duobench.results.source import open_sources
 
     screen = console()
-    opened = open_sources(source)
-    with display(screen, "episode") as shown:
-        found = verify_run(opened, workers=workers, import_tasks=import_tasks, progress=shown.tell)
-    _show(found, screen, import_tasks)
-    if not found.is_verified:
+    conditions = conditions_of(source[0]) if len(source) == 1 else []
+    is_verified = True
+    for paths in [[path] for path in conditions] or [source]:
+        if conditions:
+            screen.print(f"{paths[0]}:")
+        opened = open_sources(paths)
+        with display(screen, "episode") as shown:
+            found = verify_run(
+                opened, workers=workers, import_tasks=import_tasks, progress=shown.tell
+            )
+        _show(found, screen, import_tasks)
+        is_verified &= found.is_verified
+    if not is_verified:
         sys.exit(1)
 
 

@@ -55,7 +55,10 @@ class TargetPlayer:
             DuoBenchError: They cannot be played.
         """
         targets = self._targets(record)
-        episode = Episode(task=self._task, index=record.episode, split=record.config.split)
+        config = record.config
+        episode = Episode(
+            task=self._task, index=record.episode, split=config.split, shift=config.shift
+        )
         recorder = EpisodeRecorder(episode)
         env = self._environment(record.config)
         observation, info = env.reset(seed=episode.seed)

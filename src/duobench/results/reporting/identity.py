@@ -36,6 +36,7 @@ def identity(run: Run) -> Facts:
         "Tasks": ", ".join(task.id for task in suite.tasks),
         "Episodes": f"{_indices(suite)}, {suite.episodes} of each task{_shard(run)}",
         **({} if run.is_real else {"Look": suite.look}),
+        **({} if run.is_real else {"Shift": str(suite.shift)}),
         "Cameras": images,
         "Other observations": ", ".join(filter(None, ("joints, openings, tool poses", objects))),
         "Action mode": config.action_mode,

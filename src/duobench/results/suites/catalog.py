@@ -13,6 +13,7 @@ from duobench.envs.execution import ChunkExecution
 from duobench.errors import check_known
 from duobench.looks.catalog import DEFAULT
 from duobench.results.suite import CUSTOM, Suite, find_tasks
+from duobench.shifts.shift import NO_SHIFT, Shift, every_shift
 from duobench.tasks import catalog
 
 DEFAULT_EPISODES = 20
@@ -37,6 +38,8 @@ class NamedSuite:
     """Episodes of each task."""
     execution: ChunkExecution = AS_THE_PAPER
     """What is executed of the chunks of a policy, and when."""
+    shifts: tuple[Shift, ...] = (NO_SHIFT,)
+    """What its conditions are; each is a run of its own."""
 
 
 SUITES: Mapping[str, NamedSuite] = {
@@ -44,6 +47,13 @@ SUITES: Mapping[str, NamedSuite] = {
     for suite in (
         NamedSuite(name="paper", revision=1, purpose="results to publish", episodes=100),
         NamedSuite(name="quick", revision=1, purpose="a first look", episodes=10),
+        NamedSuite(
+            name="robust",
+            revision=1,
+            purpose="where a policy breaks",
+            episodes=20,
+            shifts=tuple(every_shift()),
+        ),
     )
 }
 """Every suite by its name."""
@@ -58,6 +68,7 @@ def make_suite(
     look: str = DEFAULT,
     execute: int | None = None,
     latency: int = 0,
+    shift: Shift = NO_SHIFT,
 ) -> Suite:
     """A suite by its name, or one of one's own; what is given replaces what the name stands for.
 
@@ -69,6 +80,7 @@ def make_suite(
         look: Name of the look.
         execute: Actions of a chunk that are executed; None takes those of the name, or all.
         latency: Control steps from an observation to the chunk that answers it.
+        shift: What differs from the usual episodes.
 
     Raises:
         UnknownNameError: There is no such suite, task or look.
@@ -84,6 +96,7 @@ def make_suite(
         episodes=usual if episodes is None else episodes,
         first_episode=first_episode,
         look=look,
+        shift=shift,
         name=named.name if named else CUSTOM,
         revision=named.revision if named else 1,
         execution=ChunkExecution(
@@ -109,6 +122,7 @@ def deviations(suite: Suite) -> list[str]:
         f"look {suite.look}": suite.look != DEFAULT,
         f"{suite.execution.execute or 'all'} actions executed of a chunk instead of "
         f"{named.execution.execute}": suite.execution.execute != named.execution.execute,
+        str(suite.shift): suite.shift not in named.shifts,
         latency_text(suite): suite.execution.latency != named.execution.latency,
     }
     return [phrase for phrase, differs in differing.items() if differs]

@@ -1,0 +1,119 @@
+"""What an episode has along each axis: a function of task, split and seed of the layout alone.
+
+The level scales what is sampled and is no part of what it is sampled from. So the levels of an axis
+are the same episodes, shifted less or more in the same direction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from duobench.looks.catalog import random_look
+from duobench.looks.look import CameraOffset, Look, Material
+from duobench.randomness import shift_generator
+from duobench.shifts import levels
+from duobench.shifts.levels import level_for
+from duobench.shifts.shift import CAMERA, INSTRUCTION, LOOK, PHYSICS, SENSING, Shift
+from duobench.types import HEAD, POLICY_CAMERAS
+
+_LIGHT, _COLOURS, _TEXTURES, _BACKGROUND, _OBJECTS = range(1, 6)
+"""From which level on a random look has what."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PhysicsScale:
+    """Factors on the physics of an episode."""
+
+    mass: float = 1.0
+    """On masses and inertias of all objects."""
+    friction: float = 1.0
+    """On the sliding friction of all surfaces."""
+    spring: float = 1.0
+    """On stiffness and damping of the hinges of objects."""
+
+
+UNSCALED = PhysicsScale()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EpisodeKey:
+    """What the samples of an episode follow from."""
+
+    task: str
+    """Id of the task."""
+    seed: int
+    """Seed of the layout."""
+    split: str
+    """Which layouts it is one of."""
+
+    def generator(self, axis: str) -> np.random.Generator:
+        """Numbers for an axis, unrelated to those of others and to the layout's."""
+        return shift_generator(self.task, self.seed, axis, self.split)
+
+
+def shifted_look(shift: Shift, key: EpisodeKey, usual: Look) -> Look:
+    """How images of an episode look: light, colours, textures, background, cameras, noise."""
+    look = usual
+    if level := level_for(shift, LOOK, key.task):
+        look = _other_look(level, key.generator(LOOK), look)
+    if level := level_for(shift, CAMERA, key.task):
+        look = replace(look, cameras={**look.cameras, **_cameras(level, key.generator(CAMERA))})
+    if level := level_for(shift, SENSING, key.task):
+        look = replace(look, noise=float(np.hypot(look.noise, levels.IMAGE_NOISE[level])))
+    return look
+
+
+def _other_look(level: int, rng: np.random.Generator, usual: Look) -> Look:
+    """A random look, of which each level has one thing more."""
+    other = random_look(int(rng.integers(2**32)))
+    parts = {
+        name: material if level >= _TEXTURES else Material(colour=material.colour)
+        for name, material in other.parts.items()
+    }
+    return replace(
+        usual,
+        seed=other.seed,
+        lights=other.lights,
+        ambient=other.ambient,
+        exposure=other.exposure,
+        parts=parts if level >= _COLOURS else usual.parts,
+        clutter=8 + other.clutter if level >= _BACKGROUND else usual.clutter,
+        colour_variation=1.0 if level >= _OBJECTS else usual.colour_variation,
+        objects=other.objects if level >= _OBJECTS else usual.objects,
+    )
+
+
+def _cameras(level: int, rng: np.random.Generator) -> dict[str, CameraOffset]:
+    offsets = {}
+    for name in POLICY_CAMERAS:
+        share = 1.0 if name == HEAD else levels.WRIST_SHARE
+        directions = rng.uniform(-1.0, 1.0, 7)
+        x, y, z = (directions[:3] * share * levels.CAMERA_METRES[level]).tolist()
+        roll, pitch, yaw, zoom = (directions[3:] * levels.CAMERA_RADIANS[level]).tolist()
+        offsets[name] = CameraOffset(
+            position=(x, y, z), rotation=(roll, pitch, yaw), field_of_view=zoom
+        )
+    return offsets
+
+
+def physics_scale(shift: Shift, key: EpisodeKey) -> PhysicsScale:
+    """Factors on the physics of an episode, as likely above 1 as below."""
+    level = level_for(shift, PHYSICS, key.task)
+    if not level:
+        return UNSCALED
+    mass, friction, spring = key.generator(PHYSICS).uniform(-1.0, 1.0, 3).tolist()
+    return PhysicsScale(
+        mass=levels.MASS_FACTORS[level] ** mass,
+        friction=levels.FRICTION_FACTORS[level] ** friction,
+        spring=levels.SPRING_FACTORS[level] ** spring,
+    )
+
+
+def kept_paraphrase(shift: Shift, key: EpisodeKey, count: int) -> int | None:
+    """Which of a task's kept paraphrases an episode has; None for the usual instruction."""
+    level = level_for(shift, INSTRUCTION, key.task)
+    rng = key.generator(INSTRUCTION)
+    is_reworded = rng.uniform() < levels.REWORDED_SHARE[level]
+    return int(rng.integers(count)) if count and is_reworded else None
