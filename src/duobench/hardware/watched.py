@@ -80,7 +80,6 @@ class WatchedRig:
         self._state: DuoState | None = None
         self._velocities = np.zeros((2, 7))
         self._time = 0.0
-        self._views: dict[str, CanonicalView] = {}
 
     # --- connecting ------------------------------------------------------------------------------
 

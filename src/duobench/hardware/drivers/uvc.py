@@ -58,8 +58,9 @@ class UvcCamera(ThreadedCamera):
         except (FFmpegError, StopIteration) as error:
             raise BackendError(f"{self.config.device} gives no more images ({error})") from error
         now = self.clock.now()
-        is_dated = frame.time is not None and 0.0 <= now - frame.time <= MOST_DELAY_S
-        time_s = frame.time if is_dated else now
+        stamp = frame.time
+        is_dated = stamp is not None and 0.0 <= now - stamp <= MOST_DELAY_S
+        time_s = now if stamp is None or not is_dated else stamp
         index = 0
         if self._last is not None:
             passed = round((time_s - self._last[1]) * self.config.fps) if is_dated else 1
