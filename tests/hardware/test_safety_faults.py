@@ -14,7 +14,7 @@ from duobench.hardware.devices import Fault, FaultKind
 from duobench.hardware.duo import HardwareDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.supervisor import State
-from duobench.types import SIDES, Side
+from duobench.types import SIDES, Array, Side
 from tests.hardware.rigs import (
     arm,
     camera,
@@ -96,18 +96,31 @@ def test_a_fault_of_one_device_holds_both_arms_though_nobody_asks(name: str) -> 
 
 
 @EACH
-def test_both_arms_hold_within_a_moment(name: str) -> None:
+def test_both_arms_brake_within_a_moment(name: str) -> None:
     strike, _, _ = FAULTS[name]
     duo = ready_rig()
-    for number in range(1, 11):
+    left = arm(duo, Side.LEFT)
+    tell, told = left.command, []
+
+    def command(joints: Array, velocities: Array) -> None:
+        told.append(velocities[0])
+        tell(joints, velocities)
+
+    left.command = command  # type: ignore[method-assign]
+    number = 0
+    while number < 10:
+        number += 1
         duo.command(shifted(0.03 * number))
     strike(duo)
     start = duo.clock.now()
-    number = 10
     while duo.held is None:
         number += 1
-        duo.command(shifted(0.03 * min(number, 30)))
+        duo.command(shifted(0.03 * number))
     assert duo.clock.now() - start <= 0.25
+    wait(duo, 0.3)
+    # Straight to rest, not to the last target and back to it.
+    assert min(told[-120:]) >= 0.0
+    assert told[-1] == 0.0
 
 
 @EACH
