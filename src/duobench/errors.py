@@ -117,6 +117,10 @@ class PolicyTimeoutError(PolicyError):
         )
 
 
+class CalibrationError(DuoBenchError):
+    """A camera cannot be calibrated from what was seen."""
+
+
 class LeaderError(DuoBenchError):
     """Leader arms cannot be reached, or do not give what is needed of them."""
 

@@ -12,6 +12,7 @@ from duobench.cli.display.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
+from duobench.cli.real import home as real_home
 from duobench.cli.real import record as real_record
 from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
@@ -64,6 +65,7 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     },
     "export": {"lerobot": export.lerobot},
     "real": {
+        "home": real_home.home,
         "record": real_record.record,
         "teleop": real_teleop.teleop,
     },

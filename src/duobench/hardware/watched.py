@@ -15,6 +15,7 @@ import numpy as np
 from duobench.backend import Image
 from duobench.errors import BackendError, UnknownNameError, escaped
 from duobench.hardware import health
+from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import (
     Arm,
@@ -75,6 +76,7 @@ class WatchedRig:
         self._motion = threading.RLock()  # between who moves the arms and who holds them
         self._watch: Ticker | None = None
         self._last_heard = 0.0
+        self._views: dict[str, CanonicalView] = {}
         self._state: DuoState | None = None
         self._velocities = np.zeros((2, 7))
         self._time = 0.0
@@ -259,15 +261,8 @@ class WatchedRig:
                 raise UnknownNameError("camera of this rig", name, self.cameras)
             if name not in frames:
                 raise BackendError(f"The camera {name} has given no image yet.")
-            images[name] = _resized(frames[name].image, shape)
+            if name not in self._views:
+                config = self.rig.cameras[name]
+                self._views[name] = CanonicalView(name, config.calibration, config.size)
+            images[name] = self._views[name].image(frames[name].image, shape)
         return images
-
-
-def _resized(image: Image, shape: tuple[int, int]) -> Image:
-    from PIL import Image as Pictures
-
-    if image.shape[:2] == shape:
-        return image.copy()
-    height, width = shape
-    picture = Pictures.fromarray(image).resize((width, height), Pictures.Resampling.BOX)
-    return np.asarray(picture)

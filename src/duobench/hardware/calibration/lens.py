@@ -1,0 +1,79 @@
+"""The lens of a camera, from images of the board in many places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from duobench.backend import Image
+from duobench.errors import CalibrationError
+from duobench.hardware.calibration.board import Board, opencv
+from duobench.hardware.calibration.detection import (
+    Detection,
+    Detector,
+    board_pose,
+    offsets,
+    rms,
+    split_views,
+)
+from duobench.hardware.rig import CameraCalibration
+
+FEWEST_VIEWS = 10
+LARGEST_ERROR_PX = 1.0
+"""Error on held-out images from which something is wrong."""
+UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def calibrate_lens(images: Sequence[Image], board: Board) -> CameraCalibration:
+    """Focal lengths, middle and distortion of a camera.
+
+    Args:
+        images: The board seen from many sides and in all parts of the image, at least ten times.
+        board: The board as it was printed; its scale does not matter here.
+
+    Returns:
+        The lens, without a place; its error is that on every fifth image, which is held out.
+
+    Raises:
+        CalibrationError: Too few images show the board, or they do not fit one lens.
+    """
+    detections = [found for _, found in Detector(board).find_all(images, FEWEST_VIEWS)]
+    return lens_of(detections, (images[0].shape[0], images[0].shape[1]))
+
+
+def lens_of(detections: Sequence[Detection], size: tuple[int, int]) -> CameraCalibration:
+    """The lens that shows some corners; see `calibrate_lens`.
+
+    Args:
+        detections: Corners in at least ten images.
+        size: Height and width of the images in pixels.
+
+    Raises:
+        CalibrationError: They do not fit one lens.
+    """
+    cv2 = opencv()
+    used, held = split_views(len(detections))
+    _, matrix, distortion, _, _ = cv2.calibrateCamera(
+        [detections[number].points.astype(np.float32) for number in used],
+        [detections[number].pixels.astype(np.float32) for number in used],
+        (size[1], size[0]),
+        None,
+        None,
+    )
+    lens = CameraCalibration(
+        fx=float(matrix[0, 0]),
+        fy=float(matrix[1, 1]),
+        cx=float(matrix[0, 2]),
+        cy=float(matrix[1, 2]),
+        distortion=tuple(float(each) for each in np.ravel(distortion)[:5]),
+        pose=UNPOSED,
+    )
+    tests = [detections[number] for number in held]
+    error = rms([offsets(each, board_pose(each, lens), lens) for each in tests])
+    if error > LARGEST_ERROR_PX:
+        raise CalibrationError(
+            f"Images that were held out are off by {error:.2f} px with the lens that was found; at "
+            f"most {LARGEST_ERROR_PX:g} is usual. Is the board flat, and were the images sharp?"
+        )
+    return lens
