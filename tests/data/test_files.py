@@ -127,6 +127,41 @@ def test_foreign_and_newer_files_are_refused(
         Recording.read(path)
 
 
+NEW_FIELDS = (b'"domain"', b'"rig"', b'"videos"', b'"robot_state_names"')
+
+
+def as_schema_4(text: bytes) -> bytes:
+    """What schema 4 said about an episode, without the fields of schema 5."""
+    lines = [line for line in text.splitlines() if not line.strip().startswith(NEW_FIELDS)]
+    older = b"\n".join(lines).replace(b'"schema": 5', b'"schema": 4')
+    return older.replace(b"false,\n}", b"false\n}")
+
+
+def test_episodes_of_schema_4_are_read(tmp_path: Path, example: tuple[Path, Recording]) -> None:
+    (good,) = DataSet.open(example[0]).episodes()
+    table, data = pq.read_table(good), DataSet.open(tmp_path)
+    text = as_schema_4(table.schema.metadata[INFO_KEY])
+    assert b"domain" not in text
+    path = data.episode(TASK, "old")
+    path.parent.mkdir(parents=True)
+    pq.write_table(table.replace_schema_metadata({INFO_KEY: text}), path)
+    old = Recording.read(path)
+    assert (old.info.domain, old.info.is_real, old.info.videos) == (None, False, {})
+    assert equal(replace(old, info=example[1].info), example[1])
+
+
+def test_rows_of_simulated_episodes_lie_as_in_schema_4(tmp_path: Path) -> None:
+    env = recorder(tmp_path)
+    play(env, steps=20)
+    rows = env._stream.rows  # type: ignore[union-attr]
+    names = [name for name in rows.dtype.names or () if rows.dtype[name].itemsize]
+    assert names[-1] == "reward"
+    older = np.dtype([(name, rows.dtype[name]) for name in names], align=True)
+    assert older.itemsize == rows.dtype.itemsize
+    assert all(older.fields[name][1] == rows.dtype.fields[name][1] for name in names)  # type: ignore[index]
+    env.close()
+
+
 def test_columns_of_different_length_are_refused(example: tuple[Path, Recording]) -> None:
     with pytest.raises(DataError, match="'reward' has shape"):
         replace(example[1], reward=example[1].reward[:-1])

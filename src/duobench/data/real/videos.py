@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import time
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,6 +32,11 @@ from duobench.video import H264, VideoWriter
 QUEUE = 20
 """Frames of a camera that wait for its encoder at most: 0.7 seconds, which is what a kill may cost,
 and 55 MB."""
+LONGEST_BACKLOG_S = 0.5
+"""Seconds of work that may wait for an encoder: on a machine that is too slow, frames are left out
+early, so that those which are not lose little when the process is killed."""
+_SMOOTHING = 0.3
+"""Weight of the last frame in what a frame takes."""
 _REMEMBERED = 64
 """Accepted frames that a row may still belong to."""
 _COLUMNS = ("frame", "frame_number", "frame_age")
@@ -140,6 +146,7 @@ class _Stream:
         self.error: DuoBenchError | None = None
         self._waits = waits
         self._missed: set[int] = set()
+        self._pace_s = 0.0  # what a frame takes, as of late
         self._queue: Queue[Image | None] = Queue(QUEUE)
         self._accepted: deque[_Accepted] = deque([_Accepted()], _REMEMBERED)
         self._lock = threading.Lock()
@@ -160,6 +167,8 @@ class _Stream:
             if self._is_closed or self.error is not None or frame.time_s <= last.time_s:
                 return
             try:
+                if not self._waits and self._queue.qsize() * self._pace_s > LONGEST_BACKLOG_S:
+                    raise Full
                 self._queue.put(frame.image, self._waits, _LONGEST_WAIT_S)
             except Full:
                 self._missed.add(frame.index)
@@ -189,7 +198,9 @@ class _Stream:
     def _run(self) -> None:
         try:
             while (image := self._queue.get()) is not None:
+                begun = time.monotonic()
                 self._writer.add(image)
+                self._pace_s += _SMOOTHING * (time.monotonic() - begun - self._pace_s)
             self._writer.close()
         except DuoBenchError as error:
             self.error = error
