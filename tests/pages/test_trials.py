@@ -32,7 +32,8 @@ class Led:
     """A session in a thread, whose page a browser has open."""
 
     def __init__(self, path: Path) -> None:
-        self.stand = Stand(path, contenders()[:1], episodes=1, blind=True)
+        # A browser on a busy machine may be busy for long.
+        self.stand = Stand(path, contenders()[:1], episodes=1, blind=True, silence_s=600.0)
         self.results: list[bool] = []
         self.thread = threading.Thread(target=self.run)
         self.thread.start()

@@ -125,6 +125,7 @@ class TrialsSession:
         finally:
             self._duo.hold("The session is over.")
         self._board.phase = Phase.OVER
+        self._publish()
         return True
 
     def stop(self) -> None:
@@ -203,7 +204,6 @@ class TrialsSession:
     def _play(self, trial: Trial, layout: Layout) -> tuple[Played, Film]:
         self._heard = time.monotonic()
         self._write(Kind.START)
-        self._start = self._duo.clock.now()
         self._board.phase, self._board.message = Phase.MOVING, ""
         self._publish()
         film = Film(self._head.image, self._server.publish_frame)

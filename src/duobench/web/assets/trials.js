@@ -107,11 +107,10 @@ class Trials {
     write("h1", status.title);
     const again = trial.attempt > 1 ? `, attempt ${trial.attempt}` : "";
     const hidden = blind ? " (name hidden)" : "";
-    write(
-      ".where",
+    const where =
       `Trial ${trial.number} of ${trial.of}${again} · ${trial.policy}${hidden} · episode ` +
-        `${trial.episode} · ${trial.invalid} invalid so far`,
-    );
+      `${trial.episode} · ${trial.invalid} invalid so far`;
+    write(".where", phase === "over" ? "" : where);
     const [title, todo] = PHASES[phase];
     write(".state", title);
     write(".todo", todo);
