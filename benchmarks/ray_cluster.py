@@ -14,6 +14,8 @@ from typing import Any
 
 MEMORY = 80_000_000
 """Bytes of a node's object store, for which this is about the least that Ray takes."""
+STARTS = 3
+"""How often a node is started that does not come."""
 ENVIRONMENT = {
     "RAY_AUTH_MODE": "token",
     "RAY_USAGE_STATS_ENABLED": "0",
@@ -51,8 +53,18 @@ class LocalCluster:
         return self._cluster.address
 
     def add_node(self) -> None:
-        """Start another node."""
-        self.workers.append(self._cluster.add_node(**self._options))
+        """Start another node; on a busy machine Ray may give up, and is asked again.
+
+        Raises:
+            RuntimeError: It gave up each time.
+        """
+        for _ in range(STARTS):
+            try:
+                self.workers.append(self._cluster.add_node(**self._options))
+            except Exception:  # noqa: BLE001 - Ray raises no narrower class
+                continue
+            return
+        raise RuntimeError(f"No node could be started in {STARTS} attempts.")
 
     def kill_node(self) -> None:
         """Kill a node that is not the head, with all that runs on it."""

@@ -31,6 +31,9 @@ LONGEST_PAUSE_S = 6.0
 TIMEOUT_S = 600.0
 """Seconds that a run may take, and that its first processes may take."""
 MOST_IN_A_RUN = 6
+"""Kills in one run."""
+NODE_SHARE = 0.1
+"""How many of the kills hit a whole node, which takes long to start again."""
 MAX_FAILURES = 20
 """How often it may end with an error, as it does where kills have hit one episode three times."""
 
@@ -85,7 +88,10 @@ def disturb_one(
             time.sleep(0.1)
         time.sleep(generator.uniform(0.0, LONGEST_PAUSE_S))
         targets = {**cluster.processes(), "driver": [process.pid]}
-        kind = generator.choice(sorted([*targets, "node"]))
+        kinds = sorted(targets)
+        if generator.random() < NODE_SHARE:
+            kinds = ["node"]
+        kind = generator.choice(kinds)
         if process.poll() is not None:
             continue
         if kind == "node":

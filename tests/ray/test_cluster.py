@@ -1,4 +1,7 @@
-"""Runs on a cluster of two nodes give the bytes of runs without one, whatever is lost meanwhile."""
+"""Runs on a cluster of two nodes give the bytes of runs without one, whatever is lost meanwhile.
+
+Runs in an environment with Ray, which `make test-ray` makes.
+"""
 
 import os
 import signal
@@ -9,6 +12,8 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+
+pytest.importorskip("ray", reason="Ray is not installed here: make test-ray")
 
 from benchmarks.kills import contents
 from benchmarks.ray_cluster import LocalCluster
