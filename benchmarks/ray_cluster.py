@@ -40,7 +40,8 @@ class LocalCluster:
         from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
 
         self._options = {"num_cpus": cpus, "object_store_memory": MEMORY}
-        head = {**self._options, "include_dashboard": False}
+        # A graphics card that only Ray believes in, to see who is given it.
+        head = {**self._options, "include_dashboard": False, "num_gpus": 1}
         self._cluster: Any = Cluster(initialize_head=True, head_node_args=head)
         self.workers: list[Any] = []
         """The nodes beside the head."""

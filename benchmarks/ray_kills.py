@@ -87,23 +87,26 @@ def disturb_one(
                 raise AssertionError(f"{out}: no worker within {TIMEOUT_S:g} s.")
             time.sleep(0.1)
         time.sleep(generator.uniform(0.0, LONGEST_PAUSE_S))
-        targets = {**cluster.processes(), "driver": [process.pid]}
-        kinds = sorted(targets)
-        if generator.random() < NODE_SHARE:
-            kinds = ["node"]
-        kind = generator.choice(kinds)
         if process.poll() is not None:
             continue
-        if kind == "node":
-            cluster.kill_node()
-            cluster.add_node()
-        else:
-            with suppress(ProcessLookupError):
-                os.kill(generator.choice(targets[kind]), signal.SIGKILL)
+        kind = _kill(process.pid, cluster, generator)
         counts[kind] += 1
         if kind == "driver":
             process.wait()
     return counts
+
+
+def _kill(driver: int, cluster: LocalCluster, generator: random.Random) -> str:
+    """Kill something that takes part; what it was."""
+    if generator.random() < NODE_SHARE:
+        cluster.kill_node()
+        cluster.add_node()
+        return "node"
+    targets = {**cluster.processes(), "driver": [driver]}
+    kind = generator.choice(sorted(targets))
+    with suppress(ProcessLookupError):
+        os.kill(generator.choice(targets[kind]), signal.SIGKILL)
+    return kind
 
 
 def disturb(
