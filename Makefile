@@ -16,6 +16,7 @@ FRANKA_SIM_VENV := .venv-franka-sim
 OPENPI_VENV := .venv-openpi
 VLA_EVAL_VENV := .venv-vla-eval
 VLAGENTS_VENV := .venv-vlagents
+RAY_VENV := .venv-ray
 AXE := .axe/node_modules/axe-core/axe.min.js
 IWER := .iwer/node_modules/iwer/build/iwer.min.js
 STUBS := typings/mujoco/__init__.pyi
@@ -24,7 +25,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo test test-lerobot test-hardware test-interop test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo test test-lerobot test-hardware test-interop test-ray test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -54,6 +55,10 @@ test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $
 	DUOBENCH_VLA_EVAL_PYTHON=$(VLA_EVAL_VENV)/bin/python \
 	DUOBENCH_VLAGENTS_PYTHON=$(VLAGENTS_VENV)/bin/python \
 		$(BIN)/python -m pytest tests/interop
+
+# A cluster of several processes on this machine; Ray is large, and not in the usual environment.
+test-ray: $(RAY_VENV)/.installed  ## Test evaluations on a Ray cluster.
+	$(RAY_VENV)/bin/python -m pytest -W default tests/ray tests/evaluation/ray
 
 # Needs npm, and Chromium as `chromium`, `chromium-browser` or `google-chrome`.
 test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER)  ## Test pages in a browser: accessibility, phone, paper, driving.
@@ -151,6 +156,11 @@ $(VLAGENTS_VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VLAGENTS_VENV)
 	$(VLAGENTS_VENV)/bin/python -m pip install --disable-pip-version-check -e . \
 		vlagents==0.3.0 'rpyc>=6,<7'
+	@touch $@
+
+$(RAY_VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(RAY_VENV)
+	$(RAY_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[test,ray]'
 	@touch $@
 
 # Pinned, so that the same page breaks the same rules.

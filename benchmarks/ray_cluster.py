@@ -14,6 +14,8 @@ from typing import Any
 
 MEMORY = 80_000_000
 """Bytes of a node's object store, for which this is about the least that Ray takes."""
+STARTS = 3
+"""How often a node is started that does not come."""
 ENVIRONMENT = {
     "RAY_AUTH_MODE": "token",
     "RAY_USAGE_STATS_ENABLED": "0",
@@ -38,7 +40,8 @@ class LocalCluster:
         from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
 
         self._options = {"num_cpus": cpus, "object_store_memory": MEMORY}
-        head = {**self._options, "include_dashboard": False}
+        # A graphics card that only Ray believes in, to see who is given it.
+        head = {**self._options, "include_dashboard": False, "num_gpus": 1}
         self._cluster: Any = Cluster(initialize_head=True, head_node_args=head)
         self.workers: list[Any] = []
         """The nodes beside the head."""
@@ -51,8 +54,18 @@ class LocalCluster:
         return self._cluster.address
 
     def add_node(self) -> None:
-        """Start another node."""
-        self.workers.append(self._cluster.add_node(**self._options))
+        """Start another node; on a busy machine Ray may give up, and is asked again.
+
+        Raises:
+            RuntimeError: It gave up each time.
+        """
+        for _ in range(STARTS):
+            try:
+                self.workers.append(self._cluster.add_node(**self._options))
+            except Exception:  # noqa: BLE001 - Ray raises no narrower class
+                continue
+            return
+        raise RuntimeError(f"No node could be started in {STARTS} attempts.")
 
     def kill_node(self) -> None:
         """Kill a node that is not the head, with all that runs on it."""

@@ -31,6 +31,9 @@ LONGEST_PAUSE_S = 6.0
 TIMEOUT_S = 600.0
 """Seconds that a run may take, and that its first processes may take."""
 MOST_IN_A_RUN = 6
+"""Kills in one run."""
+NODE_SHARE = 0.1
+"""How many of the kills hit a whole node, which takes long to start again."""
 MAX_FAILURES = 20
 """How often it may end with an error, as it does where kills have hit one episode three times."""
 
@@ -84,20 +87,26 @@ def disturb_one(
                 raise AssertionError(f"{out}: no worker within {TIMEOUT_S:g} s.")
             time.sleep(0.1)
         time.sleep(generator.uniform(0.0, LONGEST_PAUSE_S))
-        targets = {**cluster.processes(), "driver": [process.pid]}
-        kind = generator.choice(sorted([*targets, "node"]))
         if process.poll() is not None:
             continue
-        if kind == "node":
-            cluster.kill_node()
-            cluster.add_node()
-        else:
-            with suppress(ProcessLookupError):
-                os.kill(generator.choice(targets[kind]), signal.SIGKILL)
+        kind = _kill(process.pid, cluster, generator)
         counts[kind] += 1
         if kind == "driver":
             process.wait()
     return counts
+
+
+def _kill(driver: int, cluster: LocalCluster, generator: random.Random) -> str:
+    """Kill something that takes part; what it was."""
+    if generator.random() < NODE_SHARE:
+        cluster.kill_node()
+        cluster.add_node()
+        return "node"
+    targets = {**cluster.processes(), "driver": [driver]}
+    kind = generator.choice(sorted(targets))
+    with suppress(ProcessLookupError):
+        os.kill(generator.choice(targets[kind]), signal.SIGKILL)
+    return kind
 
 
 def disturb(

@@ -1,4 +1,7 @@
-"""Runs on a cluster of two nodes give the bytes of runs without one, whatever is lost meanwhile."""
+"""Runs on a cluster of two nodes give the bytes of runs without one, whatever is lost meanwhile.
+
+Runs in an environment with Ray, which `make test-ray` makes.
+"""
 
 import os
 import signal
@@ -9,6 +12,8 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+
+pytest.importorskip("ray", reason="Ray is not installed here: make test-ray")
 
 from benchmarks.kills import contents
 from benchmarks.ray_cluster import LocalCluster
@@ -116,8 +121,15 @@ def test_episode_that_always_kills_its_policy_is_set_aside(
     assert (tmp_path / "run" / "records" / "wave" / "00000.json").exists()
 
 
+def test_policies_alone_are_given_the_graphics_card(cluster: LocalCluster, tmp_path: Path) -> None:
+    words = ("--tasks", toy_tasks.WAVE_NAME, "--episodes", "2", "--videos", "0")
+    card = ("--policy-gpus", "0.5", "--workers", "2")
+    said = duobench(tmp_path / "run", "tests.ray.policies:NeedsCard", *words, *card, *on(cluster))
+    assert "failed with an error" not in said
+
+
 def test_graphics_card_that_no_node_has_is_said(cluster: LocalCluster, tmp_path: Path) -> None:
-    words = ("--tasks", "bin_sort", "--episodes", "1", "--videos", "0", "--policy-gpus", "1")
+    words = ("--tasks", "bin_sort", "--episodes", "1", "--videos", "0", "--policy-gpus", "2")
     out = tmp_path / "run"
     folders = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     with subprocess.Popen(
@@ -136,7 +148,7 @@ def test_graphics_card_that_no_node_has_is_said(cluster: LocalCluster, tmp_path:
         said = next((line for line in process.stdout if "waiting for one" in line), "")
         process.kill()
         timer.cancel()
-    assert "No node of the cluster has 1 graphics cards for a policy yet" in said
+    assert "No node of the cluster has 2 graphics cards for a policy yet" in said
 
 
 def test_wrong_token_is_not_taken(cluster: LocalCluster, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """What is decided before Ray is needed, and without it."""
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -60,7 +61,14 @@ def test_missing_ray_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     with pytest.raises(EvaluationError, match=r"duobench-fr3\[ray\]"):
         evaluate("hold", small_suite(), RunFolder(tmp_path / "run"), cluster=Cluster())
     assert not (tmp_path / "run").exists()
-    assert "ray" not in sys.modules
+
+
+def test_nothing_loads_ray_that_does_not_need_it() -> None:
+    modules = (
+        "duobench.cli.evaluate, duobench.evaluation.evaluate, duobench.evaluation.ray.executor"
+    )
+    code = f"import sys, {modules}; sys.exit('ray' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.usefixtures("installed")
