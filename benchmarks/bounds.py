@@ -31,6 +31,8 @@ from duobench.tasks import catalog
 BOUNDED = (LAYOUT, PHYSICS, LATENCY)
 """Axes that an expert meets; it sees neither images nor words."""
 EPISODES = 20
+GOOD = 0.9
+"""Share of episodes that an expert has to solve; below it a level is lowered."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -121,8 +123,8 @@ def table(outcomes: Sequence[Outcome], axis: str) -> str:
 
 
 def _cell(won: Sequence[bool]) -> str:
-    text = f"{sum(won)}/{len(won)}"
-    return text if not won or sum(won) >= 0.9 * len(won) else f"**{text}**"
+    text = f"{sum(won)}/{len(won)}" if won else "–"
+    return text if sum(won) >= GOOD * len(won) else f"**{text}**"
 
 
 def main() -> None:

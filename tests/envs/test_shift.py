@@ -108,6 +108,21 @@ def test_an_episode_is_a_function_of_its_seed_whatever_was_before() -> None:
     assert found[0][2] == found[2][2] != found[1][2]
 
 
+def test_a_saved_state_brings_the_physics_of_its_episode() -> None:
+    envs = [duobench.make(TASK, cameras=False, shift="physics-5") for _ in range(2)]
+    first, second = envs
+    first.reset(seed=SEED)
+    second.reset(seed=SEED + 1)
+    second.get_wrapper_attr("restore_state")(first.get_wrapper_attr("save_state")())
+    action = first.get_wrapper_attr("hold_action")()
+    action[1] += 0.05
+    for env in envs:
+        env.step(action)
+    assert len({env.get_wrapper_attr("state_hash")() for env in envs}) == 1
+    for env in envs:
+        env.close()
+
+
 def test_the_compiled_model_comes_back_to_the_bit() -> None:
     env = duobench.make(TASK, cameras=False)
     simulation = env.unwrapped.simulation

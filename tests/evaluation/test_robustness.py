@@ -73,6 +73,22 @@ def test_shards_of_conditions_are_read_as_one(played: Path, tmp_path: Path) -> N
         assert parts.conditions[shift].results == whole.conditions[shift].results
 
 
+def test_episodes_with_errors_are_told_and_played_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
+    words = ["eval", "--policy", f"{toy_tasks.__name__}:BreaksOnce", "--suite", "robust"]
+    words += ["--axes", "camera", "--levels", "1", "--episodes", "2", "--workers", "0"]
+    words += ["--tasks", toy_tasks.WAVE_NAME, "--out", str(tmp_path / "run")]
+    with pytest.raises(SystemExit):
+        main(words)
+    assert "1 episode failed with an error" in capsys.readouterr().out
+    main([*words, "--retry-broken"])
+    assert "failed" not in capsys.readouterr().out
+    main([*words, "--fresh"])
+    assert "4 of 4 episodes" in capsys.readouterr().out
+
+
 def test_a_condition_with_another_shift_is_another_run(played: Path) -> None:
     run = open_source(played / "none").read_run()
     assert replace(run, command="").differences(run.under(SHIFTS[1]))

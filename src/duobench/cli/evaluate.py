@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from duobench.cli.display.console import command_line, console, counted
 from duobench.cli.doctor import load_engine
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from duobench.evaluation.viewing.watching import RunWatch
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
-    from duobench.results.limits import TimeLimits
     from duobench.results.metrics import Results
     from duobench.results.run import Run
     from duobench.results.suite import Suite
@@ -156,7 +155,14 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     if workers == 0 and not choice.is_scripted:
         screen.print("The policy plays in the process of the simulator, which it can see and move.")
     if conditions:
-        _evaluate_shifts(choice, played, out, conditions, limits, workers, command, part, screen)
+        if watch or unplayed_count_as_failures:
+            raise OptionError(
+                "--watch and --unplayed-count-as-failures do not go with --suite robust."
+            )
+        run_shifts = partial(
+            _evaluate_shifts, choice, played, out, conditions, screen, shard=part, command=command
+        )
+        run_shifts(limits=limits, workers=workers, retry_broken=retry_broken, fresh=fresh)
         return
     folder = RunFolder(out if part is None else shard_folder(out, part))
     advised = advising(partial(for_evaluation, folder, policy))
@@ -220,42 +226,42 @@ def _conditions(suite: Suite, axes: Sequence[str], levels: Sequence[int]) -> lis
     ]
 
 
-def _evaluate_shifts(  # noqa: PLR0913, PLR0917 - what `evaluate` has put together
+def _evaluate_shifts(
     choice: PolicyChoice,
     suite: Suite,
     out: Path,
     conditions: Sequence[Shift],
-    limits: TimeLimits,
-    workers: int,
-    command: str,
-    part: Shard | None,
     screen: Console,
+    *,
+    shard: Shard | None,
+    **options: Any,
 ) -> None:
-    """Play a suite under shifts, and report it."""
+    """Play a suite under shifts, and report it; the exit code is 1 if an episode has an error."""
     from duobench.cli.advice import advising, for_evaluation, relative
     from duobench.cli.display.progress import EpisodesPlayed, display
     from duobench.evaluation.robustness.shifts import evaluate_shifts
     from duobench.results.folder import RunFolder
+    from duobench.results.report import read_results
     from duobench.results.robustness.conditions import read_robustness
     from duobench.results.robustness.report import write_robustness
 
     advised = advising(partial(for_evaluation, RunFolder(out), choice.name.text))
     with advised, raising(screen), display(screen, "episode") as shown:
-        evaluate_shifts(
-            choice,
-            suite,
-            out,
-            conditions,
-            limits=limits,
-            workers=workers,
-            observers=[EpisodesPlayed(shown, len(conditions))],
-            command=command,
-            shard=part,
+        observers = [EpisodesPlayed(shown, len(conditions))]
+        folders = evaluate_shifts(
+            choice, suite, out, conditions, observers=observers, shard=shard, **options
         )
-        if part is not None:
-            screen.print(f"Shard {part} is finished; duobench report {out} reports all together.")
-            return
-        screen.print(f"Report: {relative(write_robustness([read_robustness(out)], out))}")
+        if shard is None:
+            screen.print(f"Report: {relative(write_robustness([read_robustness(out)], out))}")
+        else:
+            screen.print(f"Shard {shard} is finished; duobench report {out} shows all together.")
+    errors = sum(read_results(folder)[1].overall.errors for folder in folders.values())
+    if errors:
+        screen.print(
+            f"{counted(errors, 'episode')} failed with an error; the reports of the conditions "
+            "have the tracebacks. --retry-broken plays them again."
+        )
+        sys.exit(1)
 
 
 @contextmanager

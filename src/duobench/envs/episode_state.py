@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import TypeVar
 
 from duobench.errors import DuoBenchError
+from duobench.shifts.samples import UNSCALED, PhysicsScale
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.progress import ProgressState
@@ -46,6 +47,8 @@ class EpisodeState:
     """How the episode began; its variants decide what the model looks like."""
     physics: Array
     """Full state of the simulation (n,)."""
+    scale: PhysicsScale = UNSCALED
+    """Factors on the physics of the model, where an episode is shifted so."""
     instruction: str | None = None
     """What the policy is told; None is the task's own. No part of the hash: nothing moves by it."""
     progress: ProgressState | None = None
@@ -77,5 +80,7 @@ class EpisodeState:
         targets = [(side, pose.tquat.tolist()) for side, pose in self.tool_targets or ()]
         progress = None if self.progress is None else asdict(self.progress)
         rest = [self.layout.to_json(), progress, self.steps, self.over, targets]
+        if self.scale != UNSCALED:
+            rest.append(asdict(self.scale))
         digest.update(json.dumps(rest, sort_keys=True).encode())
         return digest.hexdigest()

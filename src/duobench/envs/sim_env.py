@@ -30,7 +30,14 @@ from duobench.looks.look import Look
 from duobench.randomness import EVAL
 from duobench.robot.cameras import OVERVIEW
 from duobench.shifts.layout import shifted_task
-from duobench.shifts.samples import EpisodeKey, kept_paraphrase, physics_scale, shifted_look
+from duobench.shifts.samples import (
+    UNSCALED,
+    EpisodeKey,
+    PhysicsScale,
+    kept_paraphrase,
+    physics_scale,
+    shifted_look,
+)
 from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.sim import placement
 from duobench.sim.backend import SimBackend
@@ -92,6 +99,7 @@ class SimEnv(DuoEnv):
         self._render_size = render_size
         self._layout: Layout | None = None
         self._shift = shift
+        self._scale = UNSCALED
         self._shifted = shifted_task(task, shift)
 
     @property
@@ -130,7 +138,7 @@ class SimEnv(DuoEnv):
         look = self._usual_look if (given := options.get(LOOK)) is None else as_look(given)
         key = self._key(options)
         self._arms.set_look(shifted_look(self._shift, key, look))
-        self.simulation.scale_physics(**asdict(physics_scale(self._shift, key)))
+        self._set_scale(physics_scale(self._shift, key))
         self._arms.home()
         tried: list[Mapping[str, Any]] = []
         candidates = self._candidates(options, tried)
@@ -143,6 +151,11 @@ class SimEnv(DuoEnv):
         self._instruction = words if isinstance(words, str) else own
         self.simulation.settle()
         return {LAYOUT: _as_floats(tried[-1])}
+
+    def _set_scale(self, scale: PhysicsScale) -> None:
+        """Scale the physics of the model; state is to be set afterwards."""
+        self.simulation.scale_physics(**asdict(scale))
+        self._scale = scale
 
     def _key(self, options: Mapping[str, Any]) -> EpisodeKey:
         """What the samples of a shift follow from; a layout that is given stands for no seed."""
@@ -196,6 +209,7 @@ class SimEnv(DuoEnv):
         return EpisodeState(
             layout=self.layout,
             physics=self.simulation.get_state(),
+            scale=self._scale,
             instruction=self._instruction,
         )
 
@@ -216,6 +230,7 @@ class SimEnv(DuoEnv):
         self._running = False
         own = self._instruct(state.layout)
         instruction = own if state.instruction is None else state.instruction
+        self._set_scale(state.scale)
         self.simulation.apply(state.layout)
         self._arms.home()
         self.simulation.set_state(state.physics)

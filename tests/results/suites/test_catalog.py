@@ -14,6 +14,7 @@ from duobench.tasks import catalog
 FIXED = {
     ("paper", 1): (100, 30),
     ("quick", 1): (10, 30),
+    ("robust", 1): (20, 30),
 }
 """What each version of a suite fixes: a change needs a new version, and a new line here."""
 
@@ -22,7 +23,7 @@ def test_what_a_name_stands_for_does_not_change() -> None:
     now = {
         (one.name, one.revision): (one.episodes, one.execution.execute) for one in SUITES.values()
     }
-    assert now == {key: value for key, value in FIXED.items() if key[0] in SUITES}
+    assert now == FIXED
     assert len(catalog.names()) == 11
 
 

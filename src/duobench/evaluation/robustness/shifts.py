@@ -39,6 +39,8 @@ def evaluate_shifts(  # noqa: PLR0913
     observers: Sequence[Observer[EpisodeRecord]] = (),
     command: str = "",
     shard: Shard | None = None,
+    retry_broken: bool = False,
+    fresh: bool = False,
 ) -> dict[Shift, RunFolder]:
     """Play the episodes of a suite under shifts, those that have no record yet.
 
@@ -52,6 +54,8 @@ def evaluate_shifts(  # noqa: PLR0913
         observers: Called about the progress of all conditions together.
         command: The command that starts the run.
         shard: Which part of each condition is played; None plays all.
+        retry_broken: Also play the episodes again whose records hold an error.
+        fresh: Remove what runs have left in the folders of these conditions, and play everything.
 
     Returns:
         The folder of each condition, with its report.
@@ -71,7 +75,12 @@ def evaluate_shifts(  # noqa: PLR0913
         ending.enter_context(closing(executor))
         run = replace(executor.prepare(), shard=shard)
         runs = {shift: run.under(shift) for shift in shifts}
-        left = _missing(runs, folders, observers)
+        for folder in folders.values() if fresh else ():
+            folder.clear()
+        finished = _finished(runs, folders, retry_broken)
+        for observer in observers:
+            observer.on_run_start(run, finished)
+        left = _missing(runs, finished)
         if left:
             executor.rehearse(left[0])
         for shift, folder in folders.items():
@@ -94,23 +103,29 @@ def _folder(path: Path, shard: Shard | None) -> RunFolder:
     return RunFolder(path if shard is None else shard_folder(path, shard))
 
 
-def _missing(
-    runs: Mapping[Shift, Run],
-    folders: Mapping[Shift, RunFolder],
-    observers: Sequence[Observer[EpisodeRecord]],
-) -> list[Episode]:
-    """What has no record yet, task by task, so that a worker stays with a task.
+def _finished(
+    runs: Mapping[Shift, Run], folders: Mapping[Shift, RunFolder], retry_broken: bool
+) -> list[EpisodeRecord]:
+    """The records that stay, of those that are there.
 
     Raises:
         OtherRunError: A folder holds another run.
     """
     finished: list[EpisodeRecord] = []
     for shift, folder in folders.items():
-        if folder.has_records:
-            folder.begin(runs[shift])
-            finished += folder.read_records(runs[shift])
-    for observer in observers:
-        observer.on_run_start(next(iter(runs.values())), finished)
+        if not folder.has_records:
+            continue
+        folder.begin(runs[shift])
+        for record in folder.read_records(runs[shift]):
+            if retry_broken and record.error is not None:
+                folder.discard(record)
+            else:
+                finished.append(record)
+    return finished
+
+
+def _missing(runs: Mapping[Shift, Run], finished: Sequence[EpisodeRecord]) -> list[Episode]:
+    """What has no record yet, task by task, so that a worker stays with a task."""
     done = {(each.task, each.episode, each.config.shift) for each in finished}
     return [
         episode

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -41,29 +40,37 @@ class MergedRun(RunReader):
         self.shards = tuple(shard for shard, _ in sorted(runs, key=lambda pair: _number(*pair)))
         """What reads each shard, in the order of their numbers."""
         self._run = _whole(runs)
+        self._found: dict[str, dict[str, RunReader]] = {}
 
     def file(self, name: str) -> Readable:
         """A file of the shard that has it; the description is that of the whole run."""
         if name == DESCRIPTION:
             return _Text(f"{self.path}: {name}", encode(self._run, RUN_SCHEMA))
         folder, _, file = name.rpartition("/")
-        for shard in self.shards:
-            if file in shard.names(folder):
-                return shard.file(name)
-        return self.shards[0].file(name)
+        return self._places(folder).get(file, self.shards[0]).file(name)
 
     def names(self, folder: str) -> Iterable[str]:
         """Names of the files that any shard has in a folder."""
-        found: defaultdict[str, list[Path]] = defaultdict(list)
-        for shard in self.shards:
-            for name in shard.names(folder):
-                found[name].append(shard.path)
-        for name, paths in found.items():
-            if len(paths) > 1:
-                raise EvaluationError(
-                    f"{folder}/{name} is in {paths[0]} and in {paths[1]}; shards share no episode."
-                )
-        return list(found)
+        return list(self._places(folder))
+
+    def _places(self, folder: str) -> dict[str, RunReader]:
+        """Which shard has each file of a folder, as it was when first asked for.
+
+        Raises:
+            EvaluationError: Two have one.
+        """
+        if folder not in self._found:
+            found: dict[str, RunReader] = {}
+            for shard in self.shards:
+                for name in shard.names(folder):
+                    if other := found.get(name):
+                        raise EvaluationError(
+                            f"{folder}/{name} is in {other.path} and in {shard.path}; shards share "
+                            "no episode."
+                        )
+                    found[name] = shard
+            self._found[folder] = found
+        return self._found[folder]
 
 
 @dataclass(frozen=True, slots=True)
