@@ -162,7 +162,13 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         run_shifts = partial(
             _evaluate_shifts, choice, played, out, conditions, screen, shard=part, command=command
         )
-        run_shifts(limits=limits, workers=workers, retry_broken=retry_broken, fresh=fresh)
+        run_shifts(
+            limits=limits,
+            workers=workers,
+            retry_broken=retry_broken,
+            fresh=fresh,
+            cluster=_cluster(executor, address, policy_gpus),
+        )
         return
     folder = RunFolder(out if part is None else shard_folder(out, part))
     advised = advising(partial(for_evaluation, folder, policy))

@@ -15,6 +15,7 @@ from duobench.errors import UnplayedError
 from duobench.evaluation.episode import EpisodeResult, Job
 from duobench.evaluation.executor import executor_for
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.ray.cluster import Cluster
 from duobench.evaluation.rollout import Observer
 from duobench.files import locked
 from duobench.results.folder import RunFolder
@@ -41,6 +42,7 @@ def evaluate_shifts(  # noqa: PLR0913
     shard: Shard | None = None,
     retry_broken: bool = False,
     fresh: bool = False,
+    cluster: Cluster | None = None,
 ) -> dict[Shift, RunFolder]:
     """Play the episodes of a suite under shifts, those that have no record yet.
 
@@ -56,6 +58,7 @@ def evaluate_shifts(  # noqa: PLR0913
         shard: Which part of each condition is played; None plays all.
         retry_broken: Also play the episodes again whose records hold an error.
         fresh: Remove what runs have left in the folders of these conditions, and play everything.
+        cluster: The Ray cluster on which workers and policy are; None for this machine alone.
 
     Returns:
         The folder of each condition, with its report.
@@ -68,7 +71,7 @@ def evaluate_shifts(  # noqa: PLR0913
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
     folders = {shift: _folder(out / shift.name, shard) for shift in shifts}
     job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), command=command)
-    executor = executor_for(job, workers)
+    executor = executor_for(job, workers, cluster=cluster)
     with ExitStack() as ending:
         for folder in folders.values():
             ending.enter_context(locked(folder.path))
