@@ -10,6 +10,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 LEROBOT_PYTHON ?= python3.12
 LEROBOT_VENV := .venv-lerobot
+HARDWARE_PYTHON ?= python3.12
+HARDWARE_VENV := .venv-hardware
+FRANKA_SIM_VENV := .venv-franka-sim
 OPENPI_VENV := .venv-openpi
 VLA_EVAL_VENV := .venv-vla-eval
 VLAGENTS_VENV := .venv-vlagents
@@ -21,7 +24,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo test test-lerobot test-interop test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo test test-lerobot test-hardware test-interop test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -38,6 +41,12 @@ test: check  ## Check format, lint and types, then run the tests.
 # An environment of its own, of several gigabytes, with the versions that LeRobot asks for.
 test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policies, its programs.
 	HF_HUB_OFFLINE=1 OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m pytest -W default tests/lerobot tests/examples
+
+# Libraries of arms, grippers and cameras, and simulators of their interfaces. A simulator that
+# enforces an arm's limits asks for an older NumPy, and has an environment of its own.
+test-hardware: $(HARDWARE_VENV)/.installed $(FRANKA_SIM_VENV)/.installed  ## Test drivers against simulators of the hardware.
+	DUOBENCH_FRANKA_SIM_PYTHON=$(FRANKA_SIM_VENV)/bin/python \
+		$(HARDWARE_VENV)/bin/python -m pytest -p no:cacheprovider tests/hardware/with_libraries
 
 # openpi-client asks for an older NumPy than DuoBench does.
 test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $(VLAGENTS_VENV)/.installed  ## Test with openpi, vla-eval and VLAgents.
@@ -111,6 +120,18 @@ $(LEROBOT_VENV)/.installed: pyproject.toml lerobot_env_duobench/pyproject.toml l
 	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
 	$(LEROBOT_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[lerobot]' \
 		-e lerobot_env_duobench -e lerobot_teleoperator_duobench 'lerobot[diffusion,smolvla,xvla]' 'duckdb>=1' 'polars>=1' 'pytest>=9'
+	@touch $@
+
+$(HARDWARE_VENV)/.installed: pyproject.toml
+	$(HARDWARE_PYTHON) -m venv $(HARDWARE_VENV)
+	$(HARDWARE_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[hardware]' \
+		'franky-sim==1.0.4' 'pytest>=9'
+	@touch $@
+
+$(FRANKA_SIM_VENV)/.installed:
+	$(HARDWARE_PYTHON) -m venv $(FRANKA_SIM_VENV)
+	$(FRANKA_SIM_VENV)/bin/python -m pip install --disable-pip-version-check \
+		'franka-sim==1.1.7' 'numpy==1.26.4' 'mujoco<3.3'
 	@touch $@
 
 $(OPENPI_VENV)/.installed:

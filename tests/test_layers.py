@@ -42,11 +42,13 @@ BASE = tuple(room for rooms in FLOORS[:4] for room in rooms)
 EVERYWHERE = (
     *("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy"),
     *("vla_eval", "vlagents", "rpyc"),
+    *("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
 )
 # Rooms inside rooms that exist for the sake of one of them; they are imported when it is asked for.
 AT_HOME = {
     "duobench.policy.lerobot": ("torch", "lerobot"),
     "duobench.teleop.leaders.lerobot_source": ("lerobot",),
+    "duobench.hardware": ("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
     "duobench.interop.vla_eval": ("vla_eval",),
     "duobench.interop.vlagents": ("vlagents", "rpyc"),
 }

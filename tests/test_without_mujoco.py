@@ -19,7 +19,7 @@ MOST = 64
 ROOMS = (
     *("backend", "errors", "files", "kinematics", "looks", "objects", "pages", "randomness"),
     *("references", "robot", "spatial", "stages", "tasks", "types", "versions", "envs", "results"),
-    *("checks", "installing", "lerobot_keys", "processes", "video", "training"),
+    *("checks", "installing", "lerobot_keys", "processes", "video", "training", "hardware"),
 )
 NEEDS_AN_ENGINE = ("duobench.envs.make", "duobench.envs.sim_env", "duobench.envs.sim_judge")
 
@@ -53,6 +53,24 @@ print(json.dumps({
     "object states": refusal(),
     "engines": [name for name in %r if sys.modules[name] is not None],
 }))
+"""
+
+REAL = """
+import numpy as np
+from duobench.hardware.clock import VirtualClock
+from duobench.hardware.env import make_real_env
+from duobench.hardware.opening import open_rig
+duo = open_rig("simulated", VirtualClock(), guard=False)
+env = make_real_env(duo, "bin_sort", action_mode="joint_relative", image_size=(24, 32), chunk=2)
+duo.supervisor.confirm()
+observation, info = env.reset(seed=0)
+env.get_wrapper_attr("judge").declare(1)
+observation, reward, terminated, truncated, info = env.step(np.full((2, 16), 0.01))
+duo.arms["left"].fail("joint_reflex")
+*_, ended, last = env.step(np.zeros((2, 16)))
+env.close()
+print(info["stage"], observation["pixels"]["head"].shape, ended, last["fault_kind"])
+print([name for name in %r if sys.modules[name] is not None])
 """
 
 LIST = """
@@ -110,6 +128,10 @@ def test_an_episode_on_arms_without_a_simulation_is_played_recorded_and_reported
         "engines": [],
     }
     assert (tmp_path / "run" / "index.html").read_text().count("Bin-Sort")
+
+
+def test_an_episode_on_simulated_drivers_needs_no_engine_without_guard() -> None:
+    assert output(BLOCKED + REAL % (ENGINES,)) == "1 (24, 32, 3) True reflex\n[]\n"
 
 
 def test_few_modules_load_mujoco() -> None:

@@ -60,6 +60,20 @@ of every second frame. One thread (lp): episodes are
 what runs in parallel."""
 
 
+H264 = Codec(
+    encoder="libx264",
+    options={"preset": "ultrafast", "tune": "zerolatency", "crf": "20", "g": "15"},
+    container="mp4",
+    container_options={
+        "movflags": "frag_every_frame+empty_moov+default_base_moof",
+        "flush_packets": "1",
+    },
+)
+"""To record with: three cameras in real time on one core, and every frame is in the file as soon as
+it is encoded, so that a process that is killed leaves a video that can be read. A key frame every
+half second."""
+
+
 class VideoWriter:
     """Encodes a video frame by frame; it begins with the first one, and ends when it is closed."""
 

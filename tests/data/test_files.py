@@ -109,10 +109,10 @@ def test_foreign_and_newer_files_are_refused(
     assert older != text
     pq.write_table(table.replace_schema_metadata({INFO_KEY: older}), path)
     assert Recording.read(path).info == example[1].info
-    newer = text.replace(b'"schema": 4', b'"schema": 5')
+    newer = text.replace(b'"schema": 5', b'"schema": 6')
     assert newer != text
     pq.write_table(table.replace_schema_metadata({INFO_KEY: newer}), path)
-    with pytest.raises(DataError, match="Schema 5; this version reads 1 and 2 and 3 and 4"):
+    with pytest.raises(DataError, match="Schema 6; this version reads 1 and 2 and 3 and 4 and 5"):
         Recording.read(path)
     pq.write_table(table.drop_columns(["sent"]), path)
     with pytest.raises(DataError, match="missing: sent"):

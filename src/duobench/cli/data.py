@@ -66,6 +66,9 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
     screen = console()
     screen.print(table)
     screen.print(_chatter(summary))
+    screen.print(f"Episodes: {summary.domains}")
+    if summary.left_out:
+        screen.print(f"Frames missing in videos, left out by a late encoder: {summary.left_out}")
     for line in _actors(summary):
         screen.print(line)
     screen.print(f"Page: {write_page(source, summary, images=images)}")

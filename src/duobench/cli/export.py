@@ -7,6 +7,7 @@ from typing import Literal
 
 import tyro
 
+from duobench.cli.advice import AdvisedError
 from duobench.cli.data import opened
 from duobench.cli.display.console import console, counted
 from duobench.cli.interrupt import raising
@@ -18,7 +19,7 @@ def verbs() -> None:
 
 
 def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
-    data: tyro.conf.Positional[Path],
+    data: tyro.conf.Positional[tuple[Path, ...]],
     out: Path,
     tasks: tuple[str, ...] = (),
     cameras: tuple[str, ...] = ("head", "left_wrist", "right_wrist"),
@@ -30,14 +31,16 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     object_state: bool = False,
     per_task: bool = False,
     only_successes: bool = False,
+    domains: Literal["sim", "real", "mixed"] = "mixed",
     workers: int = 1,
 ) -> None:
-    """Export a data set to LeRobot's format v3.0; images are rendered from the recorded states.
+    """Export data sets to LeRobot's format v3.0; images are rendered from the recorded states.
 
-    The same command in the same folder goes on where it was stopped.
+    Images of real episodes are those that were recorded. The same command in the same folder goes
+    on where it was stopped.
 
     Args:
-        data: Folder of the data set.
+        data: Folder of the data set, or of several, simulated and real ones too.
         out: Folder of the export.
         tasks: Ids of the tasks to export; all of the data set if none is named.
         cameras: Cameras whose images are exported, or none.
@@ -54,12 +57,17 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         per_task: Write one data set a task, each in a folder of its name; object states of several
             tasks need it.
         only_successes: Leave out episodes that did not succeed.
+        domains: Which episodes to export: simulated ones, real ones, or both.
         workers: Processes that render and encode side by side.
     """
-    source = opened(data)
+    if not data:
+        raise AdvisedError("Name the folder of a data set, such as duobench record makes.")
+    sources = [opened(each) for each in data]
     from duobench.cli.advice import advising
     from duobench.cli.display.progress import display
     from duobench.data import ActionSource, ExportOptions, Pairing, export_lerobot
+    from duobench.data.schema import Domain
+    from duobench.evaluation.real.views import view_of
 
     screen = console()
     options = ExportOptions(
@@ -72,10 +80,17 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         action_source=ActionSource(action_source),
         object_state=object_state,
         only_successes=only_successes,
+        domains=tuple(Domain) if domains == "mixed" else (Domain(domains),),
     )
     with raising(screen), advising(_advice), display(screen, "frame") as shown:
         done = export_lerobot(
-            source, out, options, per_task=per_task, workers=workers, progress=shown.tell
+            sources,
+            out,
+            options,
+            per_task=per_task,
+            workers=workers,
+            progress=shown.tell,
+            view_of=view_of,
         )
     megabytes = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
     screen.print(

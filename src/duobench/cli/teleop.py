@@ -71,7 +71,7 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     from duobench.teleop.session import Session
 
     with ExitStack() as ending:
-        source = None if leader is None else _source(leader)
+        source = None if leader is None else joint_source(leader)
         led_by: Device
         if source is None:
             led_by = HandDevice(lockstep=lockstep)
@@ -94,10 +94,10 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         with stopping(live.stop):
             timings = live.run()
         kept = counted(session.kept, "episode")
-        screen.print(f"{kept} of {task} in {out}{_times(timings)}")
+        screen.print(f"{kept} of {task} in {out}{times_of(timings)}")
 
 
-def _source(leader: str) -> JointSource:
+def joint_source(leader: str) -> JointSource:
     """The leader arms that an option names."""
     kind, _, what = leader.partition(":")
     if kind == GELLO and what:
@@ -112,7 +112,7 @@ def _source(leader: str) -> JointSource:
     raise AdvisedError(f"--leader is gello:FILE or lerobot:KIND, got {leader!r}.")
 
 
-def _times(timings: Timings) -> str:
+def times_of(timings: Timings) -> str:
     """What the session's times were, in a few words."""
     summary = timings.summary()
     if "latency_ms" not in summary:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from duobench.training.training import Training
 
 
-def train(
+def train(  # noqa: PLR0913 - each is an argument of the command line
     policy: tyro.conf.Positional[Literal["act", "diffusion", "pi05", "xvla"]],
     more: tyro.conf.Positional[tuple[str, ...]] = (),
     *,
@@ -26,6 +26,7 @@ def train(
     tasks: tuple[str, ...] = (),
     steps: int | None = None,
     small: bool = False,
+    domain_ids: bool = False,
     only_print: Annotated[bool, tyro.conf.arg(name="print")] = False,
 ) -> None:
     """Train a policy with LeRobot: print the command that does it, with its reasons, and run it.
@@ -45,6 +46,8 @@ def train(
         steps: Steps of the optimizer.
         small: Take a small model for a processor without graphics card (act only), to see that
             everything works together.
+        domain_ids: Tell the policy which episodes are simulated and which are real (xvla only);
+            the paper does not, and an evaluation says simulation everywhere.
         only_print: Print the command and do not run it.
     """
     from duobench.cli.advice import AdvisedError
@@ -53,7 +56,9 @@ def train(
     from duobench.training import training
 
     try:
-        trainings = training.plan_all(policy, data, out, tasks=tasks, steps=steps, small=small)
+        trainings = training.plan_all(
+            policy, data, out, tasks=tasks, steps=steps, small=small, domain_ids=domain_ids
+        )
     except DataError as error:
         if not (data / DESCRIPTION).exists():
             raise

@@ -14,6 +14,9 @@ from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
 from duobench.cli.real import calibrate as real_calibrate
 from duobench.cli.real import doctor as real_doctor
+from duobench.cli.real import home as real_home
+from duobench.cli.real import record as real_record
+from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
 from duobench.cli.record import record
 from duobench.cli.render import render
@@ -64,6 +67,9 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     },
     "export": {"lerobot": export.lerobot},
     "real": {
+        "home": real_home.home,
+        "record": real_record.record,
+        "teleop": real_teleop.teleop,
         "doctor": real_doctor.doctor,
         "calibrate": real_calibrate.calibrate,
     },

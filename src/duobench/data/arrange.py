@@ -1,7 +1,7 @@
 """Data sets out of data sets: several merged into one, one split into two.
 
-Files are copied as they are. What cannot be done is found out before the first copy, and what was
-interrupted goes on when it is called again.
+Files are copied as they are, with the videos beside them. What cannot be done is found out before
+the first copy, and what was interrupted goes on when it is called again.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from contextlib import ExitStack
 from filecmp import cmp
 from itertools import chain, count
 from pathlib import Path
+from shutil import copyfile
 
 from duobench.data.dataset import SUFFIX, DataSet
-from duobench.data.recording import Recording
+from duobench.data.schema import VIDEO_SUFFIX
+from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.errors import DataError, NamesTakenError
-from duobench.files import locked, write
+from duobench.files import locked, replacing, write
 
 
 def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int:
@@ -43,7 +45,7 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
         plan: dict[Path, Path] = {}
         clashes = []
         for path in chain.from_iterable(source.episodes() for source in sources):
-            Recording.read_info(path)
+            _check_videos(path)
             place = target.episode(path.parent.name, path.stem)
             if rename:
                 place = _free(place, path, plan)
@@ -120,7 +122,7 @@ def _part(paths: Sequence[Path], target: DataSet) -> dict[Path, Path]:
     """Episodes by their place in a part, which holds no other ones."""
     plan = {target.episode(path.parent.name, path.stem): path for path in paths}
     for path in paths:
-        Recording.read_info(path)
+        _check_videos(path)
     for place in target.episodes():
         if place not in plan or not _may_be(plan[place], place, {}):
             raise DataError(
@@ -134,10 +136,33 @@ def _shuffled(path: Path, seed: int) -> str:
     return hashlib.sha256(f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()).hexdigest()
 
 
+def _check_videos(path: Path) -> None:
+    """Reject now an episode that cannot be read, or lacks a video."""
+    for video in _videos(path):
+        if not video.exists():
+            raise DataError(f"{video} is missing, which belongs to {path.name}.")
+
+
+def _videos(path: Path) -> list[Path]:
+    """Videos of a finished episode."""
+    return list(DataSet(path.parents[2]).videos_of(path).values())
+
+
+def _video_at(place: Path, video: Path) -> Path:
+    """Where a video belongs beside an episode at a place."""
+    camera = video.name.removesuffix(VIDEO_SUFFIX).rpartition(".")[2]
+    return place.with_name(f"{place.stem}.{camera}{VIDEO_SUFFIX}")
+
+
 def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
     """Whether an episode may be copied to a place: nothing is there, or the same."""
     others = {plan.get(place, path), place if place.exists() else path}
-    return all(cmp(path, other, shallow=False) for other in others - {path})
+    if not all(cmp(path, other, shallow=False) for other in others - {path}):
+        return False
+    if place.with_suffix(PART_SUFFIX).exists():
+        return False  # it is being recorded, or was
+    videos = [(video, _video_at(place, video)) for video in _videos(path)]
+    return all(not there.exists() or cmp(video, there, shallow=False) for video, there in videos)
 
 
 def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:
@@ -151,5 +176,10 @@ def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:
 def _copy(plan: Mapping[Path, Path]) -> None:
     """Copy files to their places; those that are there are the same."""
     for place, path in plan.items():
+        for video in _videos(path):  # first, so that an episode has all of its videos
+            there = _video_at(place, video)
+            if not there.exists():
+                with replacing(there) as temporary:
+                    copyfile(video, temporary)
         if not place.exists():
             write(place, path.read_bytes())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -13,7 +13,9 @@ import numpy as np
 
 from duobench.data.after_success import steps_after_success
 from duobench.data.dataset import DataSet
+from duobench.data.problem import Problem
 from duobench.data.processes import Progress, run_all
+from duobench.data.real import soundness as videos
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, action_mode
 from duobench.envs.episode_state import EpisodeState
@@ -25,16 +27,6 @@ from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Problem:
-    """Something that is wrong with a file."""
-
-    path: Path
-    """The file."""
-    what: str
-    """What is wrong, as a sentence."""
-
-
 def find_problems(
     data: DataSet, *, workers: int = 0, progress: Progress = lambda _done, _total: None
 ) -> list[Problem]:
@@ -42,8 +34,9 @@ def find_problems(
 
     Each episode must be readable, be where its task says, hold finite numbers, stages that never
     fall and an outcome that agrees with them, and begin with the layout that its seed and split
-    sample and with the state that its first hash names, bit for bit. That its last state follows
-    from its commands is for an action replay to show.
+    sample and with the state that its first hash names, bit for bit. A video must have its episode,
+    an episode its videos, and these the frames that its rows name, unchanged. That its last state
+    follows from its commands is for an action replay to show.
 
     Args:
         data: The data set.
@@ -57,6 +50,7 @@ def find_problems(
         Problem(path=path, what="Its recording was interrupted: recover or delete it.")
         for path in data.partials()
     ]
+    problems += list(videos.orphans(data))
     paths = data.episodes()
     progress(0, len(paths))
     with closing(run_all(_checker, paths, workers)) as results:
@@ -73,7 +67,7 @@ def _checker() -> Callable[[Path], list[Problem]]:
     def check(path: Path) -> list[Problem]:
         try:
             recording = Recording.read(path)
-            faults = _disagreements(recording, path)
+            faults = [*_disagreements(recording, path), *videos.disagreements(recording, path)]
             if not recording.info.is_real:
                 faults += _beginning(recording, environment)
         except DuoBenchError as error:
@@ -111,14 +105,21 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
     steps = length if succeeded is None else succeeded
     most_after_success = steps_after_success(info.after_success)
     infinite = [
-        column.name for column in COLUMNS if not np.isfinite(getattr(recording, column.name)).all()
+        column.name
+        for column in COLUMNS
+        if not (column.of_videos or column.of_robot)  # NaN where a device said nothing
+        and not np.isfinite(getattr(recording, column.name)).all()
     ]
     faults = {
         f"It belongs to task {info.task!r}, not into this folder.": path.parent.name != info.task,
         f"It belongs to suite {info.suite_version}.": info.suite_version != SUITE_VERSION,
         f"Not all numbers are finite: {', '.join(infinite)}.": bool(infinite),
-        "Its clock goes back.": bool((np.diff(recording.time) <= 0).any()),
-        "Its stage falls.": bool((np.diff(stage) < 0).any()),
+        # Real arms that were held during a step are not measured again.
+        "Its clock goes back.": bool(
+            (np.diff(recording.time) < (0.0 if info.is_real else 1e-9)).any()
+        ),
+        # People may take back what they declared.
+        "Its stage falls.": not info.is_real and bool((np.diff(stage) < 0).any()),
         "It has no actions.": not length,
         f"It has {steps} actions, more than its horizon.": bool(horizon and steps > horizon),
         f"It goes on for {length - steps} control steps after success, not for at most "
@@ -139,3 +140,9 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
             ),
         }
     return [sentence for sentence, is_so in faults.items() if is_so]
+
+
+def _goes_back(recording: Recording) -> bool:
+    """Whether a row is before another; real arms that were held in a step stay at one time."""
+    passed = np.diff(recording.time)
+    return bool((passed < 0).any() or (not recording.info.is_real and (passed == 0).any()))

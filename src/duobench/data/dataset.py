@@ -5,17 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from duobench.data import stream
 from duobench.data.recording import Recording
-from duobench.data.schema import OLDEST_SCHEMA, SCHEMA, EpisodeInfo
+from duobench.data.schema import OLDEST_SCHEMA, SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.errors import DataError, check_known
 from duobench.files import begin_or_continue, differences, lock, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
+
+if TYPE_CHECKING:
+    from duobench.data.real.robot import Robot
 
 DESCRIPTION = "dataset.json"
 """What makes a folder a data set."""
@@ -109,6 +113,19 @@ class DataSet:
             check_known("task in the data set", task, found)
         return [path for path in self.episodes() if not wanted or path.parent.name in wanted]
 
+    def videos_of(self, episode: Path) -> dict[str, Path]:
+        """Videos that a finished episode says it has, by camera; those without a frame are none.
+
+        Raises:
+            DataError: The episode cannot be read.
+        """
+        found = Recording.read_info(episode).videos
+        return {
+            camera: episode.with_name(f"{episode.stem}.{camera}{VIDEO_SUFFIX}")
+            for camera, facts in found.items()
+            if facts.frames
+        }
+
     def partials(self) -> list[Path]:
         """Files of episodes that are being recorded, or whose recording was killed."""
         return sorted((self.path / EPISODES).glob(f"*/*{stream.SUFFIX}"))
@@ -126,8 +143,16 @@ class DataSet:
         """
         return map(Recording.read, self.episodes(task))
 
+    def videos(self) -> list[Path]:
+        """Videos beside the files of episodes, finished or not, sorted by task and name."""
+        return sorted((self.path / EPISODES).glob(f"*/*{VIDEO_SUFFIX}"))
+
     def new_stream(
-        self, info: EpisodeInfo, sizes: Mapping[str, int], name: str | None = None
+        self,
+        info: EpisodeInfo,
+        sizes: Mapping[str, int],
+        name: str | None = None,
+        robot: Robot | None = None,
     ) -> stream.EpisodeStream:
         """Begin the recording of an episode.
 
@@ -135,6 +160,7 @@ class DataSet:
             info: What is known about it at its start.
             sizes: Numbers of an action and of a state.
             name: Name of its file; without one it is the next free number.
+            robot: The rig whose cameras are recorded in the videos that `info` names.
 
         Raises:
             DataError: There is an episode of that name, somebody is recording one, or it is no
@@ -147,13 +173,26 @@ class DataSet:
                     f"An episode cannot be named {name!r}. A name is letters, digits, '_', '-' and "
                     "'.', and begins with a letter, a digit or '_'."
                 )
-            return stream.EpisodeStream(self.episode(info.task, name), info, sizes)
-        taken = [path.stem for path in (self.path / EPISODES / info.task).glob("*")]
-        number = max((int(stem) for stem in taken if re.fullmatch(r"[0-9]+", stem)), default=-1)
+            return stream.EpisodeStream(self.episode(info.task, name), info, sizes, robot)
+        number = self.next_number(info.task)
         while True:
-            number += 1
             with suppress(DataError):  # another process has just taken the name
-                return self.new_stream(info, sizes, f"{number:05d}")
+                return self.new_stream(info, sizes, f"{number:05d}", robot)
+            number += 1
+
+    def kept(self, task: str) -> int:
+        """How many finished episodes of a task are kept.
+
+        Raises:
+            DataError: One cannot be read.
+        """
+        outcomes = (Recording.read_info(path).outcome for path in self.episodes(task))
+        return sum(outcome is not None and outcome.kept for outcome in outcomes)
+
+    def next_number(self, task: str) -> int:
+        """The first number after those of all episodes of a task, finished or not."""
+        names = (path.name.partition(".")[0] for path in (self.path / EPISODES / task).glob("*"))
+        return max((int(name) for name in names if re.fullmatch(r"[0-9]+", name)), default=-1) + 1
 
     def add(self, task: str, name: str, content: bytes) -> Path:
         """Add an episode that was recorded elsewhere, in one atomic step.
@@ -187,8 +226,8 @@ class DataSet:
             The file of the episode.
 
         Raises:
-            DataError: Nothing of it can be read, or another episode has its name; it is left as it
-                is.
+            DataError: Nothing of it can be read, one of its videos is missing, or another episode
+                has its name; it is left as it is.
             OutputError: It is still being recorded, or the episode cannot be written.
         """
         path = partial.with_suffix(SUFFIX)
@@ -196,9 +235,7 @@ class DataSet:
             lock(file.fileno(), partial)
             if not path.exists():
                 stream.recover(partial).write(path)
-            elif stream.read_info(partial) != replace(
-                Recording.read_info(path), outcome=None, last_hash=None
-            ):
+            elif stream.read_info(partial) != Recording.read_info(path).begun:
                 raise DataError(
                     f"{path} is another episode than the one that {partial.name} was to become. "
                     "Rename one of them."

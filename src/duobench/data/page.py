@@ -12,6 +12,7 @@ from PIL import Image
 
 from duobench.data.chatter import JUMP, REVERSAL
 from duobench.data.dataset import DataSet
+from duobench.data.real.views import RecordedImages, raw_view
 from duobench.data.recording import Recording
 from duobench.data.replay import ImageSource
 from duobench.data.summary import Summary
@@ -44,7 +45,8 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
         RenderingError: Nothing can be rendered.
         OutputError: The page cannot be written.
     """
-    sheets = {task.task: _contact_sheet(data, task.task) for task in summary.tasks if images}
+    shown = [task.task for task in summary.tasks if images and _has_images(data, task.task)]
+    sheets = {task: _contact_sheet(data, task) for task in shown}
     page = data.path / PAGE
     text = render(
         "duobench.data",
@@ -61,12 +63,23 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
     return page
 
 
+def _has_images(data: DataSet, task: str) -> bool:
+    """Whether the first episode of a task has images, or states to render them from."""
+    info = Recording.read_info(data.episodes(task)[0])
+    return not info.is_real or HEAD in info.videos
+
+
 def _contact_sheet(data: DataSet, task: str) -> str:
     """Images of the first episode of a task side by side, as the address of a JPEG."""
-    recording = Recording.read(data.episodes(task)[0])
+    path = data.episodes(task)[0]
+    recording = Recording.read(path)
     moments = np.linspace(0, len(recording), COLUMNS).round().astype(int)
-    with closing(ImageSource(task, cameras=(HEAD,), size=IMAGE_SIZE)) as source:
-        images = [source.images(recording, int(row))[HEAD] for row in moments]
+    if recording.info.is_real:
+        with closing(RecordedImages(recording, path, (HEAD,), IMAGE_SIZE, raw_view)) as videos:
+            images = [videos.images(int(row))[HEAD] for row in moments]
+    else:
+        with closing(ImageSource(task, cameras=(HEAD,), size=IMAGE_SIZE)) as source:
+            images = [source.images(recording, int(row))[HEAD] for row in moments]
     buffer = io.BytesIO()
     Image.fromarray(np.hstack(images)).save(buffer, format="JPEG", quality=JPEG_QUALITY)
     return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"

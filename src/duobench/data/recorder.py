@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from duobench.backend import DuoLimits
 from duobench.data.after_success import steps_after_success
 from duobench.data.dataset import DataSet
-from duobench.data.schema import Actor, EpisodeInfo, Outcome
+from duobench.data.schema import Actor, Domain, EpisodeInfo, Outcome
 from duobench.data.stream import EpisodeRows, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
@@ -30,6 +30,8 @@ from duobench.types import CONTROL_HZ, Array
 from duobench.versions import package_versions
 
 if TYPE_CHECKING:
+    from duobench.data.real.robot import Robot
+    from duobench.data.real.videos import Videos
     from duobench.envs.sim_env import SimEnv
 
 OBSERVED = ("agent_pos", "tcp_pose")
@@ -67,6 +69,7 @@ class Recorder(DuoWrapper):
         keep: Callable[[Outcome], bool] = lambda _outcome: True,
         is_reviewed: bool = False,
         has_clutch: bool = False,
+        robot: Robot | None = None,
     ) -> None:
         """Wrap an environment.
 
@@ -80,10 +83,13 @@ class Recorder(DuoWrapper):
             is_reviewed: Whether a finished episode waits for `keep` or `discard`; one that is left
                 without is written, and says that it is not meant to be used.
             has_clutch: Whether every row says which hands led their arms; see `clutch`.
+            robot: The rig that the environment plays on, whose cameras and full state are recorded
+                too, from the first step on: what the first row holds is seen again then.
 
         Raises:
             DataError: The environment takes chunks of actions, or actions of no known mode, or its
-                observation lacks what is to be recorded.
+                observation lacks what is to be recorded, or there is no folder for the videos of a
+                rig.
             OptionError: The seconds after success are negative or not finite.
         """
         super().__init__(env)
@@ -101,6 +107,9 @@ class Recorder(DuoWrapper):
         """Whether each hand, left then right, leads its arm in the next action."""
         self._has_clutch = has_clutch
         self._is_reviewed = is_reviewed
+        self._robot = robot
+        if robot is not None and self.data is None:
+            raise DataError("What cameras of a rig see is recorded in a data set; name one.")
         self._pending: tuple[EpisodeRows, Outcome, str | None] | None = None
         self._intended: Array | None = None
         self._steps_after_success = steps_after_success(after_success)
@@ -146,14 +155,17 @@ class Recorder(DuoWrapper):
             cameras={} if self._sim is None else describe_cameras(),
             task_instruction=self._own_instruction(),
             has_clutch=self._has_clutch,
+            domain=Domain.REAL if self._sim is None else Domain.SIM,
         )
+        if self._robot is not None:
+            described = replace(described, **self._robot.described())
         sizes = {"action": len(self._mode.names), "state": len(self._physics())}
         if self.data is None:
             self.content, self._stream = None, EpisodeRows(described, sizes)
         else:
-            self._stream = self.data.new_stream(described, sizes, self.next_name)
+            self._stream = self.data.new_stream(described, sizes, self.next_name, self._robot)
         self.next_name = self._intended = self._steps_left = None
-        self._see(self._stream, observation, info)
+        self._stream.append(self._seen(self._stream, observation, info))
         return observation, info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
@@ -167,8 +179,10 @@ class Recorder(DuoWrapper):
         """
         given = np.asarray(action)
         wanted, self._intended = self._intended, None
-        if self._stream is not None and self._steps_left:
-            optional_method(self.env, "allow_step_after_end")()
+        if self._stream is not None:
+            if self._steps_left:
+                optional_method(self.env, "allow_step_after_end")()
+            self._begin_videos(self._stream)
         try:
             observation, reward, terminated, truncated, info = self.env.step(action)
         except BackendError as error:
@@ -178,7 +192,7 @@ class Recorder(DuoWrapper):
             row = {"action": given if wanted is None else wanted, "sent": info["sent"]}
             row |= {"clutch": self.clutch} if self._has_clutch else {}
             self._stream.act(row | {"reward": reward})
-            self._see(self._stream, observation, info)
+            self._stream.append(self._seen(self._stream, observation, info))
             reason = info.get(TRUNCATION_REASON)
             if terminated and info["success"] and reason is None and self._steps_after_success:
                 terminated, truncated = self._is_enough_after_success(), False
@@ -239,8 +253,10 @@ class Recorder(DuoWrapper):
 
     def close(self) -> None:
         """End the running episode, marked as cut, and close the environment."""
-        self._leave(reason="The environment was closed.")
-        super().close()
+        try:
+            self._leave(reason="The environment was closed.")
+        finally:
+            super().close()  # arms stop, whatever could not be written
 
     def _is_enough_after_success(self) -> bool:
         """Count a step that ended with success, and say whether it is the last one to record."""
@@ -248,25 +264,41 @@ class Recorder(DuoWrapper):
         self._steps_left = self._steps_after_success if left is None else left - 1
         return not self._steps_left
 
-    def _see(self, stream: EpisodeRows, observation: Observation, info: Info) -> None:
+    def _seen(self, stream: EpisodeRows, observation: Observation, info: Info) -> dict[str, Any]:
+        """What a row holds of what was seen."""
         backend = self.base.backend
-        stream.append(
-            {
-                **{name: observation[name] for name in OBSERVED},
-                "time": backend.time,
-                "joint_velocity": backend.joint_velocities().ravel(),
-                "stage": info["stage"],
-                "success": info["success"],
-                "success_at_end": info["success_at_end"],
-                "state": self._physics(),
-            }
-        )
+        row: dict[str, Any] = {
+            **{name: observation[name] for name in OBSERVED},
+            "time": backend.time,
+            "joint_velocity": backend.joint_velocities().ravel(),
+            "stage": info["stage"],
+            "success": info["success"],
+            "success_at_end": info["success_at_end"],
+            "state": self._physics(),
+        }
+        return row if self._robot is None else row | self._seen_by(self._robot, stream, row["time"])
+
+    def _seen_by(self, robot: Robot, stream: EpisodeRows, time_s: float) -> dict[str, Any]:
+        """What a row holds of what a rig alone sees."""
+        row = robot.states(stream.info.robot_state_names)
+        videos = _videos_of(stream)
+        return row if videos is None else row | videos.see(robot.duo.frames(), time_s)
+
+    def _begin_videos(self, stream: EpisodeRows) -> None:
+        """Record what the cameras see from the first step on; a person may take long to begin."""
+        videos, robot = _videos_of(stream), self._robot
+        if robot is not None and videos is not None and not videos.is_listening:
+            row = robot.observe()
+            stream.correct(row | self._seen_by(robot, stream, row["time"]))
+            videos.listen()
 
     def _end(self, *, cut: bool, kept: bool = True, reason: str | None = None) -> None:
         self._leave_pending()
         stream, self._stream = self._stream, None
         if stream is None:
             return
+        if (videos := _videos_of(stream)) is not None:
+            videos.close()  # now, whenever somebody decides
         if not len(stream.rows):  # not even the reset could be recorded
             stream.discard()
             return
@@ -308,6 +340,10 @@ class Recorder(DuoWrapper):
     def _physics(self) -> Array:
         """The state of the simulation; no numbers where there is none."""
         return np.empty(0) if self._sim is None else self._sim.simulation.get_state()
+
+
+def _videos_of(stream: EpisodeRows) -> Videos | None:
+    return getattr(stream, "videos", None)
 
 
 def _action_mode(env: gym.Env, limits: DuoLimits) -> ActionMode:

@@ -76,16 +76,26 @@ class Recording:
     clutch: NDArray[np.bool_]
     """Whether each hand of the operator led its arm (T, 2), left then right; without a clutch
     (T, 0)."""
+    frame: NDArray[np.int64]
+    """Which frame of each video belongs to a row (T + 1, v), from 0 on; -1 before the first one. In
+    the order of `info.videos`; without videos (T + 1, 0)."""
+    frame_number: NDArray[np.int64]
+    """Numbers that the cameras gave these frames (T + 1, v); a gap is a frame that got lost."""
+    frame_age: Array
+    """Seconds from when they were taken to `time` (T + 1, v); NaN before the first one."""
+    left_robot_state: Array
+    """What the left arm's driver says of it (T + 1, n), see `info.robot_state_names`; NaN where it
+    said something else. Without a rig (T + 1, 0)."""
+    right_robot_state: Array
+    """The same of the right arm (T + 1, n)."""
 
     def __post_init__(self) -> None:
         """Reject columns that do not belong together."""
         for column in COLUMNS:
             array = getattr(self, column.name)
             rows = len(self) if column.of_action else len(self) + 1
-            is_here = column.is_in(self.info)
-            width = tuple(n or max((int(is_here), *array.shape[1:])) for n in column.shape)
-            if column.of_clutch and not is_here:
-                width = (0,)
+            size = max((int(column.is_in(self.info)), *array.shape[1:]))
+            width = column.row_shape(self.info, size)
             if array.shape != (rows, *width) or array.dtype != column.dtype:
                 raise DataError(
                     f"Column {column.name!r} has shape {array.shape} of {array.dtype}, expected "

@@ -7,7 +7,7 @@ both pairings can be read: the causal one (o_t, a_t) and the delayed one (a_t, o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -19,16 +19,20 @@ from duobench.envs.action_modes import ActionMode
 from duobench.envs.config import EnvConfig
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, Side
 
-SCHEMA = 4
+SCHEMA = 5
 """Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
 OLDEST_SCHEMA = 1
 """First version that is read too: schema 1 did not say the action mode, 1 and 2 neither the step of
-success nor the cameras, and ended with success, and 1 to 3 neither the task's own instruction nor a
-clutch."""
+success nor the cameras, and ended with success, 1 to 3 neither the task's own instruction nor a
+clutch, and 1 to 4 neither the domain nor what real arms record beside: their rig, videos and full
+state."""
 INFO_KEY = b"duobench.episode"
 """Key of the file's metadata under which `EpisodeInfo` stands as JSON."""
+
+VIDEO_SUFFIX = ".mp4"
+"""Ending of the videos beside an episode's file, `NAME.CAMERA.mp4`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,11 +52,35 @@ class Column:
     of_clutch: bool = False
     """Whether only episodes that were led with a clutch have it; those of others hold no numbers
     (T, 0)."""
+    of_videos: bool = False
+    """Whether it has a number for each video of the episode, in their order."""
+    of_robot: str = ""
+    """Side whose arm's full state it holds; empty for all other columns."""
 
     def is_in(self, info: EpisodeInfo) -> bool:
         """Whether an episode has it."""
-        is_missing = self.of_simulation and info.is_real
-        return not (is_missing or (self.of_clutch and not info.has_clutch))
+        if self.of_simulation:
+            return not info.is_real
+        if self.of_clutch:
+            return info.has_clutch
+        if self.of_videos:
+            return bool(info.videos)
+        return not self.of_robot or bool(info.robot_state_names.get(self.of_robot))
+
+    def row_shape(self, info: EpisodeInfo, size: int) -> tuple[int, ...]:
+        """Shape of one row in an episode.
+
+        Args:
+            info: What is said about the episode.
+            size: How many numbers there are, where nothing says it.
+        """
+        if self.of_videos:
+            return (len(info.videos),)
+        if self.of_robot:
+            return (len(info.robot_state_names.get(self.of_robot, ())),)
+        if self.of_clutch and not self.is_in(info):
+            return (0,)
+        return tuple(n or size for n in self.shape)
 
 
 COLUMNS = (
@@ -68,8 +96,46 @@ COLUMNS = (
     Column(name="sent", dtype=np.float64, shape=(16,), of_action=True),
     Column(name="reward", dtype=np.float64, shape=(), of_action=True),
     Column(name="clutch", dtype=np.bool_, shape=(2,), of_action=True, of_clutch=True),
+    Column(name="frame", dtype=np.int64, shape=(0,), of_videos=True),
+    Column(name="frame_number", dtype=np.int64, shape=(0,), of_videos=True),
+    Column(name="frame_age", dtype=np.float64, shape=(0,), of_videos=True),
+    Column(name="left_robot_state", dtype=np.float64, shape=(0,), of_robot=Side.LEFT.value),
+    Column(name="right_robot_state", dtype=np.float64, shape=(0,), of_robot=Side.RIGHT.value),
 )
 """Every column of a recording; `Recording` says what they hold."""
+
+
+class Domain(StrEnum):
+    """Where an episode was played."""
+
+    SIM = "sim"
+    """In the simulation."""
+    REAL = "real"
+    """On a rig: real arms, or drivers that imitate them, which the rig says."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RigFacts:
+    """The rig that an episode was played on."""
+
+    name: str
+    """Name of the lab or of the robot."""
+    hash: str
+    """SHA-256 of all that its file says."""
+    drivers: tuple[str, ...] = ()
+    """What talks to its arms, grippers and cameras, each kind once; "simulated" is no hardware."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VideoFacts:
+    """What one camera of a rig saw, in a video beside the episode's file."""
+
+    frames: int | None = None
+    """Frames in the video; None while it is being recorded."""
+    sha256: str | None = None
+    """Hash of its file; None while it is being recorded."""
+    left_out: int = 0
+    """Frames that came while the encoder was too far behind, and are missing in the video."""
 
 
 class ActorKind(StrEnum):
@@ -159,18 +225,35 @@ class EpisodeInfo:
     after_success: float = 0.0
     """Seconds that it was to go on after success, a whole number of control steps."""
     cameras: dict[str, Any] = field(default_factory=dict)
-    """Lenses and mounts of the cameras, as `robot.cameras.describe_cameras` gives them; empty on
-    real arms, and in schemas 1 and 2. A look that moves cameras is in `config`."""
+    """Lenses and mounts of the cameras, as `robot.cameras.describe_cameras` gives them; on a rig
+    what its file says about them, in schemas 1 and 2 nothing. A look that moves cameras is in
+    `config`."""
     task_instruction: str | None = None
     """The task's own instruction in this layout, whatever `instruction` is; None before schema
     4."""
     has_clutch: bool = False
     """Whether rows say which hands led their arms."""
+    domain: Domain | None = None
+    """Where it was played; None before schema 5, where `is_real` knows it."""
+    rig: RigFacts | None = None
+    """The rig that it was played on, if there is one."""
+    videos: dict[str, VideoFacts] = field(default_factory=dict)
+    """Videos beside the file, `NAME.CAMERA.mp4`, by camera, in the order of the numbers in the
+    columns of frames; none in simulation, where images follow from states."""
+    robot_state_names: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """What the numbers of `left_robot_state` and `right_robot_state` are, by side."""
 
     @property
     def is_real(self) -> bool:
         """Whether it was played on real arms, whose state is not known as a whole."""
-        return self.first_hash is None
+        return self.first_hash is None if self.domain is None else self.domain is Domain.REAL
+
+    @property
+    def begun(self) -> EpisodeInfo:
+        """What was known when it began."""
+        return replace(
+            self, outcome=None, last_hash=None, videos=dict.fromkeys(self.videos, VideoFacts())
+        )
 
 
 def action_mode(info: EpisodeInfo) -> ActionMode:

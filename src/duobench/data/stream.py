@@ -12,15 +12,28 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BufferedWriter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duobench.data.recording import Recording, first_success
-from duobench.data.schema import COLUMNS, OLDEST_SCHEMA, SCHEMA, Column, EpisodeInfo, Outcome
+from duobench.data.schema import (
+    COLUMNS,
+    OLDEST_SCHEMA,
+    SCHEMA,
+    VIDEO_SUFFIX,
+    Column,
+    EpisodeInfo,
+    Outcome,
+    VideoFacts,
+)
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
+
+if TYPE_CHECKING:
+    from duobench.data.real.robot import Robot
+    from duobench.data.real.videos import Videos
 
 SUFFIX = ".part"
 """Ending of the file of an episode that is being recorded."""
@@ -49,9 +62,7 @@ class _Head:
         return np.dtype(fields, align=True)
 
     def _row_shape(self, column: Column) -> tuple[int, ...]:
-        if column.of_clutch and not column.is_in(self.info):
-            return (0,)
-        return tuple(n or self.sizes[column.name] for n in column.shape)
+        return column.row_shape(self.info, self.sizes.get(column.name, 0))
 
 
 class EpisodeRows:
@@ -103,6 +114,11 @@ class EpisodeRows:
         """The whole episode, which ends here."""
         return _recording(replace(self.info, outcome=outcome, last_hash=last_hash), self.rows)
 
+    def correct(self, row: Mapping[str, Any]) -> None:
+        """Replace what was seen in the last row, whose action is still to come."""
+        for name, value in row.items():
+            self._rows[name][self._count - 1] = value
+
     def flush(self) -> None:
         """Write every row, the last one too, which no action follows any more."""
 
@@ -113,13 +129,20 @@ class EpisodeRows:
 class EpisodeStream(EpisodeRows):
     """Takes the rows of one episode, in a file."""
 
-    def __init__(self, path: Path, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        info: EpisodeInfo,
+        sizes: Mapping[str, int],
+        robot: Robot | None = None,
+    ) -> None:
         """Begin a file, which is locked for as long as it is open.
 
         Args:
             path: Where the finished episode will be.
             info: What is known about it at its start.
             sizes: Numbers in one row of `action` and `state`.
+            robot: The rig whose cameras are recorded in the videos that `info` names.
 
         Raises:
             OutputError: The file cannot be made.
@@ -129,6 +152,8 @@ class EpisodeStream(EpisodeRows):
         super().__init__(info, sizes)
         self.path = path
         """Where the finished episode will be."""
+        self.videos: Videos | None = None
+        """Its videos, where it has some."""
         self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
@@ -136,15 +161,21 @@ class EpisodeStream(EpisodeRows):
         with writing(self._partial):
             self._file = _new_file(self._partial)
         try:
-            self._check_free()  # only now, when nobody else can begin one of that name
+            self._check_free(videos=True)  # only now, when nobody else can begin one of that name
             with writing(self._partial):
                 lock(self._file.fileno(), self._partial)
                 self._file.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
                 self._file.flush()
         except DuoBenchError:
-            self.discard()
+            self._remove()
             raise
         self._start = self._file.tell()
+        if robot is not None and info.videos:
+            from duobench.data.real.videos import Videos
+
+            cameras = {name: robot.duo.cameras[name] for name in info.videos}
+            rates = {name: robot.cameras[name]["fps"] for name in info.videos}
+            self.videos = Videos(path, cameras, rates, robot.waits)
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Append what was seen, and write what is complete now and then."""
@@ -153,11 +184,13 @@ class EpisodeStream(EpisodeRows):
             self._flush(self._count - 1)  # all but the last row, whose action is still to come
 
     def flush(self) -> None:
-        """Write every row, the last one too.
+        """Write every row, the last one too, and all that waits for the videos.
 
         Raises:
             OutputError: They cannot be written.
         """
+        if self.videos is not None:
+            self.videos.close()
         self._flush(self._count)
 
     def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
@@ -165,26 +198,36 @@ class EpisodeStream(EpisodeRows):
 
         Raises:
             OutputError: It cannot be written; the stream stays, for `recover`.
+            VideoError: A frame could not be encoded; likewise.
             DataError: Somebody has put another episode there; the stream stays too.
         """
-        recording = super().finish(outcome, last_hash)
         try:
+            if self.videos is not None:
+                self.info = replace(self.info, videos=self.videos.finish())
+            recording = super().finish(outcome, last_hash)
             self._check_free()
             recording.write(self.path)
         except DuoBenchError:
             self.close()
             raise
-        self.discard()
+        self._remove()
         return recording
 
     def discard(self) -> None:
-        """Remove the stream; the episode is lost if it was not finished."""
+        """Remove the stream and its videos; the episode is lost if it was not finished."""
+        if self.videos is not None:
+            self.videos.discard()
+        self._remove()
+
+    def _remove(self) -> None:
         self._release()
         with writing(self._partial):
             self._partial.unlink(missing_ok=True)
 
     def close(self) -> None:
         """Let go of the file, with all rows in it that can be written."""
+        if self.videos is not None:
+            self.videos.close()
         with suppress(OutputError):
             self._flush(self._count)
         self._release()
@@ -193,9 +236,14 @@ class EpisodeStream(EpisodeRows):
         with suppress(OSError):  # rows that could not be written were complained about
             self._file.close()
 
-    def _check_free(self) -> None:
-        if self.path.exists():
-            raise DataError(f"{self.path} exists already; an episode is never overwritten.")
+    def _check_free(self, *, videos: bool = False) -> None:
+        paths = [self.path]
+        if videos:
+            stem = self.path.stem
+            paths += [self.path.with_name(f"{stem}.{n}{VIDEO_SUFFIX}") for n in self.info.videos]
+        for path in paths:
+            if path.exists():
+                raise DataError(f"{path} exists already; an episode is never overwritten.")
 
     def _flush(self, end: int) -> None:
         """Write the rows before one; where it failed before, it begins again at the same place."""
@@ -223,12 +271,24 @@ def recover(partial: Path) -> Recording:
         partial: The stream that was left.
 
     Returns:
-        The episode up to its last whole row, marked as cut.
+        The episode up to its last whole row whose frames are all in the videos, marked as cut.
 
     Raises:
         DataError: Nothing of it can be read; the message names the file.
     """
     info, rows = _read(partial)
+    if info.videos:
+        from duobench.data.real.videos import describe, video_path
+
+        has_none = (rows["frame"] < 0).all(axis=0)
+        videos = {
+            name: VideoFacts(frames=0) if is_empty else describe(video_path(partial, name))
+            for (name, is_empty) in zip(info.videos, has_none, strict=True)
+        }
+        frames = np.array([video.frames for video in videos.values()])
+        whole = (rows["frame"] < frames).all(axis=1)
+        rows = rows[: len(rows) if whole.all() else int(whole.argmin())]
+        info = replace(info, videos=videos)
     if not len(rows):
         raise DataError(f"Cannot recover {partial}: it ends before its first rows were written.")
     outcome = outcome_of(info, rows, kept=False, reason=INTERRUPTED, cut=True)

@@ -11,7 +11,7 @@ import numpy as np
 from duobench.data.chatter import JOINTS, Chatter, at_limit, measure
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
-from duobench.data.schema import Actor
+from duobench.data.schema import Actor, EpisodeInfo
 from duobench.errors import DataError
 from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
@@ -57,6 +57,12 @@ class TaskSummary:
     """What their joint targets do that is hard to learn."""
     led: float | None
     """Share of steps in which a hand of an operator led an arm; None where nothing says it."""
+    real: int = 0
+    """Episodes that were played on a rig, and not in the simulation."""
+    rigs: tuple[str, ...] = ()
+    """Names of the rigs; one without hardware has "simulated drivers" behind its name."""
+    left_out: int = 0
+    """Frames that are missing in videos, because the encoder was too far behind."""
 
     @property
     def median_length(self) -> float:
@@ -113,6 +119,20 @@ class Summary:
         """Actions of all episodes."""
         return sum(task.frames for task in self.tasks)
 
+    @property
+    def domains(self) -> str:
+        """Where the episodes were played, in words."""
+        real = sum(task.real for task in self.tasks)
+        rigs = dict.fromkeys(rig for task in self.tasks for rig in task.rigs)
+        parts = [f"{self.episodes - real} simulated"] if real < self.episodes else []
+        parts += [f"{real} real ({'; '.join(rigs)})"] if real else []
+        return ", ".join(parts)
+
+    @property
+    def left_out(self) -> int:
+        """Frames that are missing in videos, because the encoder was too far behind."""
+        return sum(task.left_out for task in self.tasks)
+
 
 def summarize(data: DataSet) -> Summary:
     """Read a data set and add it up.
@@ -145,6 +165,7 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         for each in recordings
     ]
     infos = [each.info for each in recordings]
+    simulated = [info for info in infos if not info.is_real]
     outcomes = [info.outcome for info in infos]
     return TaskSummary(
         task=task,
@@ -159,11 +180,22 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         lengths=tuple(sorted(map(_steps, recordings))),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
         actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
-        repeated_layouts=len(infos) - len({repr(info.layout) for info in infos}),
+        repeated_layouts=len(simulated) - len({repr(info.layout) for info in simulated}),
         eval_layouts=sum(info.split == "eval" for info in infos),
         chatter=measure(recordings),
         led=_led(recordings),
+        real=len(infos) - len(simulated),
+        rigs=tuple(dict.fromkeys(map(_rig, (info for info in infos if info.is_real)))),
+        left_out=sum(video.left_out for info in infos for video in info.videos.values()),
     )
+
+
+def _rig(info: EpisodeInfo) -> str:
+    """The rig of an episode in words."""
+    rig = info.rig
+    if rig is None:
+        return "a rig without a name"
+    return f"{rig.name}, simulated drivers" if set(rig.drivers) == {"simulated"} else rig.name
 
 
 def _led(recordings: Sequence[Recording]) -> float | None:

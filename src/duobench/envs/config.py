@@ -13,6 +13,7 @@ from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.robot.limits import check_speed_fraction
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 RENDER_MODES = ("rgb_array",)
@@ -50,6 +51,10 @@ class EnvConfig:
     sampled from it and the task's paraphrases ("varied")."""
     split: str = EVAL
     """Layouts that resets sample from: "eval", or "train" for demonstrations."""
+    speed_fraction: float = 1.0
+    """Part of the joints' speed limits that simulated arms use: below 1, they keep the slower
+    limits of real arms, of which a rig's file says the fraction, and 0.05 rad of distance from the
+    ends of the joints' ranges. Actions and spaces stay as they are; targets beyond are clipped."""
     control_rate_hz: float = CONTROL_HZ
     """Control steps a second; there is one rate."""
     render_mode: str | None = None
@@ -69,6 +74,9 @@ class EnvConfig:
         for name in _FLAGS:
             if not isinstance(value := getattr(self, name), bool):
                 raise OptionError(f"{name} is True or False, got {value!r}.")
+        if not isinstance(self.speed_fraction, int | float):
+            raise OptionError(f"speed_fraction is a number, got {self.speed_fraction!r}.")
+        check_speed_fraction(self.speed_fraction)
         if self.control_rate_hz != CONTROL_HZ:
             raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")
         if not isinstance(self.cameras, tuple):

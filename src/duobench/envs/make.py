@@ -48,6 +48,7 @@ def make_base(task: str | Task, **options: Any) -> SimEnv:
         render_mode=config.render_mode,
         render_size=config.render_size,
         look=config.look,
+        speed_fraction=config.speed_fraction,
     )
     base.config = config
     return base

@@ -61,6 +61,7 @@ class SimEnv(DuoEnv):
         render_mode: str | None = None,
         render_size: tuple[int, int] = RENDER_SIZE,
         look: str | Look = DEFAULT,
+        speed_fraction: float = 1.0,
     ) -> None:
         """Compile the task's model; no OpenGL before the first image.
 
@@ -69,13 +70,15 @@ class SimEnv(DuoEnv):
             render_mode: "rgb_array", or None if nobody calls `render`.
             render_size: Height and width of the image that `render` gives, in pixels.
             look: How images look; a name or a look.
+            speed_fraction: Part of the joints' speed limits that the arms use; see `EnvConfig`.
 
         Raises:
             UnknownNameError: There is no such look, or it names an object that the task has not.
+            OptionError: The fraction is not over 0 and at most 1.
         """
         self.simulation = Simulation(task.props, task.overview)
         """The physics."""
-        self._arms = SimBackend(self.simulation)
+        self._arms = SimBackend(self.simulation, speed_fraction)
         super().__init__(self._arms, task)
         self._usual_look = as_look(look)
         self._arms.set_look(self._usual_look)

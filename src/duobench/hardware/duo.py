@@ -8,18 +8,23 @@ from collections.abc import Mapping
 import numpy as np
 
 from duobench.backend import DuoLimits
-from duobench.errors import ActionError, BackendError
+from duobench.errors import ActionError, BackendError, escaped
 from duobench.hardware.clock import Clock
 from duobench.hardware.devices import Arm, Camera, Fault, FaultKind, Gripper
 from duobench.hardware.guard import Guard
-from duobench.hardware.motion.follower import PERIOD, RANGE_MARGIN
+from duobench.hardware.motion.follower import PERIOD
 from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import HELD, State
 from duobench.hardware.watched import WatchedRig
-from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
-from duobench.robot.limits import duo_limits
+from duobench.robot.joints import HOME_JOINTS
+from duobench.robot.limits import RANGE_MARGIN, duo_limits
+from duobench.robot.speeds import speed_limits
 from duobench.types import SIDES, Array, DuoCommand, Side
 
+HOME_SHARE = 0.8
+"""Part of the speed on the way home that the way itself takes; the rest is for catching up."""
+SLOWEST = 0.02
+"""Speed in rad/s with which a joint leaves an end of its range."""
 HOME_TOLERANCE = 0.03
 """How near in radians a joint has to be home, which an arm with a soft grip on its joints may miss
 by a little."""
@@ -58,7 +63,7 @@ class HardwareDuo(WatchedRig):
             guard: Who keeps the arms apart, and off the table; None leaves that to people.
         """
         super().__init__(rig, clock, arms=arms, grippers=grippers, cameras=cameras, guard=guard)
-        configs = [rig.arms[side] for side in SIDES]
+        self._configs = configs = [rig.arms[side] for side in SIDES]
         left, right = (config.speed_fraction for config in configs)
         self._nominal = duo_limits()
         self._limits = duo_limits((left, right), RANGE_MARGIN)
@@ -89,11 +94,11 @@ class HardwareDuo(WatchedRig):
         """
         self.start()
         self.supervisor.check_confirmed()
-        self._measure()
-        here = self._here().joints
-        way = [HOME_JOINTS] if self.guard is None else self.guard.way(here, HOME_JOINTS)
+        way = self.way_home()
+        here = self.read().joints
         self.supervisor.begin(State.HOMING)
         self._engage()
+        self._drive.limit(is_home=True)
         self._due = self.clock.now()
         for start, end in zip([here, *way[:-1]], way, strict=True):
             self._go(start, end)
@@ -101,16 +106,37 @@ class HardwareDuo(WatchedRig):
             gripper.command(1.0)
         self._last = DuoCommand(joints=HOME_JOINTS.copy(), openings=np.ones(2))
         self._settle()
+        self._drive.limit(is_home=False)
         if not self.supervisor.enter(State.READY, only_from=(State.HOMING,)):
             raise BackendError(f"The arms did not get home: {self.held}")
 
+    def way_home(self) -> list[Array]:
+        """The way that `home` takes from where the arms are.
+
+        Returns:
+            Joint positions (2, 7) to go through, home last, each on a straight line from the one
+            before.
+
+        Raises:
+            BackendError: The guard found no free one.
+        """
+        self._measure()
+        return (
+            [HOME_JOINTS] if self.guard is None else self.guard.way(self.read().joints, HOME_JOINTS)
+        )
+
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""
-        fractions = np.array([[self.rig.arms[side].home_fraction] for side in SIDES])
-        per_step = fractions * np.array(VELOCITY_LIMITS) * PERIOD
-        steps = max(1, int(np.ceil(np.max(np.abs(end - start) / per_step))))
-        for step in range(1, steps + 1):
-            self._aim(start + (end - start) * (step / steps))
+        fractions = np.array(
+            [[min(arm.home_fraction, arm.speed_fraction)] for arm in self._configs]
+        )
+        way, share = end - start, 0.0
+        while share < 1.0:
+            # As fast as the slowest joint may be where it is, so that none leaves the line.
+            low, high = map(np.array, zip(*map(speed_limits, start + share * way), strict=True))
+            speeds = np.maximum(HOME_SHARE * fractions * np.minimum(-low, high), SLOWEST)
+            share = min(1.0, share + PERIOD / max(np.max(np.abs(way) / speeds), PERIOD))
+            self._aim(start + share * way)
             self._tick()
 
     def _aim(self, joints: Array) -> None:
@@ -172,24 +198,33 @@ class HardwareDuo(WatchedRig):
             self._measure()
             self._engage()
         self._last_heard = self._due = self.clock.now()
+        self._drive.limit(is_home=False)
         self.supervisor.begin(State.RUNNING)
 
     def _send(self, targets: Array) -> None:
         last = self.last_command
         sent = DuoCommand.from_flat(self._limits.clip(targets, last.flat))
-        if self.guard is not None:
-            problem = self.guard.problem(sent.joints) or self.guard.problem(
-                self._stopping(last.joints, sent.joints)
-            )
-            if problem is not None:
-                text = f"The guard refused a command: {problem}"
-                self._hold(text, Fault(kind=FaultKind.REFLEX, text=text))
-                return
+        if (objection := self._objection(last.joints, sent.joints)) is not None:
+            self._hold(objection.text, objection)
+            return
         with self._motion:
             if self.supervisor.state is not State.RUNNING:
                 return
             self._drive.send(sent)
             self._last, self._last_heard = sent, self.clock.now()
+
+    def _objection(self, last: Array, target: Array) -> Fault | None:
+        """Why the guard does not let a command pass; None if it does."""
+        if self.guard is None:
+            return None
+        try:
+            problem = self.guard.problem(target) or self.guard.problem(self._stopping(last, target))
+        except Exception as error:  # noqa: BLE001 - whatever it is, nobody looks out then
+            text = f"The guard failed: {escaped(repr(error))}"
+            return Fault(kind=FaultKind.DEVICE, text=text)
+        if problem is None:
+            return None
+        return Fault(kind=FaultKind.REFLEX, text=f"The guard refused a command: {problem}")
 
     def _stopping(self, last: Array, target: Array) -> Array:
         """Where the arms come to rest that brake at a target."""

@@ -11,6 +11,9 @@ from duobench.errors import OptionError
 from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.types import ARM_JOINTS, CONTROL_HZ, FLAT_SIZE, SIDES
 
+RANGE_MARGIN = 0.05
+"""Distance in radians that real arms keep from the ends of their joints' ranges."""
+
 
 def duo_limits(speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0) -> DuoLimits:
     """Limits of both arms.

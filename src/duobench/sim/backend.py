@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from duobench.backend import DuoLimits, Image
 from duobench.looks.look import Look
+from duobench.robot.limits import RANGE_MARGIN, duo_limits
 from duobench.sim.appearance import Appearance
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
@@ -16,9 +17,20 @@ from duobench.types import Array, DuoCommand, DuoState
 class SimBackend:
     """A `DuoBackend` over a simulation, of which nothing breaks and no image grows old."""
 
-    def __init__(self, simulation: Simulation) -> None:
-        """Drive a simulation."""
+    def __init__(self, simulation: Simulation, speed_fraction: float = 1.0) -> None:
+        """Drive a simulation.
+
+        Args:
+            simulation: The simulation.
+            speed_fraction: Part of the joints' speed limits that the arms use; below 1 they keep
+                the limits of real arms.
+
+        Raises:
+            OptionError: The fraction is not over 0 and at most 1.
+        """
         self.simulation = simulation
+        fractions = speed_fraction, speed_fraction
+        self._slower = None if speed_fraction == 1.0 else duo_limits(fractions, RANGE_MARGIN)
         self._held: str | None = None
         self._look = Look()
         self._renderers: dict[tuple[int, int], Renderer] = {}
@@ -77,13 +89,18 @@ class SimBackend:
         return self.simulation.duo.joint_velocities()
 
     def command(self, command: DuoCommand) -> DuoCommand:
-        """Advance one control step towards a command, which is sent as it is unless arms are held.
+        """Advance one control step towards a command.
+
+        It is sent as it is, unless the arms are held or keep slower limits.
 
         Raises:
             SimulationError: The physics diverged.
         """
         if self._held is not None:
             command = self.last_command
+        elif self._slower is not None:
+            last = self.last_command.flat
+            command = DuoCommand.from_flat(self._slower.clip(command.flat, last))
         self.simulation.advance(command)
         return command
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from duobench.envs.sim_env import SimEnv
 from duobench.teleop.pacing import Timings, run
@@ -13,6 +13,9 @@ from duobench.types import SIDES
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.server import PageServer
+
+if TYPE_CHECKING:
+    import mujoco
 
 _QUIET = ("step", "lost")
 """What of a status changes all the time, and is sent once in a while or with something else."""
@@ -67,7 +70,7 @@ class LiveSession:
         if self._episode != status["count"]:
             self._begin(status["count"])
         if self._server.has_viewers:
-            poses = self._geometry.poses(self._env.simulation.data)
+            poses = self._geometry.poses(self._data())
             self._server.publish_frame(pack_frame(poses, status["step"], time.monotonic()))
             self._tell(status)
         for pulse in self._session.feeling.take():
@@ -76,8 +79,16 @@ class LiveSession:
     def _begin(self, count: int) -> None:
         """Show the scene of an episode, which depends on what its layout chose."""
         self._episode = count
-        self._geometry = Geometry(self._env.simulation.model, self._env.look)
+        self._geometry = self._new_geometry()
         self._server.publish_scene(self._geometry.name, self._geometry.data)
+
+    def _new_geometry(self) -> Geometry:
+        """The shapes of this episode's scene."""
+        return Geometry(self._env.simulation.model, self._env.look)
+
+    def _data(self) -> mujoco.MjData:
+        """Where everything is."""
+        return self._env.simulation.data
 
     def _tell(self, status: dict[str, Any]) -> None:
         """Show a status, if more has changed than what changes all the time."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from duobench.data import Recorder, Recording
+from duobench.data import Recorder
 from duobench.envs.duo_env import Info
 from duobench.envs.reset_options import INSTRUCTION, SPLIT
 from duobench.errors import BackendError, OptionError
@@ -246,9 +245,13 @@ class Session:
         self._info, self._seen = info, backend.read()
         self.feeling.update(intent)
         if terminated or truncated:
-            self._end("Solved." if info["success"] else "Time is up.")
+            self._end(self._why_over(info))
         elif info["success"] and self.state is State.RECORDING:
             self.state, self.note = State.SUCCESS, "Solved: open the hands and retreat."
+
+    def _why_over(self, info: Info) -> str:
+        """Why an episode is over, in a sentence."""
+        return "Solved." if info["success"] else "Time is up."
 
     def _end(self, note: str) -> None:
         self.state, self.note = State.DECIDE, f"{note} Keep the episode or discard it."
@@ -290,24 +293,19 @@ class Session:
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._number, TRAIN)
         env.next_name = f"{self._number:05d}"
-        options = {SPLIT: TRAIN, INSTRUCTION: self._instruction or None}
-        _, self._info = env.reset(seed=seed, options=options)
+        _, self._info = env.reset(seed=seed, options=self._reset_options(seed))
         self._seen: DuoState = env.base.backend.read()
         self._steps, self._stage_changes, self._is_kept = 0, [], False
         self.state, self.note = State.WAITING, ""
         self.device.begin(env.base.backend.last_command)
         self.feeling.begin()
 
+    def _reset_options(self, seed: int) -> dict[str, Any]:  # noqa: ARG002 - real arms need it
+        """Options of a reset with a seed."""
+        return {SPLIT: TRAIN, INSTRUCTION: self._instruction or None}
+
 
 def _so_far(env: Recorder) -> tuple[int, int]:
     """Episodes of the task that are kept in the data set, and the number of the next one."""
     data = env.data
-    if data is None:
-        return 0, 0
-    episodes = data.episodes(env.task)
-    outcomes = [Recording.read_info(path).outcome for path in episodes]
-    begun = [path for path in data.partials() if path.parent.name == env.task]
-    names = [path.stem for path in (*episodes, *begun)]
-    numbers = [int(name) for name in names if re.fullmatch(r"[0-9]+", name)]
-    kept = sum(outcome is not None and outcome.kept for outcome in outcomes)
-    return kept, max(numbers, default=-1) + 1
+    return (0, 0) if data is None else (data.kept(env.task), data.next_number(env.task))

@@ -83,6 +83,7 @@ def plan_all(
     tasks: Sequence[str] = (),
     steps: int | None = None,
     small: bool = False,
+    domain_ids: bool = False,
 ) -> tuple[Training, ...]:
     """Prepare one training, or one for each task where a policy learns one task.
 
@@ -95,6 +96,8 @@ def plan_all(
             in a training of its own, unless only one is named.
         steps: Steps of the optimizer; None takes the recipe's.
         small: Whether to take the recipe for a processor.
+        domain_ids: Whether the policy is told which episodes are simulated and which are real; an
+            evaluation says domain 0, simulation, wherever it is played.
 
     Raises:
         UnknownNameError: There is no such recipe, or no such task in the data set.
@@ -103,7 +106,7 @@ def plan_all(
     """
     data = data.absolute()
     wanted = () if ALL in tasks else tuple(tasks)
-    one = partial(plan, kind, steps=steps, small=small)
+    one = partial(plan, kind, steps=steps, small=small, domain_ids=domain_ids)
     folders = {path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")}
     if folders:  # of an export with a data set for each task
         for task in wanted:
@@ -131,6 +134,7 @@ def plan(
     tasks: Sequence[str] = (),
     steps: int | None = None,
     small: bool = False,
+    domain_ids: bool = False,
 ) -> Training:
     """Prepare a training.
 
@@ -141,6 +145,8 @@ def plan(
         tasks: Ids of the tasks to learn; all that are in the data set if none is named.
         steps: Steps of the optimizer; None takes the recipe's.
         small: Whether to take the recipe for a processor.
+        domain_ids: Whether the policy is told which episodes are simulated and which are real; an
+            evaluation says domain 0, simulation, wherever it is played.
 
     Raises:
         UnknownNameError: There is no such recipe, or no such task in the data set.
@@ -158,7 +164,9 @@ def plan(
     rows = None
     if tasks:
         rows = [row for row, task in enumerate(source.episodes() or []) if task in learned]
-    settings = _data_settings(recipe, source, rows)
+    settings = _data_settings(source, rows)
+    if domain_ids:
+        settings.append(_domain_setting(kind, recipe, source))
     out = out.absolute()
     last = out / LAST
     if out.exists():
@@ -218,7 +226,7 @@ def _tasks(source: LearningData, wanted: Sequence[str], *, needed: bool = False)
     return tuple(dict.fromkeys(wanted)) or there
 
 
-def _data_settings(recipe: Recipe, source: LearningData, rows: list[int] | None) -> list[Setting]:
+def _data_settings(source: LearningData, rows: list[int] | None) -> list[Setting]:
     settings = [
         Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
         Setting("dataset.root", str(source.path), "given"),
@@ -227,11 +235,18 @@ def _data_settings(recipe: Recipe, source: LearningData, rows: list[int] | None)
     if rows:
         listed = ",".join(map(str, rows))
         settings.append(Setting("dataset.episodes", f"[{listed}]", "given: their tasks"))
-    if source.mixes_domains() and recipe.takes_domains:
-        _check_plugin()
-        why = "ours: simulated and real episodes are distinguished; the paper does not"
-        settings.append(Setting("policy.domain_feature_key", DOMAIN, why))
     return settings
+
+
+def _domain_setting(kind: str, recipe: Recipe, source: LearningData) -> Setting:
+    """The option that tells a policy which episodes are simulated."""
+    if not recipe.takes_domains:
+        raise DataError(f"{kind} learns from both domains without knowing which is which.")
+    if not source.mixes_domains():
+        raise DataError(f"{source.path} has episodes of one domain alone.")
+    _check_plugin()
+    why = "given: simulated and real episodes are distinguished; the paper does not"
+    return Setting("policy.domain_feature_key", DOMAIN, why)
 
 
 def _check_plugin() -> None:

@@ -23,11 +23,12 @@ from duobench.data.lerobot.folder import SCHEMA, EpisodeFacts, Export, ExportFol
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.data.processes import Progress, run_all
+from duobench.data.real.views import RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.replay import ImageSource
-from duobench.data.schema import action_mode
+from duobench.data.schema import Domain, action_mode
 from duobench.envs.action_modes import CARTESIAN, JOINT
-from duobench.errors import DataError, SeveralTasksError
+from duobench.errors import DataError, SeveralTasksError, check_known
 from duobench.files import encode, locked, replacing, write
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
 from duobench.randomness import SUITE_VERSION
@@ -66,27 +67,33 @@ class _Plan:
 
 
 def export_lerobot(
-    data: DataSet,
+    data: DataSet | Sequence[DataSet],
     out: Path,
     options: ExportOptions | None = None,
     *,
     per_task: bool = False,
     workers: int = 1,
     progress: Progress = lambda _done, _total: None,
+    view_of: ViewOf = plain_view,
 ) -> Exported:
-    """Export a data set to LeRobot's format v3.0; continues where it was stopped.
+    """Export data sets to LeRobot's format v3.0; continues where it was stopped.
+
+    Images of simulated episodes are rendered from states, those of real ones read from their
+    videos. The column `domain` says which row is from where.
 
     What is written does not depend on the number of workers or on interruptions. Episodes that were
     discarded when they were recorded are left out.
 
     Args:
-        data: The data set.
+        data: The data set, or several.
         out: Folder of the export, new or holding the same export.
         options: What is exported.
         per_task: Whether each task becomes a data set of its own, in a folder of its name in `out`.
         workers: Processes that render and encode side by side, which are started anew (`spawn`); 0
             does everything in this process.
         progress: Told about the progress in frames, at first and after every episode.
+        view_of: Gives the view of each real camera, which makes its images those of the
+            simulation's camera; it can be pickled.
 
     Returns:
         What it came to.
@@ -99,19 +106,21 @@ def export_lerobot(
         UnknownNameError: A task has no episode in the data set.
     """
     options, out = options or ExportOptions(), out.absolute()
-    if out.resolve().is_relative_to(data.path.resolve()):
-        raise DataError(f"{out} lies in the data set; export into a folder of its own.")
-    paths = data.episodes_of(options.tasks)
+    sources = [data] if isinstance(data, DataSet) else list(data)
+    for source in sources:
+        if out.resolve().is_relative_to(source.path.resolve()):
+            raise DataError(f"{out} lies in the data set; export into a folder of its own.")
+    paths = _episodes(sources, options.tasks)
     parts = {out: paths}
     if per_task:
-        tasks = dict.fromkeys(path.parent.name for path in paths)
-        parts = {out / task: [p for p in paths if p.parent.name == task] for task in tasks}
-    plans = [_plan(data, part, folder, options) for folder, part in parts.items()]
+        tasks = sorted({path.parent.name for _, path in paths})
+        parts = {out / task: [one for one in paths if one[1].parent.name == task] for task in tasks}
+    plans = [_plan(sources, part, folder, options) for folder, part in parts.items()]
     with ExitStack() as locks:
         for plan in plans:
             locks.enter_context(locked(plan.folder.path))
             plan.folder.begin(plan.export)
-        _export_all(data, plans, workers, progress)
+        _export_all(partial(_exporter, sources, plans, view_of), plans, workers, progress)
         residuals = [finish(plan.folder, plan.export) for plan in plans]
     known = [residual for residual in residuals if residual is not None]
     return Exported(
@@ -122,26 +131,51 @@ def export_lerobot(
     )
 
 
-def _plan(data: DataSet, paths: Sequence[Path], out: Path, options: ExportOptions) -> _Plan:
+def _episodes(sources: Sequence[DataSet], tasks: Collection[str]) -> list[tuple[int, Path]]:
+    """Files of the episodes of some tasks, each with the number of its data set."""
+    if not sources:
+        raise DataError("There is nothing to export; name at least one data set.")
+    known = sorted({task for source in sources for task in source.tasks})
+    wanted = {catalog.plain(task) for task in tasks}
+    for task in wanted:
+        check_known("task in the data set", task, known)
+    return [
+        (number, path)
+        for number, source in enumerate(sources)
+        for path in source.episodes()
+        if not wanted or path.parent.name in wanted
+    ]
+
+
+def _plan(
+    sources: Sequence[DataSet],
+    paths: Sequence[tuple[int, Path]],
+    out: Path,
+    options: ExportOptions,
+) -> _Plan:
     """What to export; every recording is read to the end."""
     episodes, tasks = [], set()
-    for path in paths:
+    for number, path in paths:
         recording = Recording.read(path)
         if _is_wanted(recording, options):
             _check(recording, options, path)
             tasks.add(recording.info.task)
             episodes.append(
                 SourceEpisode(
-                    file=path.relative_to(data.path).as_posix(),
+                    file=path.relative_to(sources[number].path).as_posix(),
                     sha256=_hash_of(path),
                     length=len(recording),
                     instruction=recording.info.instruction,
+                    data_set=number,
+                    domain=_domain(recording),
                 )
             )
     if not episodes:
-        where = ", ".join(dict.fromkeys(path.parent.name for path in paths))
+        where = ", ".join(dict.fromkeys(path.parent.name for _, path in paths))
+        names = " and ".join(str(source.path) for source in sources)
+        holds = "holds" if len(sources) == 1 else "hold"
         raise DataError(
-            f"{data.path} holds no episode to export, of {len(paths)} that were read"
+            f"{names} {holds} no episode to export, of {len(paths)} that were read"
             f"{f' ({where})' if where else ''}."
         )
     export = Export(
@@ -166,7 +200,12 @@ def _object_state_names(tasks: Collection[str]) -> tuple[str, ...]:
     return names.pop()
 
 
-def _export_all(data: DataSet, plans: Sequence[_Plan], workers: int, progress: Progress) -> None:
+def _export_all(
+    make: Callable[[], Callable[[tuple[int, int]], tuple[int, int]]],
+    plans: Sequence[_Plan],
+    workers: int,
+    progress: Progress,
+) -> None:
     """Export every episode that is missing in its folder."""
     jobs = [
         (number, index)
@@ -178,18 +217,31 @@ def _export_all(data: DataSet, plans: Sequence[_Plan], workers: int, progress: P
     total = sum(plan.export.frames for plan in plans)
     done = total - sum(lengths.values())
     progress(done, total)
-    if jobs and any(plan.export.options.cameras for plan in plans):
+    rendered = [
+        plan.export.episodes[index].domain is Domain.SIM for plan, index in _of(plans, jobs)
+    ]
+    if any(rendered) and any(plan.export.options.cameras for plan in plans):
         rendering.choose(processes=max(1, workers))
-    with closing(run_all(partial(_exporter, data.path, plans), jobs, workers)) as finished:
+    with closing(run_all(make, jobs, workers)) as finished:
         for job in finished:
             done += lengths[job]
             progress(done, total)
+
+
+def _of(plans: Sequence[_Plan], jobs: Iterable[tuple[int, int]]) -> Iterator[tuple[_Plan, int]]:
+    return ((plans[number], index) for number, index in jobs)
+
+
+def _domain(recording: Recording) -> Domain:
+    return Domain.REAL if recording.info.is_real else Domain.SIM
 
 
 def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
     """Whether an episode is exported: it is finished, was kept, and has actions."""
     outcome = recording.info.outcome
     if outcome is None or not outcome.kept or not len(recording):
+        return False
+    if _domain(recording) not in options.domains:
         return False
     return outcome.success or not options.only_successes
 
@@ -203,11 +255,15 @@ def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
             f"{path}: actions of mode {mode.name!r} name no targets of joints or tools; export "
             f"{ActionSource.SENT.value!r} actions."
         )
-    if recording.info.is_real and options.object_state:
-        raise DataError(f"{path}: where the objects were on the real table is not known.")
+    if recording.info.is_real:
+        if options.object_state:
+            raise DataError(f"{path}: where the objects were on the real table is not known.")
+        check_cameras(recording, path, options.cameras)
 
 
-def _exporter(data: Path, plans: Sequence[_Plan]) -> Callable[[tuple[int, int]], tuple[int, int]]:
+def _exporter(
+    sources: Sequence[DataSet], plans: Sequence[_Plan], view_of: ViewOf
+) -> Callable[[tuple[int, int]], tuple[int, int]]:
     """What exports one episode after the other, by plan and index; it keeps the model of a task."""
     options = plans[0].export.options
     source_of = lru_cache(maxsize=1)(
@@ -218,7 +274,7 @@ def _exporter(data: Path, plans: Sequence[_Plan]) -> Callable[[tuple[int, int]],
         number, index = job
         export, folder = plans[number].export, plans[number].folder
         episode = export.episodes[index]
-        path = data / episode.file
+        path = sources[episode.data_set].path / episode.file
         recording = Recording.read(path)
         if _hash_of(path) != episode.sha256:
             raise DataError(f"{path} has changed since the export began; begin it anew.")
@@ -228,8 +284,15 @@ def _exporter(data: Path, plans: Sequence[_Plan]) -> Callable[[tuple[int, int]],
         shown = range(_offset(options), _offset(options) + len(recording))
         if options.cameras:
             paths = {camera: folder.video(camera, index) for camera in options.cameras}
-            source = source_of(recording.info.task)
-            write_videos(_frames(source, recording, shown, counts), paths)
+            with ExitStack() as ending:
+                if recording.info.is_real:
+                    recorded = RecordedImages(
+                        recording, path, options.cameras, options.size, view_of
+                    )
+                    images = ending.enter_context(closing(recorded)).images
+                else:
+                    images = partial(source_of(recording.info.task).images, recording)
+                write_videos(_frames(images, shown, counts), paths)
         if OBJECT_STATE in export.vectors:
             source = source_of(recording.info.task)
             columns[OBJECT_STATE] = np.array([source.objects(recording, row) for row in shown])
@@ -245,14 +308,13 @@ def _exporter(data: Path, plans: Sequence[_Plan]) -> Callable[[tuple[int, int]],
 
 
 def _frames(
-    source: ImageSource,
-    recording: Recording,
+    images_of: Callable[[int], dict[str, Image]],
     rows: Iterable[int],
     counts: dict[str, statistics.Counts],
 ) -> Iterator[dict[str, Image]]:
-    """Render the images of rows, and count their values."""
+    """The images of rows, whose values are counted."""
     for row in rows:
-        images = source.images(recording, row)
+        images = images_of(row)
         for camera, image in images.items():
             statistics.count_values(counts[camera], image)
         yield images
@@ -296,7 +358,7 @@ def _rows(
         "next.done": number == length - 1,
         "next.success": recording.success[1:],
         "stage": recording.stage[offset : offset + length],
-        DOMAIN: np.full(length, DOMAINS.index("sim")),
+        DOMAIN: np.full(length, DOMAINS.index(export.episodes[index].domain)),
         "timestamp": (number / CONTROL_HZ).astype(np.float32),
         "frame_index": number,
         "episode_index": np.full(length, index),

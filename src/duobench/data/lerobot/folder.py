@@ -10,12 +10,13 @@ from typing import Any
 from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.features import image_key
 from duobench.data.lerobot.options import ExportOptions
+from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.files import begin_or_continue, differences, read, remove_temporary
 from duobench.lerobot_keys import ACTION, DOMAINS, OBJECT_STATE, STATE
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of `Export` and `EpisodeFacts`."""
 CHUNK_SIZE = 1000
 """Files in one folder; fixed by the format's default."""
@@ -26,13 +27,17 @@ class SourceEpisode:
     """An episode that is exported."""
 
     file: str
-    """Its file, from the folder of the data set."""
+    """Its file, from the folder of its data set."""
     sha256: str
     """Hash of its file."""
     length: int
     """Number of its actions, and of its rows in the export."""
     instruction: str
     """Instruction of the policy."""
+    data_set: int = 0
+    """Which of the data sets it is from, in the order in which they were given."""
+    domain: Domain = Domain.SIM
+    """Where it was played."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -85,7 +90,7 @@ class Export:
             **asdict(self.options),
             "suite version": self.suite_version,
             **{f"version of {name}": value for name, value in self.versions.items()},
-            "episodes": {episode.file: episode for episode in self.episodes},
+            "episodes": {f"{one.data_set}/{one.file}": one for one in self.episodes},
         }
 
 

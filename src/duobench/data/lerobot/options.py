@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE
@@ -48,7 +49,7 @@ class ExportOptions:
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers."""
     look: str = DEFAULT
-    """How the images look: a name of `duobench.looks.catalog.look`."""
+    """How rendered images look: a name of `duobench.looks.catalog.look`."""
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action."""
     action: str = JOINT.name
@@ -61,6 +62,8 @@ class ExportOptions:
     states."""
     only_successes: bool = False
     """Whether episodes that did not succeed are left out."""
+    domains: tuple[Domain, ...] = tuple(Domain)
+    """Where episodes are from that are exported: the simulation, real arms, or both."""
 
     def __post_init__(self) -> None:
         """Reject invalid values."""

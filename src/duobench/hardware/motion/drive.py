@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock
@@ -25,7 +26,7 @@ class Drive:
         clock: Clock,
     ) -> None:
         """Begin with arms that track nothing."""
-        self._arms, self._grippers = arms, grippers
+        self._arms, self._grippers, self._configs = arms, grippers, configs
         self.leaders = {
             side: Leader(
                 arms[side],
@@ -66,6 +67,17 @@ class Drive:
                 leader.stop()
             for arm in self._arms.values():
                 arm.stop()
+
+    def limit(self, *, is_home: bool) -> None:
+        """Bound both arms by the speed of the way home, or of everything else."""
+        for side, leader in self.leaders.items():
+            config = self._configs[side]
+            limits = MotionLimits.of(config)
+            if is_home:
+                limits = replace(
+                    limits, speed_fraction=min(config.home_fraction, limits.speed_fraction)
+                )
+            leader.limit(limits)
 
     def aim(self, joints: Array) -> None:
         """Lead both arms towards joint positions (2, 7) in radians."""

@@ -16,13 +16,12 @@ import numpy as np
 from duobench.errors import ActionError, OptionError
 from duobench.hardware.rig import MAX_ACCELERATION, MAX_SPEED_FRACTION, ArmConfig
 from duobench.robot.joints import JOINT_RANGES
+from duobench.robot.limits import RANGE_MARGIN
 from duobench.robot.speeds import speed_limits
 from duobench.types import ARM_JOINTS, CONTROL_HZ, Array
 
 PERIOD = 1.0 / CONTROL_HZ
 """Seconds over which a target is approached linearly."""
-RANGE_MARGIN = 0.05
-"""Distance in radians that a reference keeps from the ends of the joints' ranges."""
 GAIN = 25.0
 """Speed in rad/s for each radian that the reference is behind [measured: 8 mrad behind]."""
 MAX_STEP_S = 0.02
@@ -67,7 +66,8 @@ class Follower:
 
     def __init__(self, joints: Array, limits: MotionLimits) -> None:
         """Begin at rest at the measured joints (7,) in radians."""
-        self._limits = limits
+        self.limits = limits
+        """How fast the reference may move; they may change at any time."""
         self.reset(joints)
 
     def reset(self, joints: Array) -> None:
@@ -125,9 +125,9 @@ class Follower:
         if dt == 0.0:
             return self.reference.copy(), self.velocity.copy()
         wanted = np.zeros(ARM_JOINTS) if self._is_held else self._wanted(dt)
-        change = self._limits.acceleration * dt
+        change = self.limits.acceleration * dt
         velocity = np.minimum(np.maximum(wanted, self.velocity - change), self.velocity + change)
-        self.velocity = velocity = _within(self.reference, velocity, self._limits, dt)
+        self.velocity = velocity = _within(self.reference, velocity, self.limits, dt)
         self.reference = self.reference + velocity * dt
         if self._is_held and not velocity.any():
             self._begin, self._end = self.reference, self.reference
@@ -140,12 +140,12 @@ class Follower:
         after = self._ramped()
         behind = after - (self.reference + (after - before))
         # Far behind, only as fast as the acceleration can still take back on the way.
-        braking = 2.0 * BRAKING_SHARE * self._limits.acceleration
+        braking = 2.0 * BRAKING_SHARE * self.limits.acceleration
         correction = np.minimum(GAIN * np.abs(behind), np.sqrt(braking * np.abs(behind)))
         wanted = (after - before) / dt + np.copysign(correction, behind)
         # So near and slow that one more call reaches the target: end there, exactly at rest.
-        rests = (after == before) & (np.abs(behind) < self._limits.acceleration * dt * dt)
-        rests &= np.abs(self.velocity) <= self._limits.acceleration * dt
+        rests = (after == before) & (np.abs(behind) < self.limits.acceleration * dt * dt)
+        rests &= np.abs(self.velocity) <= self.limits.acceleration * dt
         return np.where(rests, 0.0, wanted)
 
     def _ramped(self) -> Array:

@@ -7,7 +7,7 @@ import threading
 from duobench.errors import DuoBenchError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Arm
-from duobench.hardware.motion.follower import Follower
+from duobench.hardware.motion.follower import Follower, MotionLimits
 from duobench.hardware.rig import FOLLOWER_HZ
 from duobench.types import Array
 
@@ -18,7 +18,7 @@ class Leader:
     def __init__(self, arm: Arm, follower: Follower, clock: Clock) -> None:
         """Begin stopped."""
         self._arm, self._follower, self._clock = arm, follower, clock
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a signal may ask for a hold inside of it
         self._ticker: Ticker | None = None
         self._last = 0.0
         self._late = 0.0
@@ -38,6 +38,11 @@ class Leader:
         if ticker is not None:
             ticker.stop()
         self.hold()
+
+    def limit(self, limits: MotionLimits) -> None:
+        """Bound the arm by other limits from now on."""
+        with self._lock:
+            self._follower.limits = limits
 
     def aim(self, joints: Array) -> None:
         """Approach a target (7,) in radians over the next control period."""

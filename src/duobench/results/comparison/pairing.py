@@ -14,7 +14,7 @@ Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
 
 _DIGITS = 6
 """Layouts are compared in micrometres: another processor may have another last bit."""
-_CONDITIONS = ("look", "horizon", "instructions", "split", "control_rate_hz")
+_CONDITIONS = ("look", "horizon", "instructions", "split", "speed_fraction", "control_rate_hz")
 """What of a configuration is not the policy's choice."""
 
 

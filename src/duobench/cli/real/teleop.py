@@ -1,0 +1,101 @@
+"""`duobench real teleop`: lead real arms from a page in the browser, or with leader arms."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+from duobench.cli.advice import AdvisedError
+from duobench.cli.display.console import console, counted
+from duobench.cli.doctor import load_engine
+from duobench.cli.interrupt import stopping
+from duobench.cli.real.rigs import opened_rig
+from duobench.cli.teleop import joint_source, times_of
+from duobench.cli.view import serve_page
+
+if TYPE_CHECKING:
+    from duobench.teleop.intent import Device
+
+
+def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
+    task: tyro.conf.Positional[str],
+    rig: str,
+    out: Path,
+    episodes: int = 10,
+    operator: str = "",
+    device: Literal["mouse", "gamepad", "headset"] = "mouse",
+    leader: str | None = None,
+    instruction: str = "",
+    scripted: bool = False,
+    lockstep: bool = False,
+    guard: bool = True,
+    fast: bool = False,
+    port: int = 0,
+    lan: bool = False,
+) -> None:
+    """Record episodes that somebody leads on real arms, until Ctrl-C.
+
+    As duobench teleop, on a rig: this terminal asks before the arms go home, and the space bar here
+    holds them. Keeping an episode while it runs says that the task is solved. Not yet tried on an
+    arm.
+
+    Args:
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE.
+        rig: File of the rig, rig.json, or simulated for drivers without hardware.
+        out: Folder of the data set.
+        episodes: How many episodes of the task to keep, those that are there counted.
+        operator: Pseudonym of who leads; it is recorded.
+        device: What the operator leads with; it is recorded, and the page takes all of them.
+        leader: Leader arms in place of the page's hands: gello:FILE or lerobot:KIND.
+        instruction: What the operator says that the arms will do; the task's own if not given.
+        scripted: A program leads through the page, which is recorded as such.
+        lockstep: One control step for each message of the page; for drivers without hardware alone.
+        guard: Keep the arms apart and off the table by a simulation of them.
+        fast: Do not wait for real time; for drivers without hardware alone.
+        port: Port of the page; 0 takes a free one.
+        lan: Let other machines in the network open the page, which is encrypted then.
+    """
+    if lockstep and not fast:
+        raise AdvisedError("Real arms do not wait for messages: --lockstep goes with --fast alone.")
+    load_engine()
+    from duobench.cli.real.terminal import KeyTerminal
+    from duobench.data import Actor, ActorKind
+    from duobench.teleop.hands import HandDevice
+    from duobench.teleop.leaders.device import LeaderDevice
+    from duobench.teleop.real import EndedError, RealLiveSession, RealSession, make_real_recorder
+
+    with ExitStack() as ending:
+        source = None if leader is None else joint_source(leader)
+        led_by: Device = HandDevice(lockstep=lockstep)
+        if source is not None:
+            source.connect()
+            ending.callback(source.close)
+            led_by = LeaderDevice(source)
+        kind = ActorKind.SCRIPTED_OPERATOR if scripted else ActorKind.PERSON
+        actor = Actor(kind=kind, name=operator, device=source.device if source else device)
+        duo = opened_rig(rig, guard=guard, fast=fast)
+        terminal = ending.enter_context(KeyTerminal())
+        terminal.on_space = lambda: duo.hold("The operator held the arms.")
+        recorder = make_real_recorder(
+            duo, task, out, actor, terminal, action_mode=led_by.action_mode
+        )
+        ending.callback(recorder.close)
+        screen = console()
+        with suppress(EndedError):
+            session = RealSession(
+                recorder, led_by, episodes=episodes, instruction=instruction, lockstep=lockstep
+            )
+            ending.callback(session.close)
+            server = serve_page(port, lan)
+            ending.callback(server.close)
+            live = RealLiveSession(session, server)
+            screen.print(f"Open {server.url}\nCtrl-C ends the session; the space bar holds.")
+            with stopping(live.stop):
+                timings = live.run()
+            screen.print(times_of(timings).removeprefix("; "))
+        data = recorder.data
+        kept = 0 if data is None else data.kept(recorder.task)
+        screen.print(f"{counted(kept, 'episode')} of {task} in {out}")

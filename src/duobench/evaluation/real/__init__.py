@@ -1,0 +1,1 @@
+"""Recording what policies do on a rig, with an operator beside it."""

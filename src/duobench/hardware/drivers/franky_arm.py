@@ -1,0 +1,231 @@
+"""One FR3 by franky: a torque loop in C++ tracks the latest point of our path at 1 kHz.
+
+The library neither interpolates nor watches: it keeps the last point for ever, raises nothing after
+a reflex, and takes a second to notice that a robot is gone. So a thread for each arm asks all the
+time, and whoever leads it sends smooth paths. Not yet tried on an arm.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from duobench.errors import BackendError
+from duobench.hardware.clock import Clock, Ticker
+from duobench.hardware.devices import ArmReading, Fault, FaultKind
+from duobench.hardware.drivers.franky_state import (
+    errors_in,
+    fault_of_errors,
+    fault_of_exception,
+    reading_of,
+)
+from duobench.hardware.rig import ArmConfig
+from duobench.installing import install_extra
+from duobench.types import ARM_JOINTS, Array
+
+READ_HZ = 200.0
+"""How often a second an arm is asked how it is."""
+START_S = 2.0
+"""Seconds in which an arm has to begin to track."""
+FORCES = 6
+"""Numbers of a force and torque at the tool."""
+
+
+class FrankyArm:
+    """An `Arm` over `franky.Robot` and its `JointImpedanceTracker`."""
+
+    def __init__(self, config: ArmConfig, clock: Clock) -> None:
+        """Know an arm, without reaching it.
+
+        Args:
+            config: Its address, gains and thresholds.
+            clock: Gives the times of readings, and a thread that asks.
+        """
+        self._config, self._clock = config, clock
+        self._lock = threading.RLock()  # of the tracker, which several threads use
+        self._library: ModuleType | None = None
+        self._robot: Any = None
+        self._tracker: Any = None
+        self._reading: ArmReading | None = None
+        self._fault: Fault | None = None
+        self._ticker: Ticker | None = None
+
+    def connect(self) -> None:
+        """Reach the arm, and begin to ask it; nothing moves."""
+        if self._ticker is not None:
+            return
+        self._library = _library()
+        self._reach()
+        self._poll()
+        self._ticker = self._clock.every(1.0 / READ_HZ, self._poll, "franky")
+
+    def read(self) -> ArmReading:
+        """The latest reading, which never waits for the arm."""
+        if self._reading is None:
+            raise BackendError("The arm is not connected.")
+        return self._reading
+
+    def start(self) -> None:
+        """Hold the measured joints and follow `command` from now on."""
+        franky = self._known()
+        with self._lock:
+            self._fault = None
+            config = self._config
+            try:
+                if self._robot.has_errors:
+                    names = ", ".join(errors_in(self._robot.state.current_errors))
+                    raise BackendError(f"The arm at {config.address} has errors: {names}.")
+                self._robot.set_collision_behavior(
+                    [config.torque_threshold] * ARM_JOINTS, [config.force_threshold] * FORCES
+                )
+                self._tracker = franky.JointImpedanceTracker(
+                    self._robot,
+                    stiffness=np.array(config.stiffness),
+                    damping=np.array(config.damping),
+                )
+            except self._errors() as error:
+                self._tracker = None
+                raise BackendError(
+                    f"The arm at {config.address} does not begin to track: {error}"
+                ) from error
+        self._wait(lambda: self.read().is_tracking or self.read().fault is not None)
+        if not self.read().is_tracking:
+            fault = self.read().fault
+            why = "it says nothing about why" if fault is None else fault.text
+            raise BackendError(f"The arm at {config.address} does not begin to track: {why}")
+
+    def command(self, joints: Array, velocities: Array) -> None:
+        """Track a point of a smooth path; a stopped arm says nothing, see `read`."""
+        tracker = self._tracker
+        if tracker is not None:
+            tracker.set_target(joints, velocities)
+
+    def stop(self) -> None:
+        """Come to rest by damping, and follow no more commands."""
+        with self._lock:
+            tracker, self._tracker = self._tracker, None
+            if tracker is not None:
+                try:
+                    tracker.stop()
+                except self._errors() as error:  # it had stopped by itself
+                    self._note(error)
+        if self._reading is not None:
+            self._reading = replace(self._reading, is_tracking=False)
+
+    def recover(self) -> None:
+        """Clear a reflex, or reach an arm again that was gone; nothing moves."""
+        self.stop()
+        address = self._config.address
+        with self._lock:
+            try:
+                if self._fault is not None and self._fault.kind is FaultKind.COMMUNICATION:
+                    self._reach()
+                is_well = not self._robot.has_errors or self._robot.recover_from_errors()
+            except self._errors() as error:
+                raise BackendError(f"The arm at {address} does not recover: {error}") from error
+            if not is_well:
+                raise BackendError(f"The arm at {address} does not recover from its errors.")
+            self._fault = None
+        self._poll()
+        if (fault := self.read().fault) is not None:
+            raise BackendError(f"The arm at {address} does not recover: {fault.text}")
+
+    def close(self) -> None:
+        """Stop, and let go of the arm."""
+        self.stop()
+        ticker, self._ticker = self._ticker, None
+        if ticker is not None:
+            ticker.stop()
+        self._robot = None
+
+    # --- asking ----------------------------------------------------------------------------------
+
+    def _poll(self) -> None:
+        """Ask the arm how it is; the clock calls this in a thread of its own."""
+        robot = self._robot
+        if robot is None:
+            return
+        try:
+            now, state = self._clock.now(), robot.state
+            is_tracking = self._is_running()
+        except self._errors() as error:
+            self._note(error)
+            if self._reading is not None:
+                self._reading = replace(self._reading, is_tracking=False, fault=self._fault)
+            return
+        mode = str(state.robot_mode).rpartition(".")[2]
+        fault = self._fault or fault_of_errors(errors_in(state.current_errors), mode)
+        self._reading = reading_of(
+            state, now, is_tracking=is_tracking and fault is None, fault=fault
+        )
+
+    def _is_running(self) -> bool:
+        """Whether the torque loop runs; an error that ended it is noted."""
+        tracker = self._tracker
+        if tracker is None:
+            return False
+        is_running = bool(tracker.is_running)
+        try:
+            self._robot.poll_motion()
+        except self._errors() as error:
+            self._note(error)
+            return False
+        return is_running
+
+    def _note(self, error: BaseException) -> None:
+        """Keep the first thing that went wrong, until somebody recovers the arm."""
+        if self._fault is None:
+            franky = self._known()
+            lost = (franky.NetworkException, franky.ProtocolException, franky.RealtimeException)
+            self._fault = fault_of_exception(error, lost)
+
+    # --- the library -----------------------------------------------------------------------------
+
+    def _reach(self) -> None:
+        franky, config = self._known(), self._config
+        realtime = franky.RealtimeConfig
+        try:
+            self._robot = franky.Robot(
+                config.address,
+                default_torque_threshold=config.torque_threshold,
+                default_force_threshold=config.force_threshold,
+                realtime_config=realtime.Enforce if config.is_realtime else realtime.Ignore,
+            )
+        except self._errors() as error:
+            raise BackendError(
+                f"The arm at {config.address} cannot be reached: {error} Is it switched on, with "
+                "FCI enabled and brakes open, and is this computer in its network?"
+            ) from error
+
+    def _known(self) -> ModuleType:
+        if self._library is None:
+            raise BackendError("The arm is not connected.")
+        return self._library
+
+    def _errors(self) -> tuple[type[Exception], ...]:
+        return (self._known().Exception, RuntimeError, OSError)
+
+    def _wait(self, is_done: Callable[[], bool]) -> None:
+        end = self._clock.now() + START_S
+        while not is_done() and self._clock.now() < end:
+            self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
+
+
+def _library() -> ModuleType:
+    """The library, loaded at first use.
+
+    Raises:
+        BackendError: It is not installed.
+    """
+    try:
+        import franky  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise BackendError(
+            f"Arms need the library franky, which is not installed. {install_extra('hardware')}"
+        ) from error
+    return franky

@@ -1,0 +1,67 @@
+"""A recording of three cameras of full size whose process is killed while its encoders are busy."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from duobench.cli import main
+from duobench.data import DataSet, Recording
+from duobench.data.real.frames import VideoFrames
+from duobench.data.real.videos import video_path
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS
+from tests.data.real.number_duo import CountingCamera, NumberDuo, number_in, real_recorder
+
+ROOT = Path(__file__).parents[3]
+STEPS = 90
+
+
+def record(folder: Path) -> None:
+    """Record as fast as three encoders can until somebody kills this process."""
+    duo = NumberDuo()
+    for camera in POLICY_CAMERAS:
+        duo.cameras[camera] = CountingCamera((720, 1280))
+    duo.pass_time(1.0)
+    env, _ = real_recorder(folder, duo, horizon=100_000)
+    observation, _ = env.reset()
+    for number in range(100_000):
+        env.step(observation["agent_pos"])
+        sys.stdout.write(f"{number}\n")
+        sys.stdout.flush()
+
+
+def test_a_kill_costs_at_most_a_second(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.data.real.test_kill", str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with process as child:
+        assert child.stdout is not None
+        lines = []
+        for line in child.stdout:
+            lines.append(line)
+            if len(lines) == STEPS:
+                child.send_signal(signal.SIGKILL)
+    steps = sum(line.endswith("\n") for line in lines)
+    assert steps >= STEPS
+    main(["data", "recover", str(tmp_path)])
+    (path,) = DataSet(tmp_path).episodes()
+    recording = Recording.read(path)
+    assert 0 <= steps - len(recording) <= CONTROL_HZ
+    assert recording.info.outcome is not None
+    assert (recording.info.outcome.cut, recording.info.outcome.kept) == (True, False)
+    for place, camera in enumerate(POLICY_CAMERAS):
+        with VideoFrames(video_path(path, camera)) as frames:
+            for row in (0, len(recording)):
+                image = frames.read(int(recording.frame[row, place]))
+                assert number_in(image) == recording.frame_number[row, place] % 256
+    main(["data", "check", str(tmp_path)])
+
+
+if __name__ == "__main__":
+    record(Path(sys.argv[1]))

@@ -1,0 +1,173 @@
+"""References: bounded, smooth, and exactly at rest at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from duobench.errors import ActionError, OptionError
+from duobench.hardware.motion.follower import (
+    HIGHEST,
+    LOWEST,
+    MAX_STEP_S,
+    PERIOD,
+    Follower,
+    MotionLimits,
+)
+from duobench.hardware.rig import FOLLOWER_HZ
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.robot.speeds import speed_limits
+
+HOME = HOME_JOINTS[0]
+DT = 1.0 / FOLLOWER_HZ
+FULL = MotionLimits()
+
+
+def play(
+    follower: Follower, targets: list[np.ndarray], rest: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Aim at targets thirty times a second, then at nothing new; return positions and speeds."""
+    points, calls, time = [], 0, 0.0
+    for number in range(len(targets) + round(rest / PERIOD)):
+        if number < len(targets):
+            follower.aim(targets[number])
+        while time < (number + 1) * PERIOD - 1e-9:
+            points.append(follower.advance(DT))
+            calls += 1
+            time = calls * DT
+    positions, speeds = zip(*points, strict=True)
+    return np.array(positions), np.array(speeds)
+
+
+def check_bounds(positions: np.ndarray, speeds: np.ndarray, limits: MotionLimits) -> None:
+    """What no path may break, whatever it was told."""
+    assert (positions >= LOWEST - 1e-9).all()
+    assert (positions <= HIGHEST + 1e-9).all()
+    for before, speed in zip(positions, speeds[1:], strict=False):
+        low, high = speed_limits(before)
+        assert (speed >= limits.speed_fraction * low - 1e-9).all()
+        assert (speed <= limits.speed_fraction * high + 1e-9).all()
+    assert np.abs(np.diff(speeds, axis=0)).max() <= limits.acceleration * DT * (1 + 1e-6)
+
+
+def test_a_slow_path_is_followed_without_lag() -> None:
+    follower = Follower(HOME, FULL)
+    times = np.arange(90) / 30.0
+    targets = [HOME + 0.15 * (1 - np.cos(2.0 * t)) for t in times]
+    positions, speeds = play(follower, targets)
+    check_bounds(positions, speeds, FULL)
+    # Each point against the straight line between the targets before and after it.
+    due = np.interp(
+        (np.arange(len(positions)) + 1) * DT, (np.arange(91)) * PERIOD, [0.0, *range(1, 91)]
+    )
+    line = np.array([HOME, *targets])
+    index = np.minimum(due.astype(int), 89)
+    straight = line[index] + (due - index)[:, None] * (line[index + 1] - line[index])
+    assert np.median(np.abs(positions - straight)) < 2e-3
+    assert np.abs(positions - straight).max() < 0.02
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.5])
+def test_a_far_target_is_approached_within_bounds_and_not_overshot(fraction: float) -> None:
+    limits = MotionLimits(speed_fraction=fraction)
+    follower = Follower(HOME, limits)
+    goal = HOME + np.array([0.5, -0.5, 0.5, 0.5, -0.5, 0.5, 0.5])
+    positions, speeds = play(follower, [goal], rest=6.0)
+    check_bounds(positions, speeds, limits)
+    assert positions[-1] == pytest.approx(goal, abs=1e-4)
+    assert (np.abs(positions - HOME).max(axis=0) <= 0.5 + 0.01).all()
+
+
+def test_whatever_is_told_no_bound_is_broken() -> None:
+    rng = np.random.default_rng(0)
+    low, high = JOINT_RANGES.T
+    for fraction, acceleration in ((0.5, 9.0), (0.25, 4.0)):
+        limits = MotionLimits(speed_fraction=fraction, acceleration=acceleration)
+        follower = Follower(HOME, limits)
+        targets = [rng.uniform(low - 0.5, high + 0.5) for _ in range(200)]
+        targets += [low] * 90 + [high] * 90
+        check_bounds(*play(follower, targets), limits)
+
+
+def test_targets_keep_away_from_the_ends_of_the_range() -> None:
+    follower = Follower(HOME, FULL)
+    for beyond, end in ((JOINT_RANGES[:, 1] + 1.0, HIGHEST), (JOINT_RANGES[:, 0], LOWEST)):
+        follower.aim(beyond)
+        assert np.array_equal(follower.target, end)
+    assert pytest.approx(JOINT_RANGES[:, 1] - 0.05) == HIGHEST
+    assert pytest.approx(JOINT_RANGES[:, 0] + 0.05) == LOWEST
+
+
+def test_the_reference_stops_at_the_last_target_when_no_other_comes() -> None:
+    follower = Follower(HOME, FULL)
+    targets = [HOME + 0.03 * number for number in range(1, 13)]  # 0.9 rad/s
+    positions, speeds = play(follower, targets, rest=1.0)
+    assert np.array_equal(speeds[-1], np.zeros(7))
+    assert positions[-1] == pytest.approx(targets[-1], abs=1e-4)
+    # Never beyond what braking takes.
+    assert (positions - targets[-1]).max() <= 0.9**2 / (2 * 9.0) + 1e-3
+    stalled = positions[round(len(targets) * PERIOD / DT) + round(2 * PERIOD / DT) :]
+    assert np.abs(stalled - targets[-1]).max() <= 0.9**2 / (2 * 9.0) + 1e-3
+
+
+def test_a_hold_comes_to_rest_as_fast_as_it_may_and_stays_there() -> None:
+    follower = Follower(HOME, FULL)
+    play(follower, [HOME + 0.03 * number for number in range(1, 13)])
+    speed = np.abs(follower.velocity).max()
+    follower.hold()
+    calls = 0
+    while not follower.is_at_rest:
+        follower.advance(DT)
+        calls += 1
+    assert calls * DT <= speed / 9.0 + 2 * DT
+    where = follower.reference
+    follower.advance(DT)
+    assert np.array_equal(follower.reference, where)
+    follower.aim(where)
+    follower.advance(DT)
+    assert follower.reference == pytest.approx(where, abs=1e-12)
+
+
+def test_after_a_freeze_the_reference_goes_on_without_a_leap() -> None:
+    follower = Follower(HOME, FULL)
+    follower.aim(HOME + 1.0)
+    before = follower.advance(DT)[0]
+    after = follower.advance(5.0)[0]
+    assert np.abs(after - before).max() <= 0.5 * max(VELOCITY_LIMITS) * MAX_STEP_S
+
+
+def test_the_same_calls_give_the_same_path() -> None:
+    def path() -> np.ndarray:
+        rng = np.random.default_rng(1)
+        return play(Follower(HOME, FULL), [HOME + rng.normal(0, 0.1, 7) for _ in range(30)])[0]
+
+    assert np.array_equal(path(), path())
+
+
+@pytest.mark.parametrize("wrong", [np.full(7, np.nan), np.zeros(6), np.zeros((7, 1))])
+def test_what_is_no_joint_position_is_refused_and_changes_nothing(wrong: np.ndarray) -> None:
+    follower = Follower(HOME, FULL)
+    with pytest.raises(ActionError, match="7 finite joint positions"):
+        follower.aim(wrong)
+    follower.advance(DT)
+    assert np.array_equal(follower.reference, HOME)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"speed_fraction": 0.6}, {"speed_fraction": 0.0}, {"acceleration": 9.5}]
+)
+def test_limits_beyond_what_any_rig_may_have_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(OptionError, match=next(iter(wrong))):
+        MotionLimits(**wrong)
+
+
+def test_near_an_end_of_its_range_a_joint_may_only_move_slowly_towards_it() -> None:
+    low, high = speed_limits(HOME)
+    assert np.array_equal(high[2:3], [VELOCITY_LIMITS[2]])
+    end = JOINT_RANGES[:, 1]
+    low, high = speed_limits(end)
+    assert np.array_equal(high, np.zeros(7))
+    assert (low == -np.array(VELOCITY_LIMITS)).all()
+    _, nearly = speed_limits(end - 0.1)
+    assert (nearly < np.array(VELOCITY_LIMITS)).all()
+    assert (nearly > 0.0).all()

@@ -1,0 +1,68 @@
+"""The file of a rig: what it refuses, and that it starts low."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from duobench.errors import FileError, OptionError
+from duobench.hardware.rig import ArmConfig, GripperConfig, Rig
+from duobench.types import Side
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"speed_fraction": 0.51},
+        {"speed_fraction": 0.0},
+        {"acceleration": 9.5},
+        {"home_fraction": 0.6},
+        {"torque_threshold": 150.0},
+        {"force_threshold": 0.0},
+        {"stiffness": (1.0,)},
+        {"damping": (float("nan"),) * 7},
+    ],
+)
+def test_an_arm_may_not_be_faster_or_stronger_than_any_rig(wrong: dict[str, Any]) -> None:
+    with pytest.raises(OptionError, match=next(iter(wrong))):
+        ArmConfig(**wrong)
+
+
+def test_ends_of_a_gripper_are_bytes_in_order() -> None:
+    for wrong in ({"open_count": 230}, {"speed": 256}, {"closed_count": -1}):
+        with pytest.raises(OptionError):
+            GripperConfig(**wrong)
+
+
+def test_a_rig_has_both_arms() -> None:
+    plain = Rig.simulated()
+    with pytest.raises(OptionError, match="arms left and right"):
+        replace(plain, arms={Side.LEFT: plain.arms[Side.LEFT]})
+
+
+def test_everything_that_a_file_says_changes_its_hash(tmp_path: Path) -> None:
+    plain = Rig.simulated()
+    plain.write(tmp_path / "rig.json")
+    assert Rig.read(tmp_path / "rig.json").hash == plain.hash
+    slower = replace(plain.arms[Side.LEFT], acceleration=1.0)
+    other = replace(plain, arms={**plain.arms, Side.LEFT: slower})
+    assert other.hash != plain.hash
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[]",
+        '{"name": "x"}',
+        '{"name": "x", "arms": {"left": {"speed_fraction": 2}, "right": {}}, "grippers": {}}',
+    ],
+)
+def test_what_is_no_rig_is_told_with_its_path(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "rig.json"
+    path.write_text(content)
+    with pytest.raises(FileError, match=r"rig\.json cannot be read as a rig"):
+        Rig.read(path)

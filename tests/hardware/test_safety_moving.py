@@ -1,0 +1,298 @@
+"""Safety rules 1 to 4: the operator's word, bounds, stalls and stops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.errors import ActionError, BackendError
+from duobench.hardware import watched
+from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.motion.follower import HIGHEST, LOWEST
+from duobench.hardware.rig import FOLLOWER_HZ, MAX_SPEED_FRACTION, ArmConfig, Rig
+from duobench.hardware.supervisor import State
+from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.types import SIDES, Array, DuoCommand, Side
+from tests.hardware.rigs import PERIOD, arm, joints, new_rig, ready_rig, shifted, speeds, wait
+
+AWAY = np.array([0.2, -0.2, 0.3, 0.2, -0.3, 0.2, 0.4])
+
+
+class Log:
+    """Everything that an arm is told."""
+
+    def __init__(self, duo: HardwareDuo, side: Side) -> None:
+        self.joints: list[Array] = []
+        self.velocities: list[Array] = []
+        told = arm(duo, side)
+        tell = told.command
+
+        def command(joints: Array, velocities: Array) -> None:
+            self.joints.append(joints)
+            self.velocities.append(velocities)
+            tell(joints, velocities)
+
+        told.command = command  # type: ignore[method-assign]
+
+
+# --- 1: a hold, then a damped stop ----------------------------------------------------------------
+
+
+def test_a_hold_brings_both_arms_to_rest_and_commands_move_nothing_until_home() -> None:
+    duo = ready_rig()
+    for number in range(1, 16):
+        duo.command(shifted(0.03 * number))
+    assert np.abs(speeds(duo)[:, 0]).min() > 0.3
+    duo.hold("The button on the page.")
+    assert duo.held == "The button on the page."
+    wait(duo, 0.3)
+    assert np.abs(speeds(duo)).max() < 1e-3
+    where = joints(duo)
+    for _ in range(10):
+        sent = duo.command(shifted(1.0))
+        assert np.array_equal(sent.flat, duo.last_command.flat)
+    assert joints(duo) == pytest.approx(where, abs=1e-3)
+    assert duo.supervisor.state is State.HOLDING
+    assert duo.fault is None
+
+
+def test_after_a_hold_home_needs_the_operators_word_again() -> None:
+    duo = ready_rig()
+    duo.hold("The space bar.")
+    with pytest.raises(BackendError, match="before the operator has confirmed"):
+        duo.home()
+    duo.supervisor.confirm()
+    duo.home()
+    assert (duo.held, duo.supervisor.state) == (None, State.READY)
+
+
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> float:
+    """Let thirty seconds pass in three."""
+    assert watched.STOP_AFTER_S == 30.0
+    monkeypatch.setattr(watched, "STOP_AFTER_S", 3.0)
+    return 3.0
+
+
+def test_arms_that_are_held_stop_damped_after_a_while(soon: float) -> None:
+    duo = ready_rig()
+    duo.command(shifted(0.01))
+    duo.hold("The connection to the page is lost.")
+    wait(duo, soon - 1.0)
+    assert all(reading.is_tracking for reading in duo.readings().values())
+    wait(duo, 2.0)
+    assert not any(reading.is_tracking for reading in duo.readings().values())
+    assert duo.held == "The connection to the page is lost."
+
+
+def test_stop_comes_to_rest_before_it_lets_go_and_takes_the_confirmation_back() -> None:
+    duo = ready_rig()
+    log = Log(duo, Side.LEFT)
+    for number in range(1, 16):
+        duo.command(shifted(0.03 * number))
+    duo.stop()
+    assert np.array_equal(log.velocities[-1], np.zeros(7))
+    assert np.abs(np.diff(np.array(log.velocities), axis=0)).max() <= 9.0 / FOLLOWER_HZ * 1.001
+    assert not any(reading.is_tracking for reading in duo.readings().values())
+    assert not duo.supervisor.is_confirmed
+    duo.stop()
+
+
+# --- 2: nothing moves before the operator confirmed ----------------------------------------------
+
+
+def test_nothing_is_told_to_any_device_before_the_operator_confirmed() -> None:
+    duo = new_rig()
+    duo.start()
+    before = joints(duo)
+    for move in (duo.home, lambda: duo.command(shifted(0.1))):
+        with pytest.raises(BackendError, match="before the operator has confirmed"):
+            move()
+    wait(duo, 1.0)
+    for side in SIDES:
+        assert arm(duo, side).commands == 0
+        assert not duo.readings()[side].is_tracking
+    assert np.array_equal(joints(duo), before)
+    duo.supervisor.confirm()
+    wait(duo, 1.0)
+    assert arm(duo, Side.LEFT).commands == 0
+
+
+def test_the_operator_can_take_the_word_back() -> None:
+    duo = new_rig()
+    duo.start()
+    duo.supervisor.confirm()
+    duo.supervisor.revoke()
+    with pytest.raises(BackendError, match="before the operator has confirmed"):
+        duo.home()
+
+
+def test_home_is_slow_and_ends_at_home_with_open_grippers() -> None:
+    duo = new_rig()
+    for side in SIDES:
+        arm(duo, side).put(HOME_JOINTS[side.index] + AWAY)
+    logs = [Log(duo, side) for side in SIDES]
+    duo.start()
+    duo.supervisor.confirm()
+    duo.home()
+    fraction = duo.rig.arms[Side.LEFT].home_fraction
+    for log in logs:
+        fastest = np.abs(log.velocities).max(axis=0)
+        assert (fastest <= fraction * np.array(VELOCITY_LIMITS) + 1e-9).all()
+        assert fastest.max() > 0.05
+        path = np.array(log.joints)
+        share = (path[:, 0] - path[0, 0]) / (path[-1, 0] - path[0, 0])
+        line = path[0] + share[:, None] * (path[-1] - path[0])
+        assert np.abs(path - line).max() < 0.01  # the way that the guard has looked at
+    assert duo.read().joints == pytest.approx(HOME_JOINTS, abs=2e-3)
+    assert duo.read().openings.min() > 0.99
+    assert duo.supervisor.state is State.READY
+
+
+def test_followers_begin_at_the_measured_joints() -> None:
+    duo = new_rig()
+    duo.start()
+    for side in SIDES:  # moved by hand after connecting
+        arm(duo, side).put(HOME_JOINTS[side.index] + AWAY)
+    logs = [Log(duo, side) for side in SIDES]
+    duo.supervisor.confirm()
+    duo.command(DuoCommand(joints=HOME_JOINTS, openings=np.ones(2)))
+    for side, log in zip(SIDES, logs, strict=True):
+        first = HOME_JOINTS[side.index] + AWAY
+        assert log.joints[0] == pytest.approx(first, abs=1e-3)
+        assert np.abs(np.diff([first, *log.joints], axis=0)).max() < 0.003
+
+
+# --- 3: bounds -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fraction", [0.25, MAX_SPEED_FRACTION])
+def test_whatever_is_commanded_an_arm_is_told_only_what_its_bounds_allow(fraction: float) -> None:
+    plain = Rig.simulated()
+    config = replace(plain.arms[Side.LEFT], speed_fraction=fraction)
+    duo = ready_rig(replace(plain, arms=dict.fromkeys(SIDES, config)))
+    logs = [Log(duo, side) for side in SIDES]
+    rng = np.random.default_rng(0)
+    ends = [np.full((2, 7), 9.0)] * 75
+    for target_joints in [*rng.uniform(-4, 5, (30, 2, 7)), *ends]:
+        target = DuoCommand(joints=target_joints, openings=rng.uniform(0, 1, 2))
+        sent = duo.command(target)
+        assert (sent.joints >= LOWEST).all()
+        assert (sent.joints <= HIGHEST).all()
+    most = fraction * np.array(VELOCITY_LIMITS)
+    for log in logs:
+        told, moving = np.array(log.joints), np.array(log.velocities)
+        assert (told >= LOWEST).all()
+        assert (told <= HIGHEST).all()
+        assert (np.abs(moving) <= most + 1e-9).all()
+        assert (np.abs(np.diff(told, axis=0)) <= most / FOLLOWER_HZ + 1e-9).all()
+        assert np.abs(np.diff(moving, axis=0)).max() <= 9.0 / FOLLOWER_HZ * 1.001
+        assert np.abs(moving).max() > 0.2
+
+
+def test_a_far_target_is_approached_and_reached_not_jumped_to() -> None:
+    duo = ready_rig()
+    log = Log(duo, Side.LEFT)
+    target = shifted(0.5)
+    first = duo.command(target)
+    assert first.joints[0, 0] - HOME_JOINTS[0, 0] <= 0.5 * VELOCITY_LIMITS[0] * PERIOD + 1e-9
+    steps = 1
+    while not np.array_equal(duo.command(target).flat, target.flat):
+        steps += 1
+    assert 10 <= steps <= 20
+    for _ in range(15):
+        duo.command(target)
+    assert duo.read().joints == pytest.approx(target.joints, abs=2e-3)
+    assert np.abs(np.diff(np.array(log.joints), axis=0)).max() < 0.5 * 5.26 / FOLLOWER_HZ
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_what_is_not_finite_is_refused_before_anything_moves(wrong: float) -> None:
+    duo = ready_rig()
+    time, before = duo.clock.now(), joints(duo)
+    bad = shifted(0.1)
+    bad.joints[1, 3] = wrong
+    with pytest.raises(ActionError, match="Nothing was moved"):
+        duo.command(bad)
+    assert duo.clock.now() == time
+    wait(duo, 0.2)
+    assert joints(duo) == pytest.approx(before, abs=1e-4)
+
+
+# --- 4: stalls -----------------------------------------------------------------------------------
+
+
+def stalled(duo: HardwareDuo) -> tuple[DuoCommand, Log]:
+    """A policy that moves on quickly and then says nothing more."""
+    log = Log(duo, Side.LEFT)
+    for number in range(1, 16):
+        duo.command(shifted(0.03 * number))
+    return duo.last_command, log
+
+
+def test_arms_come_to_rest_at_the_last_target_of_a_policy_that_stalls() -> None:
+    duo = ready_rig()
+    last, log = stalled(duo)
+    wait(duo, 1.0)
+    assert np.array_equal(log.velocities[-1], np.zeros(7))
+    assert joints(duo) == pytest.approx(last.joints, abs=1e-3)
+    assert np.abs(speeds(duo)).max() < 1e-3
+    # It never goes further than braking takes, whatever the last two targets would promise.
+    assert max(told[0] for told in log.joints) <= last.joints[0, 0] + 0.9**2 / 18.0 + 1e-3
+    assert duo.held is None
+    duo.command(shifted(0.2))
+    assert duo.held is None
+
+
+def test_after_two_periods_without_a_command_nothing_asks_for_speed_any_more() -> None:
+    duo = ready_rig()
+    _, log = stalled(duo)
+    speed = log.velocities[-1][0]
+    wait(duo, 2 * PERIOD)
+    braked = speed - 9.0 * PERIOD  # one period to the end of the ramp, one to brake
+    assert log.velocities[-1][0] <= braked + 0.05
+
+
+def test_arms_stop_damped_when_a_policy_says_nothing_for_long(soon: float) -> None:
+    duo = ready_rig()
+    stalled(duo)
+    wait(duo, soon - 1.0)
+    assert duo.held is None
+    wait(duo, 2.0)
+    assert duo.held is not None
+    assert duo.held.startswith("No command came for 3 s")
+    assert not any(reading.is_tracking for reading in duo.readings().values())
+    with pytest.raises(BackendError, match="before the operator has confirmed"):
+        duo.home()
+    duo.supervisor.confirm()
+    duo.home()
+    assert all(reading.is_tracking for reading in duo.readings().values())
+
+
+# --- 7: what a rig's file says, and that it starts low -------------------------------------------
+
+
+def test_a_new_rig_starts_low() -> None:
+    config = ArmConfig()
+    assert (config.torque_threshold, config.force_threshold) == (20.0, 30.0)
+    assert config.speed_fraction == 0.25
+    assert config.acceleration == 4.0
+    assert config.home_fraction == 0.1
+
+
+@pytest.mark.parametrize(("name", "value"), [("speed_fraction", 0.1), ("acceleration", 1.0)])
+def test_speed_and_acceleration_are_those_of_the_rigs_file(name: str, value: Any) -> None:
+    plain = Rig.simulated()
+    slow = replace(plain.arms[Side.LEFT], **{name: value})
+    duo = ready_rig(replace(plain, arms=dict.fromkeys(SIDES, slow)))
+    log = Log(duo, Side.LEFT)
+    for _ in range(30):
+        duo.command(shifted(0.8))
+    config = duo.rig.arms[Side.LEFT]
+    moving = np.array(log.velocities)
+    assert np.abs(moving[:, 0]).max() <= config.speed_fraction * VELOCITY_LIMITS[0] + 1e-9
+    most = config.acceleration / FOLLOWER_HZ
+    assert np.abs(np.diff(moving, axis=0)).max() <= most * 1.001

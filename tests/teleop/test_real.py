@@ -1,0 +1,173 @@
+"""A session of teleoperation on a simulated rig, with a peer that is a script."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.data import Actor, ActorKind, DataSet, find_problems
+from duobench.hardware.clock import VirtualClock
+from duobench.hardware.devices import FaultKind
+from duobench.hardware.opening import open_rig
+from duobench.kinematics.inverse import Kinematics
+from duobench.spatial import SE3
+from duobench.teleop.hands import HandDevice
+from duobench.teleop.real import EndedError, RealLiveSession, RealSession, make_real_recorder
+from duobench.teleop.session import State
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
+from tests.teleop.operator import hand, message
+
+TASK = "carry_pot"
+PERSON = Actor(kind=ActorKind.PERSON, name="P07", device="headset")
+HOMES = {Side.LEFT: SE3.at(0.1, 0.2, 0.3), Side.RIGHT: SE3.at(0.1, -0.2, 0.3)}
+
+
+class Terminal:
+    """Answers what is asked at the terminal."""
+
+    def __init__(self, answers: str = "") -> None:
+        self.answers = list(answers)
+        self.asked: list[str] = []
+
+    def ask(self, text: str, keys: str) -> str:
+        self.asked.append(text)
+        key = self.answers.pop(0) if self.answers else "h"
+        assert key in keys, f"{key} is no answer to: {text}"
+        return key
+
+
+class Bench:
+    """A session on a rig on a virtual clock, and hands that are sent thirty times a second."""
+
+    def __init__(self, folder: Path, answers: str = "", **options: Any) -> None:
+        self.duo = open_rig("simulated", VirtualClock(), guard=False)
+        self.terminal = Terminal(answers)
+        recorder = make_real_recorder(
+            self.duo, TASK, folder, PERSON, self.terminal, after_success=0.2
+        )
+        self.session = RealSession(recorder, HandDevice(), **options)
+        self.turn = 0
+
+    def send(self, squeeze: float = 0.0, height: float = 0.0) -> None:
+        now = self.turn / CONTROL_HZ
+        hands = [hand(HOMES[side].moved(0.0, 0.0, height), squeeze=squeeze) for side in SIDES]
+        self.session.receive(message(self.turn, *hands), now)
+        self.session.advance(now)
+        self.turn += 1
+
+    def lead(self, steps: int) -> None:
+        """Let go, squeeze, and raise both hands by 3 cm."""
+        self.send()
+        for step in range(steps):
+            self.send(1.0, 0.03 * min(1.0, step / 15))
+
+    def say(self, kind: str) -> None:
+        self.session.receive(f'{{"kind": "{kind}"}}', self.turn / CONTROL_HZ)
+        self.session.advance(self.turn / CONTROL_HZ)
+
+
+def test_hands_lead_real_arms_and_who_leads_says_that_it_is_solved(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, episodes=1)
+    before = Kinematics().forward(bench.duo.last_command.joints)
+    bench.lead(30)
+    bench.say("keep")  # while it runs: it is solved
+    for _ in range(10):
+        bench.send(1.0, 0.03)
+    assert bench.session.state is State.OVER
+    after = Kinematics().forward(bench.duo.last_command.joints)
+    for side in SIDES:
+        moved = after[side].translation - before[side].translation
+        assert moved == pytest.approx([0.0, 0.0, 0.03], abs=1e-3)
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    outcome = episode.info.outcome
+    assert outcome is not None
+    assert (outcome.success, outcome.kept) == (True, True)
+    assert episode.clutch.any(axis=1).mean() > 0.9
+    assert tuple(episode.info.videos) == POLICY_CAMERAS
+    assert episode.info.layout["poses"]
+    assert episode.info.split == "train"
+    assert find_problems(DataSet(tmp_path)) == []
+
+
+def test_rows_begin_when_the_operator_does(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    clock = bench.duo.clock
+    clock.wait_until(clock.now() + 20.0)  # objects are placed
+    bench.lead(10)
+    bench.say("discard")
+    bench.lead(10)
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    assert np.diff(episode.time) == pytest.approx(1 / CONTROL_HZ, abs=1e-6)
+    assert episode.info.outcome is not None
+    assert not episode.info.outcome.kept
+
+
+def test_arms_go_home_at_the_operators_word_alone(tmp_path: Path) -> None:
+    with pytest.raises(EndedError):
+        Bench(tmp_path, "q")
+    assert DataSet(tmp_path).episodes() == []
+
+
+def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "hrh")
+    bench.lead(10)
+    bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.REFLEX)  # type: ignore[attr-defined]
+    bench.send(1.0)
+    assert bench.session.state is State.DECIDE
+    assert "joint_reflex" in bench.session.note
+    bench.say("keep")
+    assert bench.session.state is State.WAITING
+    assert bench.terminal.answers == []
+    bench.lead(5)
+    bench.say("discard")
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.info.outcome is not None
+    assert "joint_reflex" in str(episode.info.outcome.reason)
+
+
+class Page:
+    """A page that remembers what it was shown."""
+
+    has_viewers = True
+
+    def __init__(self) -> None:
+        self.frames: list[bytes] = []
+        self.scenes: list[str] = []
+        self.statuses: list[dict[str, Any]] = []
+        self.on_message: Any = None
+        self.on_driver_lost: Any = None
+
+    def publish_frame(self, frame: bytes) -> None:
+        self.frames.append(frame)
+
+    def publish_scene(self, name: str, data: bytes) -> None:
+        assert data
+        self.scenes.append(name)
+
+    def publish_status(self, status: dict[str, Any]) -> None:
+        self.statuses.append(status)
+
+    def pulse(self, *pulse: Any) -> None:
+        assert pulse
+
+
+def test_the_page_shows_the_arms_and_holds_them_when_it_is_lost(tmp_path: Path) -> None:
+    bench, page = Bench(tmp_path), Page()
+    live = RealLiveSession(bench.session, page)  # type: ignore[arg-type]
+    first = page.frames[-1]
+    for _ in range(3):
+        bench.lead(10)
+        live.show()
+    assert page.frames[-1] != first
+    assert page.statuses[-1]["state"] == "recording"
+    page.on_driver_lost()
+    bench.send(1.0)
+    assert bench.session.state is State.DECIDE
+    assert "connection" in bench.session.note
+    bench.session.close()
