@@ -136,6 +136,21 @@ def test_fast_arms_are_stopped_in_time_to_come_to_rest_before_they_meet() -> Non
     assert nearest.distance > 0.5 * FINGER_MARGIN
 
 
+def test_a_guard_that_fails_holds_both_arms(monkeypatch: pytest.MonkeyPatch) -> None:
+    duo = ready_rig(guard=True)
+    duo.command(DuoCommand(joints=HOME_JOINTS, openings=np.ones(2)))
+
+    def fail(*_: Any) -> None:
+        raise RuntimeError("no picture")
+
+    monkeypatch.setattr(duo.guard, "problem", fail)
+    duo.command(DuoCommand(joints=leaning(0.01), openings=np.ones(2)))
+    assert duo.fault is not None
+    assert duo.fault.kind is FaultKind.DEVICE
+    assert "The guard failed" in (duo.held or "")
+    assert "no picture" in duo.fault.text
+
+
 def check_free(guard: Guard, start: Array, way: list[Array]) -> None:
     for there in way:
         steps = int(np.ceil(np.abs(there - start).max() / PATH_STEP)) or 1

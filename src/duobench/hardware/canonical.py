@@ -147,7 +147,7 @@ class CanonicalView:
 
 
 def remapped(image: Image, places: NDArray[np.floating]) -> Image:
-    """An image sampled at some places, by NumPy alone; OpenCV does it ten times faster.
+    """An image sampled at some places, by NumPy alone; OpenCV is faster.
 
     Args:
         image: Red, green, blue (height, width, 3).

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from duobench.backend import DuoLimits
-from duobench.errors import ActionError, BackendError
+from duobench.errors import ActionError, BackendError, escaped
 from duobench.hardware.clock import Clock
 from duobench.hardware.devices import Arm, Camera, Fault, FaultKind, Gripper
 from duobench.hardware.guard import Guard
@@ -204,19 +204,27 @@ class HardwareDuo(WatchedRig):
     def _send(self, targets: Array) -> None:
         last = self.last_command
         sent = DuoCommand.from_flat(self._limits.clip(targets, last.flat))
-        if self.guard is not None:
-            problem = self.guard.problem(sent.joints) or self.guard.problem(
-                self._stopping(last.joints, sent.joints)
-            )
-            if problem is not None:
-                text = f"The guard refused a command: {problem}"
-                self._hold(text, Fault(kind=FaultKind.REFLEX, text=text))
-                return
+        if (objection := self._objection(last.joints, sent.joints)) is not None:
+            self._hold(objection.text, objection)
+            return
         with self._motion:
             if self.supervisor.state is not State.RUNNING:
                 return
             self._drive.send(sent)
             self._last, self._last_heard = sent, self.clock.now()
+
+    def _objection(self, last: Array, target: Array) -> Fault | None:
+        """Why the guard does not let a command pass; None if it does."""
+        if self.guard is None:
+            return None
+        try:
+            problem = self.guard.problem(target) or self.guard.problem(self._stopping(last, target))
+        except Exception as error:  # noqa: BLE001 - whatever it is, nobody looks out then
+            text = f"The guard failed: {escaped(repr(error))}"
+            return Fault(kind=FaultKind.DEVICE, text=text)
+        if problem is None:
+            return None
+        return Fault(kind=FaultKind.REFLEX, text=f"The guard refused a command: {problem}")
 
     def _stopping(self, last: Array, target: Array) -> Array:
         """Where the arms come to rest that brake at a target."""

@@ -33,8 +33,8 @@ DRIVERS: Mapping[str, str] = {
     CameraDriver.UVC: f"{_DRIVERS}.uvc:UvcCamera",
     CameraDriver.FILE: f"{_DRIVERS}.uvc:FileCamera",
 }
-"""Import paths of the drivers of hardware, each called with a device's configuration and a clock;
-their libraries are loaded when one is made."""
+"""Import paths of the drivers of hardware, each called with a device's configuration and a clock,
+and a camera's with its name; their libraries are loaded when one is made."""
 
 
 def open_rig(
@@ -60,7 +60,7 @@ def open_rig(
         clock,
         arms={side: _arm(side, rig.arms[side], clock) for side in SIDES},
         grippers={side: _gripper(rig.grippers[side], clock) for side in SIDES},
-        cameras={name: _camera(config, clock) for name, config in rig.cameras.items()},
+        cameras={name: _camera(name, config, clock) for name, config in rig.cameras.items()},
         guard=Guard() if guard else None,
     )
 
@@ -81,7 +81,7 @@ def _gripper(config: GripperConfig, clock: Clock) -> Gripper:
     return _driver(config.driver)(config, clock)  # pyright: ignore[reportReturnType]
 
 
-def _camera(config: CameraConfig, clock: Clock) -> Camera:
+def _camera(name: str, config: CameraConfig, clock: Clock) -> Camera:
     if config.driver is CameraDriver.SIMULATED:
         return SimulatedCamera(clock, fps=config.fps)
-    return _driver(config.driver)(config, clock)  # pyright: ignore[reportReturnType]
+    return _driver(config.driver)(config, clock, name)  # pyright: ignore[reportReturnType]

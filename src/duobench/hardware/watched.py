@@ -261,12 +261,8 @@ class WatchedRig:
                 raise UnknownNameError("camera of this rig", name, self.cameras)
             if name not in frames:
                 raise BackendError(f"The camera {name} has given no image yet.")
-            images[name] = self._view(name).image(frames[name].image, shape)
+            if name not in self._views:
+                config = self.rig.cameras[name]
+                self._views[name] = CanonicalView(name, config.calibration, config.size)
+            images[name] = self._views[name].image(frames[name].image, shape)
         return images
-
-    def _view(self, camera: str) -> CanonicalView:
-        view = self._views.get(camera)
-        if view is None:
-            config = self.rig.cameras[camera]
-            view = self._views[camera] = CanonicalView(camera, config.calibration, config.size)
-        return view

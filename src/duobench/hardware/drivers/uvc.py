@@ -58,9 +58,9 @@ class UvcCamera(ThreadedCamera):
         except (FFmpegError, StopIteration) as error:
             raise BackendError(f"{self.config.device} gives no more images ({error})") from error
         now = self.clock.now()
-        stamp = frame.time
-        is_dated = stamp is not None and 0.0 <= now - stamp <= MOST_DELAY_S
-        time_s = now if stamp is None or not is_dated else stamp
+        taken = None if frame.time is None else float(frame.time)
+        is_dated = taken is not None and 0.0 <= now - taken <= MOST_DELAY_S
+        time_s = taken if is_dated and taken is not None else now
         index = 0
         if self._last is not None:
             passed = round((time_s - self._last[1]) * self.config.fps) if is_dated else 1
