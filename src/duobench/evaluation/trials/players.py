@@ -79,6 +79,15 @@ class Played:
             return self.stopped
         return ""
 
+    @property
+    def ending(self) -> str:
+        """Why the policy plays no more, for the operator; empty if there is nothing to say."""
+        if self.error is not None:
+            return f"The policy failed: {str(self.error).strip().splitlines()[-1]}"
+        if self.fault is not None:
+            return f"{self.stopped} This counts against the policy."
+        return self.stopped
+
     def record(
         self, judged: Judged, stage_changes: tuple[tuple[int, int], ...], *, at_end: bool
     ) -> EpisodeRecord:

@@ -37,6 +37,8 @@ SILENCE_S = 2.0
 """Seconds without a sign of the operator's page after which the arms are held."""
 TURN_S = 0.05
 """Seconds of a turn while a person is waited for."""
+LIVE_S = 0.15
+"""Seconds from one live image to the next while objects are placed."""
 MOVED_RAD = 0.01
 """A joint that moved further makes the ghost be rendered again."""
 WATCHING = "You watch: take over to operate the arms."
@@ -106,6 +108,7 @@ class TrialsSession:
         self._note = ""
         self._ghost_joints: np.ndarray | None = None
         self._begun: set[int] = set()
+        self._next_image = 0.0
         self._sheets: dict[str, str] = {}
         server.on_message = self._take
         server.on_driver_lost = lambda: self._lose("The operator's page lost its connection.")
@@ -234,7 +237,7 @@ class TrialsSession:
     def _judged(self, played: Played) -> str:
         """Wait for the operator's judgement; why the trial does not count, empty if it does."""
         self._board.phase = Phase.JUDGING
-        self._board.message = _ending(played)
+        self._board.message = played.ending
         while True:
             match self._next(None):
                 case messages.AtEnd(holds=holds):
@@ -373,14 +376,14 @@ class TrialsSession:
 
     def _show_placing(self, layout: Layout) -> None:
         """Show the live image, and the layout over it; the ghost again once an arm has moved."""
-        if not self._server.has_viewers:
+        if not self._server.has_viewers or time.monotonic() < self._next_image:
             return
-        image = self._head.image(NATIVE)
-        if image is not None:
+        self._next_image = time.monotonic() + LIVE_S
+        if (image := self._head.image(NATIVE)) is not None:
             self._server.publish_frame(jpeg(image))
         joints = self._duo.read().joints
         before = self._ghost_joints
-        if before is not None and float(np.max(np.abs(joints - before))) < MOVED_RAD:
+        if before is not None and np.max(np.abs(joints - before)) < MOVED_RAD:
             return
         self._ghost_joints = joints.copy()
         for name, made in self._overlay.images(layout, joints).items():
@@ -389,12 +392,3 @@ class TrialsSession:
 
     def _publish(self) -> None:
         self._server.publish_status(self._board.status(self._duo.fault, self._duo.held))
-
-
-def _ending(played: Played) -> str:
-    """Why the policy plays no more, for the operator."""
-    if played.error is not None:
-        return f"The policy failed: {str(played.error).strip().splitlines()[-1]}"
-    if played.fault is not None:
-        return f"{played.stopped} This counts against the policy."
-    return played.stopped
