@@ -15,6 +15,7 @@ import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.ray_cluster import LocalCluster, local_cluster
@@ -38,10 +39,10 @@ class _Times:
     def __init__(self) -> None:
         self.times: list[float] = []
 
-    def on_run_start(self, run: Run, finished: object) -> None:
+    def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
         """Nothing is finished yet."""
 
-    def on_episode(self, record: EpisodeRecord) -> None:  # noqa: ARG002 - the protocol's
+    def on_episode(self, played: EpisodeRecord) -> None:  # noqa: ARG002 - the protocol's
         """One is."""
         self.times.append(time.monotonic())
 

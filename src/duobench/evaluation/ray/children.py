@@ -5,14 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib import import_module
 from typing import Any
 
 import msgspec
-import ray  # pyright: ignore[reportMissingImports]
 from msgspec.structs import replace as replace_field
-from ray.util.scheduling_strategies import (  # pyright: ignore[reportMissingImports]
-    NodeAffinitySchedulingStrategy,
-)
 
 from duobench.errors import DuoBenchError, MessageError, escaped
 from duobench.evaluation.episode import Job
@@ -26,6 +23,9 @@ from duobench.evaluation.ray.cluster import Cluster
 from duobench.evaluation.ray.host import Host, News
 from duobench.policy.registry import PolicyKind
 from duobench.versions import __version__
+
+ray: Any = import_module("ray")
+scheduling: Any = import_module("ray.util.scheduling_strategies")
 
 Launch = Callable[[], Any]
 """Makes an actor of the class `Host`."""
@@ -248,7 +248,7 @@ class RemoteTeam(Team):
         # One that has a policy for itself is best on the same node.
         near: Any = "SPREAD"
         if policy is not None and policy.node is not None:
-            near = NodeAffinitySchedulingStrategy(policy.node, soft=True)
+            near = scheduling.NodeAffinitySchedulingStrategy(policy.node, soft=True)
         actor = _actor(num_cpus=1, scheduling_strategy=near)
         return actor.remote("worker", __version__, self._renderers)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from duobench.errors import EvaluationError, MachineryError
@@ -37,6 +38,11 @@ class Cluster:
             )
 
 
+def load() -> Any:
+    """The library, which takes seconds to load."""
+    return import_module("ray")
+
+
 def check_environment() -> None:
     """Find out whether Ray is installed, and asks for a token.
 
@@ -63,7 +69,7 @@ def connect(cluster: Cluster) -> bool:
     """
     check_environment()
     os.environ.update(_NO_STATISTICS)
-    import ray  # pyright: ignore[reportMissingImports]
+    ray = load()
 
     if ray.is_initialized():
         return False
@@ -80,14 +86,14 @@ def connect(cluster: Cluster) -> bool:
 
 def disconnect() -> None:
     """End the connection of this process, and with it all actors that it has made."""
-    import ray  # pyright: ignore[reportMissingImports]
+    ray = load()
 
     ray.shutdown()
 
 
 def unmet(cluster: Cluster) -> str:
     """What no node of the cluster has now, in words; empty if there is nothing."""
-    import ray  # pyright: ignore[reportMissingImports]
+    ray = load()
 
     nodes: list[dict[str, Any]] = [node["Resources"] for node in ray.nodes() if node["Alive"]]
     if not any(node.get("CPU", 0) >= 1 for node in nodes):

@@ -20,7 +20,7 @@ import msgspec
 
 from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.processes.child import Child, Refused
-from duobench.evaluation.ray.cluster import AUTH_MODE, TOKEN
+from duobench.evaluation.ray.cluster import AUTH_MODE, TOKEN, load
 from duobench.versions import __version__
 
 POLL_S = 0.5
@@ -73,8 +73,7 @@ class Host:
             version: DuoBench's version where the run is written.
             renderers: How many processes may render on a node; 0 if nothing is rendered.
         """
-        import ray  # pyright: ignore[reportMissingImports]
-
+        ray = load()
         self._node = ray.get_runtime_context().get_node_id()
         self._host = ray.util.get_node_ip_address()
         self._child: Child[msgspec.Raw] | None = None
