@@ -128,8 +128,10 @@ def test_a_command_that_comes_too_near_holds_both_arms_and_counts_against_who_le
 
 def test_fast_arms_are_stopped_in_time_to_come_to_rest_before_they_meet() -> None:
     duo = ready_rig(guard=True)
-    while not duo.held:
-        duo.command(DuoCommand(joints=leaning(1.2), openings=np.ones(2)))
+    change = 0.0
+    while not duo.held and change < 1.2:
+        change += 0.034  # 1 rad/s, so that the followers are not behind
+        duo.command(DuoCommand(joints=leaning(change), openings=np.ones(2)))
     wait(duo, 0.5)
     nearest = Guard().nearest(joints(duo), 1.0)
     assert nearest is not None
