@@ -152,11 +152,13 @@ class TrialsSession:
         self._trial = trial
         self._attempt = self._standing.attempts.get(trial.number, 0) + 1
         self._at_end, self._note, self._lost, self._ghost_joints = None, "", "", None
+        self._board.phase = Phase.PLACING  # no press of the trial before counts for this one
         self._judge.begin()
         layout = self._overlay.layout(
             self._plan.episode(trial.episode).seed, self._plan.episode(trial.episode).split
         )
         self._board.begin(trial, self._attempt, layout, self._standing)
+        self._publish()  # before anything that takes long
         self._offer_sheet(trial, layout)
         self._write(Kind.BEGIN, text=self._plan.letter(trial.policy))
         self._place(layout)
@@ -185,7 +187,6 @@ class TrialsSession:
 
     def _place(self, layout: Layout) -> None:
         """Wait until the objects are placed and the operator has said that the arms may move."""
-        self._board.phase = Phase.PLACING
         while True:
             match self._next(layout):
                 case messages.Placed():
