@@ -14,7 +14,7 @@ from duobench.hardware.motion.follower import (
     Follower,
     MotionLimits,
 )
-from duobench.hardware.rig import FOLLOWER_HZ
+from duobench.hardware.rig import FOLLOWER_HZ, MAX_ACCELERATION
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.robot.speeds import speed_limits
 
@@ -81,7 +81,7 @@ def test_a_far_target_is_approached_within_bounds_and_not_overshot(fraction: flo
 def test_whatever_is_told_no_bound_is_broken() -> None:
     rng = np.random.default_rng(0)
     low, high = JOINT_RANGES.T
-    for fraction, acceleration in ((0.5, 9.0), (0.25, 4.0)):
+    for fraction, acceleration in ((0.5, MAX_ACCELERATION), (0.25, 4.0)):
         limits = MotionLimits(speed_fraction=fraction, acceleration=acceleration)
         follower = Follower(HOME, limits)
         targets = [rng.uniform(low - 0.5, high + 0.5) for _ in range(200)]
@@ -105,9 +105,9 @@ def test_the_reference_stops_at_the_last_target_when_no_other_comes() -> None:
     assert np.array_equal(speeds[-1], np.zeros(7))
     assert positions[-1] == pytest.approx(targets[-1], abs=1e-4)
     # Never beyond what braking takes.
-    assert (positions - targets[-1]).max() <= 0.9**2 / (2 * 9.0) + 1e-3
+    assert (positions - targets[-1]).max() <= 0.9**2 / (2 * MAX_ACCELERATION) + 1e-3
     stalled = positions[round(len(targets) * PERIOD / DT) + round(2 * PERIOD / DT) :]
-    assert np.abs(stalled - targets[-1]).max() <= 0.9**2 / (2 * 9.0) + 1e-3
+    assert np.abs(stalled - targets[-1]).max() <= 0.9**2 / (2 * MAX_ACCELERATION) + 1e-3
 
 
 def test_a_hold_comes_to_rest_as_fast_as_it_may_and_stays_there() -> None:
@@ -119,7 +119,7 @@ def test_a_hold_comes_to_rest_as_fast_as_it_may_and_stays_there() -> None:
     while not follower.is_at_rest:
         follower.advance(DT)
         calls += 1
-    assert calls * DT <= speed / 9.0 + 2 * DT
+    assert calls * DT <= speed / MAX_ACCELERATION + 2 * DT
     where = follower.reference
     follower.advance(DT)
     assert np.array_equal(follower.reference, where)
@@ -154,7 +154,7 @@ def test_what_is_no_joint_position_is_refused_and_changes_nothing(wrong: np.ndar
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"speed_fraction": 0.6}, {"speed_fraction": 0.0}, {"acceleration": 9.5}]
+    "wrong", [{"speed_fraction": 0.6}, {"speed_fraction": 0.0}, {"acceleration": 6.5}]
 )
 def test_limits_beyond_what_any_rig_may_have_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(OptionError, match=next(iter(wrong))):

@@ -18,7 +18,7 @@ from duobench.types import Side
     [
         {"speed_fraction": 0.51},
         {"speed_fraction": 0.0},
-        {"acceleration": 9.5},
+        {"acceleration": 6.5},
         {"home_fraction": 0.6},
         {"torque_threshold": 150.0},
         {"force_threshold": 0.0},

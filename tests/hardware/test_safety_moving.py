@@ -12,7 +12,13 @@ from duobench.errors import ActionError, BackendError
 from duobench.hardware import watched
 from duobench.hardware.duo import HardwareDuo
 from duobench.hardware.motion.follower import HIGHEST, LOWEST
-from duobench.hardware.rig import FOLLOWER_HZ, MAX_SPEED_FRACTION, ArmConfig, Rig
+from duobench.hardware.rig import (
+    FOLLOWER_HZ,
+    MAX_ACCELERATION,
+    MAX_SPEED_FRACTION,
+    ArmConfig,
+    Rig,
+)
 from duobench.hardware.supervisor import State
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.types import SIDES, Array, DuoCommand, Side
@@ -95,7 +101,10 @@ def test_stop_comes_to_rest_before_it_lets_go_and_takes_the_confirmation_back() 
         duo.command(shifted(0.03 * number))
     duo.stop()
     assert np.array_equal(log.velocities[-1], np.zeros(7))
-    assert np.abs(np.diff(np.array(log.velocities), axis=0)).max() <= 9.0 / FOLLOWER_HZ * 1.001
+    assert (
+        np.abs(np.diff(np.array(log.velocities), axis=0)).max()
+        <= MAX_ACCELERATION / FOLLOWER_HZ * 1.001
+    )
     assert not any(reading.is_tracking for reading in duo.readings().values())
     assert not duo.supervisor.is_confirmed
     duo.stop()
@@ -189,7 +198,7 @@ def test_whatever_is_commanded_an_arm_is_told_only_what_its_bounds_allow(fractio
         assert (told <= HIGHEST).all()
         assert (np.abs(moving) <= most + 1e-9).all()
         assert (np.abs(np.diff(told, axis=0)) <= most / FOLLOWER_HZ + 1e-9).all()
-        assert np.abs(np.diff(moving, axis=0)).max() <= 9.0 / FOLLOWER_HZ * 1.001
+        assert np.abs(np.diff(moving, axis=0)).max() <= MAX_ACCELERATION / FOLLOWER_HZ * 1.001
         assert np.abs(moving).max() > 0.2
 
 
@@ -241,7 +250,10 @@ def test_arms_come_to_rest_at_the_last_target_of_a_policy_that_stalls() -> None:
     assert joints(duo) == pytest.approx(last.joints, abs=1e-3)
     assert np.abs(speeds(duo)).max() < 1e-3
     # It never goes further than braking takes, whatever the last two targets would promise.
-    assert max(told[0] for told in log.joints) <= last.joints[0, 0] + 0.9**2 / 18.0 + 1e-3
+    assert (
+        max(told[0] for told in log.joints)
+        <= last.joints[0, 0] + 0.9**2 / (2 * MAX_ACCELERATION) + 1e-3
+    )
     assert duo.held is None
     duo.command(shifted(0.2))
     assert duo.held is None
@@ -252,7 +264,7 @@ def test_after_two_periods_without_a_command_nothing_asks_for_speed_any_more() -
     _, log = stalled(duo)
     speed = log.velocities[-1][0]
     wait(duo, 2 * PERIOD)
-    braked = speed - 9.0 * PERIOD  # one period to the end of the ramp, one to brake
+    braked = speed - MAX_ACCELERATION * PERIOD  # one period to the end of the ramp, one to brake
     assert log.velocities[-1][0] <= braked + 0.05
 
 

@@ -24,8 +24,9 @@ RIG_SCHEMA = 1
 """Version of the file; raised when a field changes its meaning."""
 FOLLOWER_HZ = 500.0
 """Rate at which an arm is told where to be [measured: 8 mrad behind, no reflex]."""
-MAX_ACCELERATION = 9.0
-"""Largest joint acceleration in rad/s² that a rig allows [data sheet: 10, less a margin]."""
+MAX_ACCELERATION = 6.0
+"""Largest joint acceleration in rad/s² that a rig allows: at 9 arms overshot their speed limits in
+a strict simulator of the robot, at 6 they did not [docs/real_arms.md; data sheet: 10]."""
 MAX_SPEED_FRACTION = 0.5
 """Largest part of the joints' speed limits that a rig may allow."""
 _STIFFNESS = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
