@@ -100,6 +100,17 @@ def test_killed_driver_leaves_nothing_behind_and_goes_on(
     assert len(list(out.glob("records/*/*.json"))) == 6
 
 
+def test_interrupted_driver_ends_its_actors(cluster: LocalCluster, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    process = start("random", out, cluster.address)
+    wait_until(lambda: list(out.glob("records/*/*.json")), "a record")
+    process.send_signal(signal.SIGINT)
+    assert process.wait(TIMEOUT_S) != 0
+    wait_until(lambda: not cluster.processes(), "the end of all actors")
+    kept = out.glob("records/*/*.json")
+    assert all(record.read_text().endswith("}\n") for record in kept)
+
+
 def test_policy_that_hangs_fails_its_episode_alone(cluster: LocalCluster, tmp_path: Path) -> None:
     words = ("--tasks", toy_tasks.WAVE_NAME, "--episodes", "2", "--videos", "0")
     policy = "tests.evaluation.toy_batches:Hangs"
