@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 from websockets.sync import client
 
-TIMEOUT_S = 30
+TIMEOUT_S = 120
 
 Answer = tuple[int, dict[str, str], bytes]
 
