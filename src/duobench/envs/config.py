@@ -141,7 +141,7 @@ def _look(value: Any) -> Any:
 def _shift(value: Any) -> Any:
     if isinstance(value, Mapping):
         for name in value:
-            check_known("field of a shift", str(name), Shift.__slots__)
+            check_known("field of a shift", str(name), ("axis", "level"))
         return Shift(**value)
     return Shift.parse(value) if isinstance(value, str) else value
 
