@@ -117,7 +117,8 @@ def table(outcomes: Sequence[Outcome], axis: str) -> str:
     found = sorted({level for _, level in cells})
     heading = ["task", *(f"level {level}" for level in found)]
     rows = [heading, ["---"] * len(heading)]
-    for task in dict.fromkeys(task for task in catalog.names() if (task, found[0]) in cells):
+    played = {task for task, _ in cells}
+    for task in (name for name in catalog.names() if name in played):
         rows.append([f"`{task}`", *(_cell(cells[task, level]) for level in found)])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 

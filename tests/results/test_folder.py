@@ -11,7 +11,7 @@ import pytest
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError, OutputError
-from duobench.files import encode, locked
+from duobench.files import CHECKSUM, checksum, encode, locked
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
 from duobench.results.folder import RunFolder
@@ -156,9 +156,35 @@ def test_records_of_earlier_suites_and_schemas_can_be_read(tmp_path: Path) -> No
             document.pop(name, None)
         for part in (document["config"], document.get("metadata", {})):
             part.pop("object_state", None)
+        _without_schema_6(document)
         path.write_text(json.dumps({"schema": 3, **document}))
     assert folder.read_run() == run
     assert folder.read_records(run) == [record]
+
+
+def _without_schema_6(document: dict[str, Any]) -> None:
+    """Take out what records and runs have from schema 6 on."""
+    document["config"].pop("shift")
+    document.pop("execution", None)
+    document.pop("shard", None)
+    if isinstance(suite := document.get("suite"), dict):
+        for name in ("name", "revision", "execution", "shift"):
+            suite.pop(name)
+    else:
+        document.pop("suite")
+
+
+def test_files_of_schema_5_can_be_read(tmp_path: Path) -> None:
+    run, record = sample_run(), sample_record(LIFT, 0, (5, 9))
+    folder = sample_folder(tmp_path / "run", run, [record])
+    for path in (folder.record(LIFT.id, 0), folder.description):
+        document = json.loads(path.read_text()) | {"schema": 5}
+        _without_schema_6(document)
+        document[CHECKSUM] = checksum(document)
+        path.write_text(json.dumps(document))
+    assert folder.read_run() == run
+    assert folder.read_records(run) == [record]
+    assert folder.read_run().suite.label == "custom"
 
 
 def test_folder_without_a_run_says_how_to_make_one(tmp_path: Path) -> None:

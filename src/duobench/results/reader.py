@@ -57,14 +57,13 @@ class RunReader(ABC):
     def finished(self, run: Run) -> list[Episode]:
         """The episodes of a run that have a record, in the order of the run."""
         found = []
-        wanted = {(each.task.id, each.index) for each in run.episodes()}
-        for task in run.suite.tasks:
+        for place, task in enumerate(run.suite.tasks):
             stems = (name.removesuffix(".json") for name in self.names(records_folder(task.id)))
             indices = {int(stem) for stem in stems if stem.isascii() and stem.isdigit()}
             found += [
                 Episode(task=task, index=index, split=run.config.split, shift=run.config.shift)
                 for index in sorted(indices)
-                if (task.id, index) in wanted
+                if index in run.indices(place)
             ]
         return found
 

@@ -101,13 +101,12 @@ class Run:
             Episode(
                 task=task,
                 index=index,
-                has_video=nth < self.videos,
+                has_video=index - self.suite.first_episode < self.videos,
                 split=self.config.split,
                 shift=self.suite.shift,
             )
             for place, task in enumerate(self.suite.tasks)
-            for nth, index in enumerate(self.suite.indices)
-            if self.shard is None or self.shard.has(place, index)
+            for index in self.indices(place)
         ]
 
     def under(self, shift: Shift) -> Run:
@@ -123,11 +122,12 @@ class Run:
     @property
     def counts(self) -> dict[str, int]:
         """How many episodes it has of each task, by the task's id."""
-        return {
-            task.id: sum(self.shard is None or self.shard.has(place, index) for index in indices)
-            for indices in (self.suite.indices,)
-            for place, task in enumerate(self.suite.tasks)
-        }
+        return {task.id: len(self.indices(place)) for place, task in enumerate(self.suite.tasks)}
+
+    def indices(self, place: int) -> range:
+        """Indices of its episodes of a task, by the place of the task in the suite."""
+        indices = self.suite.indices
+        return indices if self.shard is None else self.shard.part(place, indices)
 
     def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
         """Why a record is not that of an episode of this run; None if it is."""

@@ -57,11 +57,13 @@ class Shard:
         """Name of its folder in that of the run."""
         return f"shard-{self.number}-of-{self.count}"
 
-    def has(self, task: int, episode: int) -> bool:
-        """Whether an episode is in it.
+    def part(self, task: int, episodes: range) -> range:
+        """Those of the episodes of a task that are in it.
 
         Args:
-            task: Place of its task in the run, from 0.
-            episode: Index of the episode.
+            task: Place of the task in the run, from 0.
+            episodes: Indices of the episodes of the run, without gaps.
         """
-        return (task + episode) % self.count == self.number - 1
+        # Episode i of task t is in the shard whose number is (t + i) modulo the count, plus 1.
+        first = (self.number - 1 - task - episodes.start) % self.count
+        return range(episodes.start + first, episodes.stop, self.count)
