@@ -1,4 +1,6 @@
 import io
+import os
+from contextlib import closing
 from fractions import Fraction
 from pathlib import Path
 
@@ -7,7 +9,7 @@ import numpy as np
 import pytest
 
 from duobench.errors import VideoError
-from duobench.video import AV1, VP9, Codec, write_video
+from duobench.video import AV1, H264, VP9, Codec, VideoWriter, write_video
 
 FRAMES = [np.full((48, 64, 3), value, np.uint8) for value in (0, 80, 160, 240)]
 
@@ -38,3 +40,13 @@ def test_memory_takes_the_bytes_of_a_file(tmp_path: Path) -> None:
 def test_image_that_no_encoder_takes_is_said() -> None:
     with pytest.raises(VideoError, match="A video cannot be encoded with libvpx-vp9"):
         write_video([np.zeros((2, 70_000, 3), np.uint8)], io.BytesIO(), VP9, 15)
+
+
+@pytest.mark.parametrize("codec", [AV1, VP9, H264], ids=lambda codec: codec.encoder)
+def test_no_encoder_keeps_others_from_running(codec: Codec, tmp_path: Path) -> None:
+    usual = os.sched_getscheduler(0)
+    with closing(VideoWriter(tmp_path / "video", codec, 30)) as writer:
+        for frame in FRAMES:
+            writer.add(frame)
+        threads = [int(each.name) for each in Path("/proc/self/task").iterdir()]
+        assert {os.sched_getscheduler(each) for each in threads} == {usual}

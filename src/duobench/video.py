@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -104,7 +104,9 @@ class VideoWriter:
             frame.pts = self._frames
             self._frames += 1
             container, stream = self._open
-            container.mux(stream.encode(frame))
+            with _ordinary_priority():  # threads begin with the first frame
+                packets = stream.encode(frame)
+            container.mux(packets)
 
     def close(self) -> None:
         """Finish the video; one that failed is left as it is.
@@ -154,6 +156,26 @@ class VideoWriter:
         stream.pix_fmt = codec.pixel_format
         stream.codec_context.thread_count = 1
         return container, stream
+
+
+@contextmanager
+def _ordinary_priority() -> Iterator[None]:
+    """Take back the realtime priority that the encoder of AV1 gives to all threads where it may.
+
+    A user with that right, such as root, would have encoders, and all that is started after them,
+    keep everything else on the machine from running.
+    """
+    tasks = Path("/proc/self/task")
+    ordinary = getattr(os, "SCHED_OTHER", None)
+    if ordinary is None or not tasks.is_dir() or os.sched_getscheduler(0) != ordinary:
+        yield
+        return
+    yield
+    if os.sched_getscheduler(0) == ordinary:
+        return
+    for task in tasks.iterdir():
+        with suppress(ProcessLookupError):
+            os.sched_setscheduler(int(task.name), ordinary, os.sched_param(0))
 
 
 def write_video(

@@ -18,7 +18,7 @@ from duobench.data import (
     export_lerobot,
     find_problems,
 )
-from duobench.data.schema import INFO_KEY, action_mode
+from duobench.data.schema import INFO_KEY, SCHEMA, action_mode
 from duobench.envs import action_modes
 from duobench.errors import DataError, UnknownNameError
 from duobench.policy.serving.message_format import ActionFormat, MessageFormat
@@ -88,7 +88,7 @@ def test_older_data_sets_are_read_and_continued(tmp_path: Path, mode: str, schem
     (path,) = data.episodes()
     table = pq.read_table(path)
     said = json.loads(table.schema.metadata[INFO_KEY])
-    assert (said.pop("schema"), said["action_mode"]) == (4, mode)
+    assert (said.pop("schema"), said["action_mode"]) == (SCHEMA, mode)
     assert said.pop("task_instruction") == said["instruction"]
     assert said.pop("has_clutch") is False
     if schema < 3:

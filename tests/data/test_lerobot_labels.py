@@ -13,6 +13,7 @@ from duobench.cli import main
 from duobench.data import ActionSource, DataSet, ExportOptions, Recorder, export_lerobot
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import ExportFolder
+from duobench.data.schema import Domain
 from duobench.envs import action_labels
 from duobench.envs.action_labels import LABELS, POSE_LABELS, rotations_from_columns
 from duobench.envs.reset_options import LAYOUT
@@ -208,7 +209,7 @@ def test_a_checkpoint_whose_actions_are_not_known_is_rejected(tmp_path: Path) ->
 
 def test_real_episodes_have_no_object_states(data: DataSet, tmp_path: Path) -> None:
     (recording,) = data.recordings()
-    info = replace(recording.info, first_hash=None, last_hash=None)
+    info = replace(recording.info, domain=Domain.REAL, first_hash=None, last_hash=None)
     path = DataSet.open(tmp_path / "real").episode(SHORT_TASK, "00000")
     replace(recording, info=info, state=np.empty((len(recording) + 1, 0))).write(path)
     options = ExportOptions(cameras=(), object_state=True)

@@ -152,9 +152,16 @@ def test_claims_that_are_not_earned_are_refused(
 def test_what_cannot_be_played_again_must_have_failed(
     runs: dict[str, RunFolder], folder: Path, tmp_path: Path
 ) -> None:
-    forged(runs["hold"], folder, lambda record: record.update(sent=None, clipped=None))
+    def edit(record: Document) -> None:
+        record.update(sent=None, clipped=None)
+
+    forged(play(tmp_path / "two", "hold", episodes=2), folder, edit)
     board, _ = made(folder, tmp_path / "site")
     assert "cannot be verified, though no error ended it" in reason(board, "forged.duobench.zip")
+    shutil.rmtree(folder.parent / "forged")
+    forged(runs["hold"], folder, edit)
+    board, _ = made(folder, tmp_path / "site")
+    assert "Nothing in it can be verified" in reason(board, "forged.duobench.zip")
 
 
 def test_hostile_and_damaged_archives_are_refused(folder: Path, tmp_path: Path) -> None:
