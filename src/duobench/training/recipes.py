@@ -164,7 +164,7 @@ _DIFFUSION = (
     Setting("policy.down_dims", "[64,128,256]", "ours: an eighth of the default"),
     Setting("policy.noise_scheduler_type", "DDIM", "ours: a tenth of the steps at play"),
     Setting("policy.num_inference_steps", "10", "ours: see the scheduler"),
-    Setting("policy.prediction_type", "sample", "ours: learned where noise is not, see docs"),
+    Setting("policy.prediction_type", "sample", "ours: with noise 4,000 steps learned nothing"),
     Setting("policy.optimizer_lr", "5e-4", "ours: five times the default, for few steps"),
 )
 OBJECT_STATES: Mapping[str, Recipe] = {
