@@ -12,7 +12,7 @@ import duobench
 ENGINES = ("mujoco", "manifold3d", "mink")
 BLOCKED = f"import sys\nsys.modules.update(dict.fromkeys({ENGINES}))\n"
 """As where they are not installed: importing one of them is an error."""
-MOST = 69
+MOST = 68
 """Modules of the package that may load MuJoCo when they are imported."""
 
 # Rooms and modules that load no engine, whatever of them is imported.
@@ -22,12 +22,7 @@ ROOMS = (
     *("checks", "installing", "lerobot_keys", "processes", "video", "training"),
     *("fabrication", "hardware"),
 )
-NEEDS_AN_ENGINE = (
-    "duobench.envs.make",
-    "duobench.envs.sim_env",
-    "duobench.envs.sim_judge",
-    "duobench.envs.wrappers.sensing",
-)
+NEEDS_AN_ENGINE = ("duobench.envs.make", "duobench.envs.sim_env", "duobench.envs.sim_judge")
 
 IMPORT_ALL = """
 import importlib

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 
 from duobench.envs.duo_env import Observation, ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.base import DuoWrapper
 from duobench.envs.wrappers.cameras import PIXELS
 from duobench.randomness import EVAL
@@ -18,9 +17,10 @@ from duobench.shifts import levels
 from duobench.shifts.levels import level_for
 from duobench.shifts.samples import EpisodeKey
 from duobench.shifts.shift import SENSING, Shift
-from duobench.sim.backend import SimBackend
-from duobench.sim.simulation import Simulation
 from duobench.types import POLICY_CAMERAS, Array
+
+if TYPE_CHECKING:
+    from duobench.sim.backend import SimBackend
 
 MAX_AGE = 30
 """Most frames that a camera drops in a row; the next one always comes."""
@@ -50,6 +50,8 @@ class Sensing(DuoWrapper):
         Raises:
             TypeError: There is no simulation inside.
         """
+        from duobench.envs.sim_env import sim_of
+
         super().__init__(env, shift=shift)
         self._level = level_for(shift, SENSING, self.task)
         self._base = sim_of(env)
@@ -127,6 +129,9 @@ class Sensing(DuoWrapper):
     def _seen(self, camera: str, age: int, shape: tuple[int, int]) -> Any:
         """What a camera showed so many frames ago."""
         if self._past_backend is None:
+            from duobench.sim.backend import SimBackend
+            from duobench.sim.simulation import Simulation
+
             task = self._base.definition
             self._past_backend = SimBackend(Simulation(task.props, task.overview))
         backend = self._past_backend
