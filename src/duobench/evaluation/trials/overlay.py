@@ -7,6 +7,7 @@ ghost do not agree in the image, the calibration is wrong, and so is the layout.
 from __future__ import annotations
 
 import io
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +23,12 @@ from duobench.robot.cameras import (
     TABLE_FROM_HEAD,
 )
 from duobench.sim.layout import Layout
-from duobench.sim.placement import first_valid
-from duobench.sim.rendering import Renderer
-from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.task import Task
 from duobench.types import HEAD, SIDES, Array, DuoCommand
+
+if TYPE_CHECKING:
+    from duobench.sim.rendering import Renderer
 
 GHOST_OPACITY = 0.55
 """Opacity of the robot's ghost."""
@@ -41,6 +42,8 @@ class Overlay:
         """Compile the task's model; no OpenGL before the first image."""
         self.task = task
         """What is on the table."""
+        from duobench.sim.simulation import Simulation
+
         self._simulation = Simulation(task.props)
         self._renderer: Renderer | None = None
         self.table_from_head = head_pose(rig)
@@ -55,6 +58,8 @@ class Overlay:
         Raises:
             LayoutError: There is none.
         """
+        from duobench.sim.placement import first_valid
+
         sampled = first_valid(self._simulation, self.task.layouts(seed, split), self.task.id)
         return Layout.from_json(sampled.to_json())
 
@@ -74,6 +79,8 @@ class Overlay:
         simulation.duo.set_configuration(DuoCommand(joints=joints, openings=np.ones(2)))
         simulation.apply(layout)
         if self._renderer is None:
+            from duobench.sim.rendering import Renderer
+
             self._renderer = Renderer(simulation.model, height=NATIVE_HEIGHT, width=NATIVE_WIDTH)
         try:
             image = self._renderer.render(simulation.data, HEAD)
