@@ -63,6 +63,15 @@ def test_it_goes_on_where_it_was_and_workers_do_not_matter(played: Path, tmp_pat
         evaluate_shifts("hold", suite, out, SHIFTS[:2], workers=0)
 
 
+def test_each_condition_has_the_videos_that_are_asked_for(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    words = ["--suite", "robust", "--axes", "look", "--levels", "5", "--episodes", "2"]
+    words += ["--workers", "0", "--tasks", toy_tasks.WAVE_NAME, "--out", str(out)]
+    main(["eval", "--policy", "hold", *words, "--videos", "1"])
+    for condition in ("none", "look-5"):
+        assert len(list((out / condition).rglob("*.webm"))) == 1
+
+
 def test_shards_of_conditions_are_read_as_one(played: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     for number in (1, 2):
@@ -106,6 +115,7 @@ def test_the_command_plays_two_levels_of_a_few_axes(
     page = (tmp_path / "run" / "index.html").read_text()
     assert "suite robust 1 with 1 of 11 tasks, 1 episodes instead of 20" in page.replace("\n", " ")
     assert len(list((tmp_path / "run").glob("*-5"))) == 8
+    assert not list((tmp_path / "run").rglob("*.webm"))
     main(["verify", out, "--import-tasks", "--workers", "0"])
     assert capsys.readouterr().out.count("Verified.") == 17
     main(["report", out])

@@ -37,7 +37,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     episodes: int | None = None,
     first_episode: int = 0,
     workers: int = 1,
-    videos: int = 1,
+    videos: int | None = None,
     look: str = "default",
     act_timeout: float = 120.0,
     episode_timeout: float = 1800.0,
@@ -82,7 +82,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         workers: Simulators that play side by side, in processes of their own; the policy has
             another one. The results do not depend on it. With 0 this process does everything, for a
             debugger: the policy can see the simulator, hang, and end the run.
-        videos: How many episodes of each task have a video.
+        videos: How many episodes of each task have a video: 1, and 0 under each shift of the suite
+            robust, unless another number is given.
         look: Look of the images that the policy sees: wood_table, dark, random:7, ... (see
             docs/looks.md).
         act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
@@ -165,6 +166,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         run_shifts(
             limits=limits,
             workers=workers,
+            videos=videos or 0,
             retry_broken=retry_broken,
             fresh=fresh,
             cluster=_cluster(executor, address, policy_gpus),
@@ -182,7 +184,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             choice,
             played,
             folder,
-            videos=videos,
+            videos=1 if videos is None else videos,
             limits=limits,
             workers=workers,
             observers=[EpisodesPlayed(shown)],

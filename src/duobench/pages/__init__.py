@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -15,7 +16,13 @@ def render(package: str, template: str, **values: Any) -> str:
         template: Its name; it may include `style.css`.
         values: What the template names; text in them is escaped.
     """
-    environment = Environment(
+    return _templates(package).get_template(template).render(**values)
+
+
+@cache
+def _templates(package: str) -> Environment:
+    """The templates of a package, each of which is compiled once."""
+    return Environment(
         loader=ChoiceLoader([PackageLoader(package), PackageLoader(__name__)]),
         autoescape=True,
         trim_blocks=True,
@@ -23,4 +30,3 @@ def render(package: str, template: str, **values: Any) -> str:
         undefined=StrictUndefined,
         keep_trailing_newline=True,
     )
-    return environment.get_template(template).render(**values)

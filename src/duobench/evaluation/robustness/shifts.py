@@ -37,6 +37,7 @@ def evaluate_shifts(  # noqa: PLR0913
     *,
     limits: TimeLimits | None = None,
     workers: int = 1,
+    videos: int = 0,
     observers: Sequence[Observer[EpisodeRecord]] = (),
     command: str = "",
     shard: Shard | None = None,
@@ -53,6 +54,7 @@ def evaluate_shifts(  # noqa: PLR0913
         shifts: The conditions.
         limits: How long the policy may take.
         workers: Processes that play side by side; 0 plays in this one.
+        videos: How many episodes of each task have a video under each shift, from the first on.
         observers: Called about the progress of all conditions together.
         command: The command that starts the run.
         shard: Which part of each condition is played; None plays all.
@@ -70,7 +72,9 @@ def evaluate_shifts(  # noqa: PLR0913
     """
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
     folders = {shift: _folder(out / shift.name, shard) for shift in shifts}
-    job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), command=command)
+    job = Job(
+        policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos, command=command
+    )
     executor = executor_for(job, workers, cluster=cluster)
     with ExitStack() as ending:
         for folder in folders.values():
@@ -149,7 +153,7 @@ def _write(
     observers: Sequence[Observer[EpisodeRecord]],
     workers: int,
 ) -> None:
-    folder.write(result.record, None)
+    folder.write(result.record, result.video)
     folder.note_timing(result.record, result.times, workers)
     for observer in observers:
         observer.on_episode(result.record)
