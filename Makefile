@@ -21,11 +21,12 @@ AXE := .axe/node_modules/axe-core/axe.min.js
 IWER := .iwer/node_modules/iwer/build/iwer.min.js
 STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
+DEMO_ROBUST := demo-robust
 TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo test test-lerobot test-hardware test-interop test-ray test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo demo-robust test test-lerobot test-hardware test-interop test-ray test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -35,6 +36,10 @@ setup: $(VENV)/.installed  ## Make the virtual environment and install the packa
 demo: setup  ## Evaluate the scripted experts, three episodes a task; leaves demo-run/ with a report.
 	rm -rf $(DEMO_RUN)
 	$(BIN)/duobench eval --policy expert --episodes 3 --workers 2 --videos 1 --out $(DEMO_RUN)
+
+demo-robust: setup  ## Play the suite robust with the scripted experts, two levels of each axis, one episode a task.
+	rm -rf $(DEMO_ROBUST)
+	$(BIN)/duobench eval --policy expert --suite robust --levels 1 5 --episodes 1 --workers 2 --out $(DEMO_ROBUST)
 
 test: check  ## Check format, lint and types, then run the tests.
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope
