@@ -1,6 +1,6 @@
 """How much longer a run takes on a local Ray cluster than with as many workers and without it.
 
-    python -m benchmarks.ray_speed --episodes 20
+    python -m benchmarks.ray_speed
 
 Two simulator actors play against two workers, in turn, the same episodes; starting is left aside:
 counted is the time from the first finished episode to the last one. The exit status says whether
@@ -63,8 +63,8 @@ def measure(policy: str, suite: Suite, folder: Path, cluster: LocalCluster | Non
 def main() -> None:
     """Measure, and print the ratio."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--episodes", type=int, default=20)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--episodes", type=int, default=100)
+    parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--policy", default="expert")
     parser.add_argument("--task", default="bin_sort")
     asked = parser.parse_args()

@@ -11,6 +11,7 @@ import os
 import select
 import tempfile
 import threading
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ import msgspec
 
 from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.processes.child import Child, Refused
+from duobench.evaluation.processes.messages import Progress
 from duobench.evaluation.ray.cluster import AUTH_MODE, TOKEN, load
 from duobench.versions import __version__
 
@@ -40,6 +42,10 @@ class _Policy(Child[msgspec.Raw]):
 
 
 _KINDS: dict[str, type[_Worker | _Policy]] = {"worker": _Worker, "policy": _Policy}
+
+
+class _Tagged(msgspec.Struct):
+    type: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -99,24 +105,32 @@ class Host:
             self._child.clock.is_watched = watched
 
     def poll(self) -> News:
-        """Wait for messages, a moment at most, and tell how the process is."""
+        """Wait for messages, a moment at most, and tell how the process is.
+
+        How far an episode is, which nobody waits for, is told with the next other message.
+        """
         with self._reading:
-            said, self._said = self._said, []
             child = self._child
-            if child is None:
-                return self._news(said, None, "it was never started.")
-            death = None
-            sockets = [child.channel.socket]
-            if not said and not select.select(sockets, [], [], POLL_S)[0]:
-                death = child.death()
-            try:
-                while select.select(sockets, [], [], 0)[0]:
-                    said += [bytes(message) for message in child.receive()]
-            except EOFError:
-                death = child.death_within(DEATH_SEEN_S) or "its process closed the connection."
-            except Exception as error:  # noqa: BLE001 - a process boundary: it is told
-                death = f"its result cannot be read ({error})."
+            death = "it was never started." if child is None else self._read(child)
+            said, self._said = self._said, []
             return self._news(said, child, death)
+
+    def _read(self, child: Child[msgspec.Raw]) -> str | None:
+        """Take what a process says, for a moment at most; how it ended, if it did."""
+        sockets = [child.channel.socket]
+        until = time.monotonic() + POLL_S
+        try:
+            while all(map(_may_wait, self._said)) and (left := until - time.monotonic()) > 0:
+                if select.select(sockets, [], [], left)[0]:
+                    self._said += [bytes(message) for message in child.receive()]
+            death = None if self._said else child.death()
+            while select.select(sockets, [], [], 0)[0]:
+                self._said += [bytes(message) for message in child.receive()]
+        except EOFError:
+            return child.death_within(DEATH_SEEN_S) or "its process closed the connection."
+        except Exception as error:  # noqa: BLE001 - a process boundary: it is told
+            return f"its result cannot be read ({error})."
+        return death
 
     def _news(self, said: list[bytes], child: Child[Any] | None, death: str | None) -> News:
         clock = child and child.clock
@@ -133,6 +147,11 @@ class Host:
     def _refuse(self, reason: str) -> None:
         refused = Refused(error=EvaluationError.__name__, message=reason)
         self._said.append(msgspec.json.encode(refused))
+
+
+def _may_wait(message: bytes) -> bool:
+    """Whether a message of a process says how far it is, and nothing that is waited for."""
+    return msgspec.json.decode(message, type=_Tagged).type == Progress.__name__
 
 
 def _objection(version: str) -> str:
