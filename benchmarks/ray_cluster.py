@@ -35,8 +35,7 @@ class LocalCluster:
             nodes: How many.
             cpus: Cores that each says it has.
         """
-        os.environ.update(ENVIRONMENT)
-        os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(16))
+        set_environment()
         from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
 
         self._options = {"num_cpus": cpus, "object_store_memory": MEMORY}
@@ -88,6 +87,12 @@ class LocalCluster:
                 elif b"processes.policy_process import main" in words:
                     found.setdefault("policy", []).append(pid)
         return found
+
+
+def set_environment() -> None:
+    """Set what nodes and their users need; Ray reads it when it is first imported."""
+    os.environ.update(ENVIRONMENT)
+    os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(16))
 
 
 @contextmanager
