@@ -9,7 +9,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
@@ -280,6 +280,7 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
     what: str,
     advice: str = "",
     foreign: str = "**/*",
+    kept: Collection[str] = (),
     is_final: bool = True,
 ) -> None:
     """Write what a folder is to hold, or check that it is what the folder holds already.
@@ -293,6 +294,7 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
         what: What that is, for messages: "export".
         advice: A sentence that ends the message of an error.
         foreign: Pattern of files that may not be in the folder before it is described.
+        kept: Names of files that may be in the folder all the same.
         is_final: Whether the folder must hold just that; if not, only the file has to be readable.
 
     Raises:
@@ -304,7 +306,7 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
         make_folder(folder)
         ours = f".{description.name}.*{TEMPORARY_SUFFIX}"  # of one that was killed while it began
         others = (path for path in folder.glob(foreign) if not path.is_dir())
-        if all(path.match(ours) for path in others):
+        if all(path.match(ours) or path.name in kept for path in others):
             write(description, encode(value, schema))
             return
         if not description.exists():  # else another process has begun the same

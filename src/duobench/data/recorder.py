@@ -223,6 +223,8 @@ class Recorder(DuoWrapper):
     def finish(self, *, kept: bool = True, reason: str | None = None) -> None:
         """End the recording of the running episode, if there is one, before its end.
 
+        One that has ended and waits for `keep` or `discard` goes on waiting.
+
         Args:
             kept: Whether it is meant to be used.
             reason: Why it ended, or why it is not.
@@ -293,10 +295,10 @@ class Recorder(DuoWrapper):
             videos.listen()
 
     def _end(self, *, cut: bool, kept: bool = True, reason: str | None = None) -> None:
-        self._leave_pending()
         stream, self._stream = self._stream, None
         if stream is None:
             return
+        self._leave_pending()
         if (videos := _videos_of(stream)) is not None:
             videos.close()  # now, whenever somebody decides
         if not len(stream.rows):  # not even the reset could be recorded

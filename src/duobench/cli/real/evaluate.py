@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from duobench.evaluation.trials.report import TrialsReport
+    from duobench.hardware.doctor import Report
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -107,6 +108,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             data=None if record is None else DataSet.open(record),
             command=command,
         )
+        if remark := _remark(folder.read_doctor(), duo.rig.hash):
+            screen.print(f"{remark} See: duobench real doctor --rig {rig} --out {out}")
         screen.print(f"Open {server.url}\nCtrl-C holds the arms and ends the session.")
         with stopping(session.stop):
             session.run()
@@ -116,6 +119,14 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         session.tell(results=results, files=f"Report: {page}")
         _show(report, screen)
         screen.print(f"Report: {page}")
+
+
+def _remark(found: Report | None, rig_hash: str) -> str:
+    """What there is to say about the doctor's findings before a session; empty if all is well."""
+    if found is None:
+        return "The doctor has not looked at this rig for this folder."
+    objection = found.objection(rig_hash)
+    return f"At {found.time}, the doctor {objection}." if objection else ""
 
 
 def _show(report: TrialsReport, screen: Console) -> None:

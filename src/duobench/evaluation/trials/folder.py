@@ -11,6 +11,7 @@ from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.trials.log import Entry, Kind, TrialLog, read_entries
 from duobench.evaluation.trials.plan import PLAN_SCHEMA, Plan, Trial
 from duobench.files import begin_or_continue, encode, read, write
+from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
 from duobench.results.folder import RunFolder
 
 DESCRIPTION = "trials.json"
@@ -121,7 +122,12 @@ class TrialsFolder:
             write(self.description, encode(plan, PLAN_SCHEMA))
             return plan
         begin_or_continue(
-            self.path, self.description, plan, PLAN_SCHEMA, what="evaluation on real arms"
+            self.path,
+            self.description,
+            plan,
+            PLAN_SCHEMA,
+            what="evaluation on real arms",
+            kept=(DOCTOR_FILE,),
         )
         return plan
 
@@ -137,6 +143,14 @@ class TrialsFolder:
                 f"{self.path} holds no evaluation on real arms: {DESCRIPTION} is missing."
             )
         return read(self.description, Plan, PLAN_SCHEMA)
+
+    def read_doctor(self) -> Report | None:
+        """What `duobench real doctor` has left here; None if nothing.
+
+        Raises:
+            FileError: It cannot be read.
+        """
+        return read_checks(self.path)
 
     def open_log(self, at: str) -> TrialLog:
         """The log to write on; a trial that was cut is closed as invalid first.

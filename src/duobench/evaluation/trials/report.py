@@ -11,6 +11,7 @@ from duobench.evaluation.trials.log import read_entries
 from duobench.evaluation.trials.plan import Plan
 from duobench.evaluation.trials.rating import rated
 from duobench.files import write
+from duobench.hardware.doctor.checks import Report
 from duobench.pages import render
 from duobench.results import metrics
 from duobench.results.compare import compare, write_comparison
@@ -67,6 +68,8 @@ class TrialsReport:
     """How any two raters agree."""
     verdicts: tuple[str, ...]
     """What tests say about any two policies, in words."""
+    doctor: Report | None
+    """What the doctor has last found on the rig; None if nobody asked it."""
 
 
 def write_trials_report(folder: TrialsFolder) -> TrialsReport:
@@ -118,6 +121,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         missing=missing,
         agreements=tuple(all_agreements(folder, plan)) if is_shown else (),
         verdicts=tuple(verdicts),
+        doctor=folder.read_doctor(),
     )
     write(folder.page, _page(report))
     return report

@@ -56,6 +56,23 @@ class Report:
     checks: tuple[Check, ...]
     """The checks in their order."""
 
+    def objection(self, rig_hash: str) -> str:
+        """Why it says nothing good about a rig; empty if all is well."""
+        if self.rig_hash != rig_hash:
+            return f"looked at another rig, or at an earlier state of its file ({self.rig})"
+        failed = [check.name for check in self.checks if check.outcome is Outcome.FAILED]
+        return f"found what fails: {', '.join(failed)}" if failed else ""
+
+
+def read_checks(folder: Path) -> Report | None:
+    """What is in `doctor.json` of a run's folder; None if there is none.
+
+    Raises:
+        FileError: It cannot be read.
+    """
+    path = folder / DOCTOR_FILE
+    return files.read(path, Report, DOCTOR_SCHEMA) if path.exists() else None
+
 
 def is_well(checks: Iterable[Check]) -> bool:
     """Whether no check failed."""
