@@ -33,6 +33,8 @@ SWING, PACE = 0.25, 2.0
 FAST = 24
 """The step after which the swing is fastest."""
 STEPS = 600
+RESTING = 0.01
+"""Speed in rad/s below which an arm stands still."""
 SOON_S = 2.0
 """What stands for the half minute after which arms stop, damped."""
 
@@ -47,8 +49,8 @@ class Seen:
     fault_kind: str | None
     speed_before: list[float]
     """Largest measured speed of a joint in rad/s when it was struck, left then right."""
-    speed_after: list[float]
-    """The same a second after the episode's end."""
+    rest_s: float
+    """Seconds from the episode's end until both arms stood still."""
     is_tracking: list[bool]
     """Whether each arm followed its reference then, left then right."""
     errors: list[str]
@@ -61,7 +63,7 @@ def stall(duo: HardwareDuo) -> None:
     """Say nothing for longer than the arms wait."""
     watched.STOP_AFTER_S = SOON_S  # pyright: ignore[reportAttributeAccessIssue]
     time.sleep(SOON_S / 2)
-    assert max(speeds(duo)) < 0.01  # at rest at the last target, and still held there
+    assert max(speeds(duo)) < RESTING  # at rest at the last target, and still held there
     assert all(reading.is_tracking for reading in duo.readings().values())
     time.sleep(SOON_S)
 
@@ -102,6 +104,16 @@ def speeds(duo: HardwareDuo) -> list[float]:
     return [float(np.abs(reading.velocities).max()) for reading in duo.readings().values()]
 
 
+def wait_for_rest(duo: HardwareDuo) -> float:
+    """Wait until both arms stand still, and go on to; the seconds that it took."""
+    begun = still = time.monotonic()
+    while time.monotonic() - still < 0.5 and still - begun < 10.0:
+        time.sleep(0.02)
+        if max(speeds(duo)) >= RESTING:
+            still = time.monotonic()
+    return still - begun
+
+
 def play(env: Recorder, duo: HardwareDuo, name: str) -> tuple[int, list[float], dict[str, Any]]:
     """Steps until the episode's end, the speeds when it was struck, and the last info."""
     before: list[float] = []
@@ -126,9 +138,8 @@ def main() -> None:
     duo.supervisor.confirm()
     env.reset(seed=0)
     steps, before, info = play(env, duo, name)
-    time.sleep(1.0)
+    rest_s = wait_for_rest(duo)
     readings = [duo.readings()[side] for side in SIDES]
-    after = speeds(duo)
     silence_gripper(duo, is_silent=False)
     silence_camera(duo, is_silent=False)
     recover(duo)
@@ -138,7 +149,7 @@ def main() -> None:
         reason=info.get("truncation_reason"),
         fault_kind=info.get("fault_kind"),
         speed_before=before,
-        speed_after=after,
+        rest_s=rest_s,
         is_tracking=[reading.is_tracking for reading in readings],
         errors=["" if reading.fault is None else reading.fault.text for reading in readings],
         state=str(duo.supervisor.state),

@@ -25,8 +25,11 @@ pytest.importorskip("franky", reason="franky-control is not installed; see `make
 pytestmark = pytest.mark.skipif(
     not strict_arms.IS_INSTALLED, reason="franka-sim is not installed; see `make test-hardware`"
 )
-MOVING, RESTING = 0.3, 0.01
-"""Speeds of the fastest joint in rad/s, at least and at most."""
+MOVING = 0.3
+"""Speed of the fastest joint of each arm in rad/s, at least, when something goes wrong."""
+HELD_S, STOPPED_S = 1.0, 6.0
+"""Seconds in which arms stand still that are held, and those that stop by themselves: this
+simulator lets them come to rest slowly."""
 
 
 @pytest.fixture
@@ -56,8 +59,9 @@ def end_of(player: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
     assert recording.info.outcome.reason == seen["reason"]
     assert len(recording.sent) in {seen["steps"], seen["steps"] + 1}
     assert min(seen["speed_before"]) > MOVING
-    assert max(seen["speed_after"]) < RESTING
+    assert seen["rest_s"] < (HELD_S if all(seen["is_tracking"]) else STOPPED_S)
     assert seen["state"] == "ready"
+    sys.stdout.write(json.dumps(seen) + "\n")  # with pytest -rP
     return seen
 
 
