@@ -80,6 +80,7 @@ def test_thresholds_and_gains_are_those_of_the_rigs_file() -> None:
     assert robot.behavior == ([CONFIG.torque_threshold] * 7, [CONFIG.force_threshold] * 6)
     assert np.array_equal(arm._tracker.gains["stiffness"], CONFIG.stiffness)
     assert np.array_equal(arm._tracker.gains["damping"], CONFIG.damping)
+    assert arm._tracker.gains["max_delta_tau"] == franky_arm.TORQUE_CHANGE
     arm.close()
 
 

@@ -65,6 +65,17 @@ def test_a_hold_brings_both_arms_to_rest_and_commands_move_nothing_until_home() 
     assert duo.fault is None
 
 
+def test_a_hold_leaves_the_fingers_where_they_are() -> None:
+    duo = ready_rig()
+    for _ in range(3):
+        duo.command(DuoCommand(joints=HOME_JOINTS, openings=np.zeros(2)))
+    duo.hold("The button on the page.")
+    openings = [reading.opening for reading in duo.gripper_readings().values()]
+    assert 0.5 < min(openings) < 0.95
+    wait(duo, 0.5)
+    assert [reading.opening for reading in duo.gripper_readings().values()] == openings
+
+
 def test_after_a_hold_home_needs_the_operators_word_again() -> None:
     duo = ready_rig()
     duo.hold("The space bar.")
