@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from duobench.evaluation.policies import ExpertPolicy
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.guard import FINGER_MARGIN, MARGIN, PATH_STEP, Guard
 from duobench.hardware.motion.follower import HIGHEST, LOWEST
+from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import State
 from duobench.kinematics.inverse import Kinematics
 from duobench.robot.joints import HOME_JOINTS
@@ -99,14 +102,28 @@ class Sent:
     def on_episode_end(self, *_: Any) -> None: ...
 
 
-@pytest.mark.parametrize("task", REAL_TASKS)
-def test_what_experts_do_in_the_real_tasks_is_allowed(guard: Guard, task: str) -> None:
-    env, sent = make_env(task, cameras=False), Sent()
+@pytest.fixture(scope="module", params=REAL_TASKS)
+def expert(request: pytest.FixtureRequest) -> list[Array]:
+    """Joint targets of an expert's episode of a task that the paper rebuilt."""
+    env, sent = make_env(request.param, cameras=False), Sent()
     rollout(env, ExpertPolicy(env), seed=0, watchers=[sent])
     env.close()
     assert len(sent.targets) > 50
-    for targets in sent.targets:
+    return sent.targets
+
+
+def test_what_experts_do_in_the_real_tasks_is_allowed(guard: Guard, expert: list[Array]) -> None:
+    for targets in expert:
         assert guard.problem(targets) is None
+
+
+def test_a_rig_plays_experts_at_half_tempo(expert: list[Array]) -> None:
+    """With where the arms would come to rest looked at, too."""
+    duo = ready_rig(replace(Rig.simulated(), cameras={}), guard=True)
+    middles = [(one + other) / 2.0 for one, other in pairwise(expert)]
+    for targets in [each for pair in zip(middles, expert[1:], strict=True) for each in pair]:
+        duo.command(DuoCommand(joints=targets, openings=np.ones(2)))
+        assert duo.held is None
 
 
 def test_a_command_that_comes_too_near_holds_both_arms_and_counts_against_who_led() -> None:

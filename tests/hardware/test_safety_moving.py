@@ -65,6 +65,17 @@ def test_a_hold_brings_both_arms_to_rest_and_commands_move_nothing_until_home() 
     assert duo.fault is None
 
 
+def test_a_hold_leaves_the_fingers_where_they_are() -> None:
+    duo = ready_rig()
+    for _ in range(3):
+        duo.command(DuoCommand(joints=HOME_JOINTS, openings=np.zeros(2)))
+    duo.hold("The button on the page.")
+    openings = [reading.opening for reading in duo.gripper_readings().values()]
+    assert 0.5 < min(openings) < 0.95
+    wait(duo, 0.5)
+    assert [reading.opening for reading in duo.gripper_readings().values()] == openings
+
+
 def test_after_a_hold_home_needs_the_operators_word_again() -> None:
     duo = ready_rig()
     duo.hold("The space bar.")
@@ -295,16 +306,24 @@ def test_a_new_rig_starts_low() -> None:
     assert config.home_fraction == 0.1
 
 
+@pytest.mark.parametrize("slow", SIDES)
 @pytest.mark.parametrize(("name", "value"), [("speed_fraction", 0.1), ("acceleration", 1.0)])
-def test_speed_and_acceleration_are_those_of_the_rigs_file(name: str, value: Any) -> None:
+def test_speed_and_acceleration_of_each_arm_are_those_of_the_rigs_file(
+    name: str, value: Any, slow: Side
+) -> None:
     plain = Rig.simulated()
-    slow = replace(plain.arms[Side.LEFT], **{name: value})
-    duo = ready_rig(replace(plain, arms=dict.fromkeys(SIDES, slow)))
-    log = Log(duo, Side.LEFT)
+    config = replace(plain.arms[slow], **{name: value})
+    duo = ready_rig(replace(plain, arms={**plain.arms, slow: config}))
+    logs = {side: Log(duo, side) for side in SIDES}
     for _ in range(30):
         duo.command(shifted(0.8))
-    config = duo.rig.arms[Side.LEFT]
-    moving = np.array(log.velocities)
-    assert np.abs(moving[:, 0]).max() <= config.speed_fraction * VELOCITY_LIMITS[0] + 1e-9
-    most = config.acceleration / FOLLOWER_HZ
-    assert np.abs(np.diff(moving, axis=0)).max() <= most * 1.001
+
+    def fastest(side: Side) -> tuple[float, float]:
+        moving = np.array(logs[side].velocities)[:, 0]
+        return np.abs(moving).max(), np.abs(np.diff(moving)).max() * FOLLOWER_HZ
+
+    for side in SIDES:
+        speed, acceleration = fastest(side)
+        assert speed <= duo.rig.arms[side].speed_fraction * VELOCITY_LIMITS[0] + 1e-9
+        assert acceleration <= duo.rig.arms[side].acceleration * 1.001
+    assert np.max(np.divide(fastest(slow.other), fastest(slow))) > 2.0

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,35 +16,17 @@ import numpy as np
 from duobench.data import Recorder
 from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
-from duobench.hardware.rig import ArmDriver, Rig
+from duobench.hardware.rig import MAX_ACCELERATION, MAX_SPEED_FRACTION
 from duobench.types import SIDES
 from tests.hardware.with_libraries.arms import become_realtime
-
-
-def rig() -> Rig:
-    """Two arms by franky at the addresses of `arms`; everything else is simulated."""
-    plain = Rig.simulated()
-    arms = {
-        side: replace(
-            plain.arms[side],
-            driver=ArmDriver.FRANKY,
-            address=f"127.0.0.{side.index + 1}",
-            is_realtime=False,
-        )
-        for side in SIDES
-    }
-    return replace(plain, arms=arms, cameras={})
-
-
-def say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+from tests.hardware.with_libraries.leading import franky_rig, say
 
 
 def main() -> None:
     targets, folder = np.load(sys.argv[1]), Path(sys.argv[2])
     is_realtime = become_realtime(15)
-    duo = open_rig(rig())
+    rig = franky_rig(speed_fraction=MAX_SPEED_FRACTION, acceleration=MAX_ACCELERATION)
+    duo = open_rig(rig)
     env = Recorder(make_real_env(duo, "bin_sort", horizon=len(targets), cameras=False), folder)
     duo.supervisor.confirm()
     env.reset(seed=0)

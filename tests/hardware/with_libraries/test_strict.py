@@ -1,7 +1,7 @@
-"""An arm by franky against franka-sim, which enforces the arm's limits and trips reflexes.
+"""Both arms by franky against two franka-sim, which enforce an arm's limits and trip reflexes.
 
-It has an environment of its own; `make test-hardware` names its Python. DUOBENCH_TARGETS is the
-number of random targets, thirty a second: 10000 takes six minutes.
+They have an environment of their own; `make test-hardware` names its Python. DUOBENCH_TARGETS is
+the number of random targets, thirty a second: 10000 takes six minutes for each pair of limits.
 """
 
 from __future__ import annotations
@@ -10,80 +10,50 @@ import json
 import os
 import subprocess
 import sys
-import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-import mujoco
 import pytest
 
-from duobench.scene.robot import arms as scene_arms
-from duobench.types import Side
+from duobench.hardware.rig import MAX_ACCELERATION, MAX_SPEED_FRACTION, ArmConfig
+from tests.hardware.with_libraries import strict_arms
 
 pytest.importorskip("franky", reason="franky-control is not installed; see `make test-hardware`")
-PYTHON = os.environ.get("DUOBENCH_FRANKA_SIM_PYTHON", ".venv-franka-sim/bin/python")
 TARGETS = int(os.environ.get("DUOBENCH_TARGETS", "600"))
 pytestmark = pytest.mark.skipif(
-    not Path(PYTHON).exists(), reason="franka-sim is not installed; see `make test-hardware`"
+    not strict_arms.IS_INSTALLED, reason="franka-sim is not installed; see `make test-hardware`"
 )
-SERVER = """
-import os, sys
-try:
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
-except PermissionError:
-    pass
-sys.argv[1:] = ["--physics", "mujoco", "--no-gripper", "--enforce-comm-constraints",
-                "--enforce-motion-limits"]
-from franka_sim.run_server import main
-main()
-"""
+NEW = ArmConfig(address="")
+LIMITS = {
+    "of a new rig": (NEW.speed_fraction, NEW.acceleration),
+    "at most": (MAX_SPEED_FRACTION, MAX_ACCELERATION),
+}
+FAST = 0.9
+"""Part of its speed limits that an arm has to reach, or nothing was tried."""
 
 
-def fr3(path: Path) -> None:
-    """Write our arm alone in the format of an older MuJoCo, which takes no servos of ours."""
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    scene_arms._add_kinematics(spec, Side.LEFT)
-    spec.compile()
-    root = ET.fromstring(spec.to_xml())
-    for servos in root.findall("actuator"):
-        root.remove(servos)
-    path.write_bytes(ET.tostring(root))
+def play(folder: Path, speed: float, acceleration: float, *words: str) -> dict[str, Any]:
+    program = "tests.hardware.with_libraries.strict_targets"
+    numbers = [str(TARGETS), str(speed), str(acceleration)]
+    with strict_arms.strict_arms(folder) as arms:
+        command = [sys.executable, "-m", program, *numbers, *words]
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    rates = {str(side): min(rates[1:-1]) for side, rates in arms.rates().items()}
+    seen: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    sys.stdout.write(json.dumps({**seen, "slowest_second_hz": rates}) + "\n")  # with pytest -rP
+    return seen
 
 
-@pytest.fixture
-def strict(tmp_path: Path) -> Iterator[None]:
-    fr3(tmp_path / "fr3.xml")
-    environment = {**os.environ, "FR3_MJCF": str(tmp_path / "fr3.xml")}
-    with subprocess.Popen(
-        [PYTHON, "-u", "-c", SERVER],
-        env=environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as server:
-        assert server.stderr is not None
-        assert any("ready for new client" in line for line in server.stderr)
-        yield
-        server.kill()
+@pytest.mark.parametrize("limits", LIMITS)
+def test_no_target_that_is_accepted_trips_a_reflex(limits: str, tmp_path: Path) -> None:
+    speed, acceleration = LIMITS[limits]
+    seen = play(tmp_path, speed, acceleration)
+    assert seen["targets"] == TARGETS
+    assert [text for kind, text in seen["faults"] if kind != "communication"] == []
+    assert min(seen["fastest"]) > FAST * speed
 
 
-def seen(count: int) -> list[tuple[str, str]]:
-    command = [sys.executable, "-m", "tests.hardware.with_libraries.strict_arm", str(count)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return [(kind, text) for kind, text in json.loads(done.stdout.splitlines()[-1])]
-
-
-@pytest.mark.usefixtures("strict")
-def test_no_target_that_is_accepted_trips_a_reflex() -> None:
-    faults = seen(TARGETS)
-    assert [text for kind, text in faults if kind != "communication"] == []
-
-
-@pytest.mark.usefixtures("strict")
-def test_a_jump_trips_a_reflex_which_is_told_and_recovered_from() -> None:
-    (kind, text), (state, tracking) = seen(0)
-    assert kind == "reflex"
-    assert "The left arm" in text
-    assert tracking == "[False, True]"
-    assert state == "ready"
+def test_what_the_guard_accepts_trips_no_reflex_either(tmp_path: Path) -> None:
+    seen = play(tmp_path, NEW.speed_fraction, NEW.acceleration, "guard")
+    assert [text for kind, text in seen["faults"] if kind != "communication"] == []
+    assert min(seen["fastest"]) > 0.1

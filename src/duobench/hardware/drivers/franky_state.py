@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -57,12 +58,15 @@ def fault_of_errors(names: Iterable[str], mode: str = "") -> Fault | None:
 def fault_of_exception(error: BaseException, lost: tuple[type[BaseException], ...]) -> Fault:
     """The fault that an error of the library is.
 
+    What stopped an arm stands in the text as a list of names in quotation marks.
+
     Args:
         error: The error.
         lost: The library's errors of networks and packets.
     """
     text = str(error).strip() or type(error).__name__
-    is_lost = isinstance(error, lost) or (COMMUNICATION in text and "reflex!" not in text)
+    names = set(re.findall(r'"(\w+)"', text))
+    is_lost = isinstance(error, lost) or names == {COMMUNICATION}
     return Fault(kind=FaultKind.COMMUNICATION if is_lost else FaultKind.REFLEX, text=text)
 
 

@@ -1,0 +1,95 @@
+"""Safety rule 7 at the driver of an arm: what the rig's file says is what the library is told."""
+
+from __future__ import annotations
+
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.errors import BackendError
+from duobench.hardware.clock import VirtualClock
+from duobench.hardware.drivers import franky_arm
+from duobench.hardware.rig import ArmConfig
+
+CONFIG = ArmConfig(
+    address="172.16.0.2",
+    stiffness=(11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 17.0),
+    damping=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
+    torque_threshold=18.0,
+    force_threshold=25.0,
+)
+
+
+class FakeRobot:
+    """Remembers what it was told; it stands at zero."""
+
+    has_errors = False
+
+    def __init__(self, address: str, **options: Any) -> None:
+        self.address, self.options = address, options
+        self.behavior: tuple[list[float], list[float]] | None = None
+
+    @property
+    def state(self) -> SimpleNamespace:
+        zeros = [0.0] * 7
+        return SimpleNamespace(
+            q=zeros, dq=zeros, tau_J=zeros, robot_mode="RobotMode.Move", current_errors=None
+        )
+
+    def set_collision_behavior(self, torques: list[float], forces: list[float]) -> None:
+        self.behavior = torques, forces
+
+    def poll_motion(self) -> None: ...
+
+
+class FakeTracker:
+    def __init__(self, robot: FakeRobot, **gains: Any) -> None:
+        assert robot.behavior is not None, "thresholds come before anything can move"
+        self.gains, self.is_running = gains, True
+
+    def stop(self) -> None:
+        self.is_running = False
+
+
+@pytest.fixture
+def library(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    franky = ModuleType("franky")
+    contents = {
+        "Robot": FakeRobot,
+        "JointImpedanceTracker": FakeTracker,
+        "RealtimeConfig": SimpleNamespace(Enforce="enforce", Ignore="ignore"),
+        "Exception": type("Exception", (Exception,), {}),
+    }
+    vars(franky).update(contents)
+    monkeypatch.setattr(franky_arm, "_library", lambda: franky)
+    return franky
+
+
+@pytest.mark.usefixtures("library")
+def test_thresholds_and_gains_are_those_of_the_rigs_file() -> None:
+    arm = franky_arm.FrankyArm(CONFIG, VirtualClock())
+    arm.connect()
+    robot: FakeRobot = arm._robot
+    assert robot.address == CONFIG.address
+    assert robot.options["default_torque_threshold"] == CONFIG.torque_threshold
+    assert robot.options["default_force_threshold"] == CONFIG.force_threshold
+    assert robot.options["realtime_config"] == "enforce"
+    arm.start()
+    assert robot.behavior == ([CONFIG.torque_threshold] * 7, [CONFIG.force_threshold] * 6)
+    assert np.array_equal(arm._tracker.gains["stiffness"], CONFIG.stiffness)
+    assert np.array_equal(arm._tracker.gains["damping"], CONFIG.damping)
+    assert arm._tracker.gains["max_delta_tau"] == franky_arm.TORQUE_CHANGE
+    arm.close()
+
+
+@pytest.mark.usefixtures("library")
+def test_an_arm_with_errors_does_not_begin_to_track(monkeypatch: pytest.MonkeyPatch) -> None:
+    arm = franky_arm.FrankyArm(CONFIG, VirtualClock())
+    arm.connect()
+    monkeypatch.setattr(FakeRobot, "has_errors", True)
+    with pytest.raises(BackendError, match="has errors"):
+        arm.start()
+    assert arm._tracker is None
+    arm.close()

@@ -1,0 +1,54 @@
+"""Rigs of franky's arms, and an operator who recovers them; shared by programs that lead them."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+from duobench.errors import BackendError
+from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.rig import ArmConfig, ArmDriver, Rig
+from duobench.types import SIDES
+
+TRIES = 20
+
+
+def franky_rig(*, cameras: Sequence[str] = (), **limits: float) -> Rig:
+    """Two arms by franky at 127.0.0.1 and 127.0.0.2; everything else is simulated.
+
+    Args:
+        cameras: Names of the simulated cameras.
+        limits: `speed_fraction` and others of `ArmConfig`; those of a new rig where not given.
+    """
+    plain = Rig.simulated()
+    arms = {
+        side: ArmConfig(
+            driver=ArmDriver.FRANKY,
+            address=f"127.0.0.{side.index + 1}",
+            is_realtime=False,
+            **limits,  # pyright: ignore[reportArgumentType]
+        )
+        for side in SIDES
+    }
+    return replace(plain, arms=arms, cameras={name: plain.cameras[name] for name in cameras})
+
+
+def recover(duo: HardwareDuo) -> None:
+    """Recover as an operator does who waits until the arms stand still."""
+    for _ in range(TRIES - 1):
+        try:
+            duo.supervisor.recover()
+        except BackendError:
+            time.sleep(0.5)
+        else:
+            break
+    else:
+        duo.supervisor.recover()
+    duo.supervisor.confirm()
+
+
+def say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
