@@ -33,8 +33,9 @@ SWING, PACE = 0.25, 2.0
 FAST = 24
 """The step after which the swing is fastest."""
 STEPS = 600
-RESTING = 0.01
-"""Speed in rad/s below which an arm stands still."""
+RESTING = 0.1
+"""Speed in rad/s below which an arm stands still: the last joint of a simulator whose arm stopped
+by itself hums at 0.08."""
 SOON_S = 2.0
 """What stands for the half minute after which arms stop, damped."""
 
@@ -63,7 +64,7 @@ def stall(duo: HardwareDuo) -> None:
     """Say nothing for longer than the arms wait."""
     watched.STOP_AFTER_S = SOON_S  # pyright: ignore[reportAttributeAccessIssue]
     time.sleep(SOON_S / 2)
-    assert max(speeds(duo)) < RESTING  # at rest at the last target, and still held there
+    assert max(speeds(duo)) < RESTING / 10  # at rest at the last target, and still held there
     assert all(reading.is_tracking for reading in duo.readings().values())
     time.sleep(SOON_S)
 

@@ -27,9 +27,8 @@ pytestmark = pytest.mark.skipif(
 )
 MOVING = 0.3
 """Speed of the fastest joint of each arm in rad/s, at least, when something goes wrong."""
-HELD_S, STOPPED_S = 1.0, 6.0
-"""Seconds in which arms stand still that are held, and those that stop by themselves: this
-simulator lets them come to rest slowly."""
+STILL_S = 1.0
+"""Seconds after the episode's end in which both arms stand still."""
 
 
 @pytest.fixture
@@ -59,7 +58,7 @@ def end_of(player: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
     assert recording.info.outcome.reason == seen["reason"]
     assert len(recording.sent) in {seen["steps"], seen["steps"] + 1}
     assert min(seen["speed_before"]) > MOVING
-    assert seen["rest_s"] < (HELD_S if all(seen["is_tracking"]) else STOPPED_S)
+    assert seen["rest_s"] < STILL_S
     assert seen["state"] == "ready"
     sys.stdout.write(json.dumps(seen) + "\n")  # with pytest -rP
     return seen

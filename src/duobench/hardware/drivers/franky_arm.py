@@ -17,7 +17,7 @@ import numpy as np
 
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock, Ticker
-from duobench.hardware.devices import ArmReading, Fault, FaultKind
+from duobench.hardware.devices import ArmReading, Fault
 from duobench.hardware.drivers.franky_state import (
     errors_in,
     fault_of_errors,
@@ -57,6 +57,7 @@ class FrankyArm:
         self._tracker: Any = None
         self._reading: ArmReading | None = None
         self._fault: Fault | None = None
+        self._is_gone = False  # and has to be reached again
         self._ticker: Ticker | None = None
 
     def connect(self) -> None:
@@ -128,10 +129,13 @@ class FrankyArm:
         address = self._config.address
         with self._lock:
             try:
-                if self._fault is not None and self._fault.kind is FaultKind.COMMUNICATION:
+                if self._is_gone:
+                    self._robot = None  # an arm takes one connection at a time
                     self._reach()
+                    self._is_gone = False
                 is_well = not self._robot.has_errors or self._robot.recover_from_errors()
             except self._errors() as error:
+                self._is_gone = True
                 raise BackendError(f"The arm at {address} does not recover: {error}") from error
             if not is_well:
                 raise BackendError(f"The arm at {address} does not recover from its errors.")
@@ -187,6 +191,7 @@ class FrankyArm:
         if self._fault is None:
             franky = self._known()
             lost = (franky.NetworkException, franky.ProtocolException, franky.RealtimeException)
+            self._is_gone = isinstance(error, lost)
             self._fault = fault_of_exception(error, lost)
 
     # --- the library -----------------------------------------------------------------------------
