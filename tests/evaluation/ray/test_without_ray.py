@@ -5,12 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from duobench.cli import main
 from duobench.cli.display.console import command_line
 from duobench.errors import EvaluationError
 from duobench.evaluation.evaluate import evaluate
+from duobench.evaluation.processes.messages import Progress, Rehearsed
 from duobench.evaluation.ray import cluster, host
 from duobench.evaluation.ray.cluster import AUTH_MODE, Cluster, check_environment
 from duobench.results.folder import RunFolder
@@ -112,6 +114,12 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
     monkeypatch.setattr(probe, "choose", lambda processes: calls.append(processes) or "osmesa")
     monkeypatch.setenv(probe.CHOSEN, "")
     return calls
+
+
+def test_only_how_far_an_episode_is_waits_for_other_messages() -> None:
+    assert Progress.__struct_config__.tag == host.PROGRESS
+    assert host._may_wait(msgspec.json.encode({"type": host.PROGRESS, "record": {}}))
+    assert not host._may_wait(msgspec.json.encode(Rehearsed()))
 
 
 def test_rendering_is_chosen_once_a_node(chosen: list[int]) -> None:

@@ -21,7 +21,6 @@ import msgspec
 
 from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.processes.child import Child, Refused
-from duobench.evaluation.processes.messages import Progress
 from duobench.evaluation.ray.cluster import AUTH_MODE, TOKEN, load
 from duobench.versions import __version__
 
@@ -29,6 +28,8 @@ POLL_S = 0.5
 """How long an actor waits for messages before it tells how its process is, in seconds."""
 DEATH_SEEN_S = 1.0
 """How long after a lost connection the end of a process may be seen, in seconds."""
+PROGRESS = "Progress"
+"""Tag of messages of that class, which is loaded where they are made."""
 SECRETS = ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH")
 """What lets a process into the cluster, which a policy does not get."""
 
@@ -151,7 +152,7 @@ class Host:
 
 def _may_wait(message: bytes) -> bool:
     """Whether a message of a process says how far it is, and nothing that is waited for."""
-    return msgspec.json.decode(message, type=_Tagged).type == Progress.__name__
+    return msgspec.json.decode(message, type=_Tagged).type == PROGRESS
 
 
 def _objection(version: str) -> str:
