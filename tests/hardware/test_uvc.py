@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from PIL import Image
 from duobench.errors import BackendError
 from duobench.hardware.clock import SystemClock, VirtualClock
 from duobench.hardware.devices import FaultKind, Frame
+from duobench.hardware.drivers import v4l2
 from duobench.hardware.drivers.frames import ThreadedCamera
 from duobench.hardware.drivers.uvc import FileCamera, UvcCamera
 from duobench.hardware.drivers.v4l2 import lock_exposure
@@ -146,6 +148,28 @@ def test_exposure_is_refused_by_what_has_none() -> None:
         lock_exposure("/dev/null", 5000.0, None)
     with pytest.raises(BackendError, match="/dev/null does not take gain 16"):
         lock_exposure("/dev/null", None, 16.0)
+
+
+def test_exposure_is_set_by_the_controls_of_linux(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Identifiers of <linux/v4l2-controls.h>; exposure in units of 100 µs."""
+    device = tmp_path / "video0"
+    device.touch()
+    said: list[tuple[int, int]] = []
+    monkeypatch.setattr(
+        v4l2.fcntl, "ioctl", lambda _file, _request, data: said.append(struct.unpack("=Ii", data))
+    )
+    lock_exposure(str(device), 8000.0, 16.0)
+    auto_exposure, absolute_exposure = 0x009A0901, 0x009A0902
+    auto_white_balance, gain = 0x0098090C, 0x00980913
+    manual = 1
+    assert said == [
+        (auto_exposure, manual),
+        (absolute_exposure, 80),
+        (auto_white_balance, 0),
+        (gain, 16),
+    ]
 
 
 class Numbers(ThreadedCamera):

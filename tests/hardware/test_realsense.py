@@ -1,0 +1,160 @@
+"""The driver of RealSense cameras with a library that is none: exposure, retries, the reset."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from duobench.errors import BackendError
+from duobench.hardware.clock import VirtualClock
+from duobench.hardware.drivers import realsense
+from duobench.hardware.drivers.realsense import ATTEMPTS, RealSenseCamera
+from duobench.hardware.rig import CameraConfig, CameraDriver
+
+SERIAL = "123622270000"
+SPANS = {"exposure": (1, 165000), "gain": (16, 248)}
+
+
+@dataclass
+class Sensor:
+    stream: str
+    options: dict[str, float] = field(default_factory=dict[str, float])
+
+    def get_stream_profiles(self) -> list[Any]:
+        return [SimpleNamespace(stream_type=lambda: self.stream)]
+
+    def set_option(self, option: str, value: float) -> None:
+        self.options[option] = value
+
+    def get_option_range(self, option: str) -> Any:
+        low, high = SPANS[option]
+        return SimpleNamespace(min=low, max=high)
+
+    def supports(self, option: str) -> bool:
+        return option == "enable_auto_white_balance"
+
+
+class Library:
+    """What the driver calls of `pyrealsense2`, with one camera that hangs as often as it is told."""
+
+    stream = SimpleNamespace(color="color")
+    format = SimpleNamespace(rgb8="rgb8")
+    distortion = SimpleNamespace(brown_conrady="brown_conrady")
+    camera_info = SimpleNamespace(
+        name="name", serial_number="serial", firmware_version="5.16", usb_type_descriptor="usb"
+    )
+    option = SimpleNamespace(
+        exposure="exposure",
+        gain="gain",
+        enable_auto_exposure="enable_auto_exposure",
+        enable_auto_white_balance="enable_auto_white_balance",
+    )
+
+    def __init__(self, hangs: int = 0) -> None:
+        self.hangs = hangs
+        self.log: list[str] = []
+        self.depth, self.colour = Sensor("depth"), Sensor("color")
+        facts = {"name": "D405", "serial": SERIAL, "5.16": "5.16", "usb": "3.2"}
+        self.device = SimpleNamespace(
+            query_sensors=lambda: [self.depth, self.colour],
+            supports=lambda fact: fact in facts,
+            get_info=facts.get,
+            hardware_reset=lambda: self.log.append("reset"),
+        )
+
+    def context(self) -> Any:
+        return SimpleNamespace(query_devices=lambda: [self.device])
+
+    def config(self) -> Any:
+        return SimpleNamespace(
+            enable_device=lambda serial: self.log.append(f"device {serial}"),
+            enable_stream=lambda *wanted: self.log.append(f"stream {wanted}"),
+        )
+
+    def pipeline(self) -> Any:
+        lens = SimpleNamespace(coeffs=[0.0] * 5, model="", fx=645.0, fy=644.0, ppx=640.0, ppy=360.0)
+        stream = SimpleNamespace(get_intrinsics=lambda: lens)
+        typed = SimpleNamespace(as_video_stream_profile=lambda: stream)
+        profile = SimpleNamespace(get_device=lambda: self.device, get_stream=lambda _: typed)
+        return SimpleNamespace(
+            start=lambda _: profile,
+            wait_for_frames=self.wait_for_frames,
+            stop=lambda: self.log.append("stop"),
+        )
+
+    def wait_for_frames(self, _milliseconds: int) -> None:
+        self.log.append("wait")
+        self.hangs -= 1
+        if self.hangs >= 0:
+            raise RuntimeError("Frame didn't arrive within 4000")
+
+
+def opened(
+    monkeypatch: pytest.MonkeyPatch, library: Library, device: str = SERIAL, **options: Any
+) -> RealSenseCamera:
+    monkeypatch.setitem(sys.modules, "pyrealsense2", library)  # type: ignore[arg-type]
+    monkeypatch.setattr(realsense.time, "sleep", lambda _: None)
+    config = CameraConfig(driver=CameraDriver.REALSENSE, device=device, **options)
+    camera = RealSenseCamera(config, VirtualClock(), "left_wrist")
+    camera._open()
+    return camera
+
+
+def test_exposure_and_gain_are_locked_on_the_sensor_of_colour_and_recorded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    library = Library()
+    camera = opened(monkeypatch, library, exposure_us=8000.0, gain=32.0)
+    assert library.colour.options == {
+        "enable_auto_exposure": 0,
+        "exposure": 8000.0,
+        "gain": 32.0,
+        "enable_auto_white_balance": 0,
+    }
+    assert library.depth.options == {}
+    assert f"device {SERIAL}" in library.log
+    facts = camera.facts
+    assert facts is not None
+    assert (facts.exposure_us, facts.gain) == (8000.0, 32.0)
+    assert (facts.serial, facts.usb) == (SERIAL, "3.2")
+
+
+def test_a_rig_that_says_nothing_lets_the_camera_choose(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = Library()
+    opened(monkeypatch, library)
+    assert library.colour.options == {"enable_auto_exposure": 1}
+
+
+def test_exposure_that_the_camera_does_not_take_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BackendError, match=r"exposure of 1 to 165000, got 200000"):
+        opened(monkeypatch, Library(), exposure_us=200000.0)
+
+
+@pytest.mark.parametrize("hangs", range(ATTEMPTS))
+def test_a_camera_that_hangs_is_tried_again_and_then_reset(
+    monkeypatch: pytest.MonkeyPatch, hangs: int
+) -> None:
+    library = Library(hangs=hangs)
+    opened(monkeypatch, library)
+    steps = [word for word in library.log if word in {"wait", "stop", "reset"}]
+    expected = ["wait", "stop"] * hangs + ["wait"]
+    if hangs == ATTEMPTS - 1:
+        expected.insert(-1, "reset")
+    assert steps == expected
+
+
+def test_a_camera_that_goes_on_hanging_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = Library(hangs=ATTEMPTS)
+    with pytest.raises(BackendError, match=r"left_wrist .* gives no images"):
+        opened(monkeypatch, library)
+    assert library.log.count("reset") == 1
+    assert library.log[-1] == "stop"
+
+
+def test_another_camera_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BackendError, match=f"connected are: {SERIAL}"):
+        opened(monkeypatch, Library(), device="42")
