@@ -39,7 +39,7 @@ class Sensor:
 
 
 class Library:
-    """What the driver calls of `pyrealsense2`, with one camera that hangs as often as it is told."""
+    """What the driver calls of `pyrealsense2`, with one camera that hangs as often as told."""
 
     stream = SimpleNamespace(color="color")
     format = SimpleNamespace(rgb8="rgb8")
