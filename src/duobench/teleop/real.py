@@ -2,7 +2,8 @@
 
 Who leads says that the task is solved, by keeping the episode while it runs. The page shows the
 arms where they are measured, and the objects where the layout asks for them, as a picture made by
-the simulation with open grippers; what is really on the table the page does not know.
+the simulation with open grippers; what is really on the table the images of the rig's cameras show,
+see `teleop.cameras`.
 """
 
 from __future__ import annotations

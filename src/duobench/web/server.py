@@ -11,7 +11,7 @@ import http
 import logging
 import re
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any
@@ -173,6 +173,11 @@ class PageServer:
         """Show a status: all of it, since whoever comes later sees this one alone."""
         self._call(self._show, "status", encode(kind="status", **status))
 
+    def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
+        """Show what cameras see: of each its name, title, address of its newest image, number of
+        that image, and how many seconds old it is if that is too old, else None."""
+        self._call(self._show, "cameras", encode(kind="cameras", cameras=cameras))
+
     def pulse(self, side: str, strength: float, ms: int) -> None:
         """Let a controller of the driver rumble.
 
@@ -285,7 +290,7 @@ class PageServer:
         """Serve one browser until it leaves."""
         peer = Peer(connection)
         self._peers.add(peer)
-        for place in ("scene", "status", FRAME):
+        for place in ("scene", "status", "cameras", FRAME):
             if place in self._latest:
                 peer.put(place, self._latest[place])
         sending = asyncio.create_task(peer.send_all())

@@ -38,8 +38,8 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
 ) -> None:
     """Record episodes that somebody leads on real arms, until Ctrl-C.
 
-    As duobench teleop, on a rig: this terminal asks before the arms go home, and the space bar here
-    holds them. Keeping an episode while it runs says that the task is solved. Not yet tried on an
+    As duobench teleop, on a rig: the page also shows what its cameras see, this terminal asks before
+    the arms go home, and the space bar here holds them. Keeping an episode while it runs says that the task is solved. Not yet tried on an
     arm.
 
     Args:
@@ -63,6 +63,7 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     load_engine()
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import Actor, ActorKind
+    from duobench.teleop.cameras import CameraFeed
     from duobench.teleop.hands import HandDevice
     from duobench.teleop.leaders.device import LeaderDevice
     from duobench.teleop.real import EndedError, RealLiveSession, RealSession, make_real_recorder
@@ -91,6 +92,7 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             ending.callback(session.close)
             server = serve_page(port, lan)
             ending.callback(server.close)
+            ending.callback(CameraFeed(duo, server).close)
             live = RealLiveSession(session, server)
             screen.print(f"Open {server.url}\nCtrl-C ends the session; the space bar holds.")
             with stopping(live.stop):

@@ -1,5 +1,6 @@
 // The page of a server: shows its frames and status, and lets people drive where it takes hands.
 
+import { Cameras } from "./cameras.js";
 import { Connection } from "./connection.js";
 import { Status } from "./status.js";
 import { View } from "./view.js";
@@ -11,6 +12,7 @@ const FRAME_HEAD = 16; // bytes of a frame before its poses
 class Live {
   #view;
   #status;
+  #cameras;
   #connection;
   #scene = null; // name of the one that is shown
   #waiting = null; // poses that came before their scene
@@ -19,6 +21,8 @@ class Live {
   constructor() {
     const canvas = document.querySelector("canvas");
     this.#view = new View(canvas);
+    const isCovered = () => this.#view.isCovered();
+    this.#cameras = new Cameras(document.querySelector("#cameras"), isCovered);
     this.#connection = Connection.home();
     this.#status = new Status(document, (message) => this.#connection.tell(message));
     this.#connection.addEventListener("open", () => {
@@ -26,7 +30,10 @@ class Live {
       this.#status.connected(true);
       this.#ping();
     });
-    this.#connection.addEventListener("close", () => this.#status.connected(false));
+    this.#connection.addEventListener("close", () => {
+      this.#status.connected(false);
+      this.#cameras.lost();
+    });
     this.#connection.addEventListener("message", ({ data }) => {
       if (typeof data === "string") this.#receive(JSON.parse(data));
       else this.#place(data);
@@ -39,7 +46,8 @@ class Live {
     else if (message.kind === "status") {
       this.#status.show(message);
       if (message.clutch && !this.#inputs) this.#inputs = this.#loadInputs();
-    } else if (message.kind === "role") this.#status.showRole(message);
+    } else if (message.kind === "cameras") this.#cameras.show(message.cameras);
+    else if (message.kind === "role") this.#status.showRole(message);
     else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
     else if (message.kind === "refused") this.#status.say(message.reason);
   }
