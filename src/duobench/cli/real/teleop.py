@@ -38,9 +38,9 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
 ) -> None:
     """Record episodes that somebody leads on real arms, until Ctrl-C.
 
-    As duobench teleop, on a rig: the page also shows what its cameras see, this terminal asks before
-    the arms go home, and the space bar here holds them. Keeping an episode while it runs says that the task is solved. Not yet tried on an
-    arm.
+    As duobench teleop, on a rig: the page also shows what its cameras see, this terminal asks
+    before the arms go home, and the space bar here holds them. Keeping an episode while it runs
+    says that the task is solved. Not yet tried on an arm.
 
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
