@@ -174,8 +174,12 @@ class PageServer:
         self._call(self._show, "status", encode(kind="status", **status))
 
     def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
-        """Show what cameras see: of each its name, title, address of its newest image, number of
-        that image, and how many seconds old it is if that is too old, else None."""
+        """Show what cameras see.
+
+        Args:
+            cameras: Of each its name, title, the address and number of its newest image, and how
+                many seconds old that is, if it is too old, else None.
+        """
         self._call(self._show, "cameras", encode(kind="cameras", cameras=cameras))
 
     def pulse(self, side: str, strength: float, ms: int) -> None:
