@@ -174,13 +174,14 @@ class PageServer:
         self._call(self._show, "status", encode(kind="status", **status))
 
     def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
-        """Show what cameras see.
+        """Show what cameras see, again and again: a page that hears nothing says so.
 
         Args:
-            cameras: Of each its name, title, the address and number of its newest image, and how
-                many seconds old that is, if it is too old, else None.
+            cameras: Of each its `name`, `title`, address of its newest `image`, `number` of that
+                image (None before the first), and `stale_s`, its age in seconds if that is too
+                old, else None.
         """
-        self._call(self._show, "cameras", encode(kind="cameras", cameras=cameras))
+        self._call(self._peers.put, "cameras", encode(kind="cameras", cameras=cameras))
 
     def pulse(self, side: str, strength: float, ms: int) -> None:
         """Let a controller of the driver rumble.
@@ -294,7 +295,7 @@ class PageServer:
         """Serve one browser until it leaves."""
         peer = Peer(connection)
         self._peers.add(peer)
-        for place in ("scene", "status", "cameras", FRAME):
+        for place in ("scene", "status", FRAME):
             if place in self._latest:
                 peer.put(place, self._latest[place])
         sending = asyncio.create_task(peer.send_all())
