@@ -32,8 +32,8 @@ from duobench.policy import PolicyMetadata
 
 HORIZON, WIDTH, BLOCKS = 30, 256, 3
 STEPS, BATCH, RATE, WARM_UP = 3000, 128, 1e-3, 100
-FURTHEST = 5.0
-"""Inputs are no further from their mean than this many standard deviations."""
+FURTHEST, LEAST = 5.0, 1e-4
+"""Inputs are no further from their mean than so many standard deviations of at least so much."""
 
 
 def train(data: Demonstrations, out: Path, seed: int, steps: int = STEPS) -> float:
@@ -59,7 +59,7 @@ def train(data: Demonstrations, out: Path, seed: int, steps: int = STEPS) -> flo
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     seen = features(data.state, data.objects, data.names)
-    scale = {"x_mean": seen.mean(0), "x_scale": seen.std(0) + 1e-4}
+    scale = {"x_mean": seen.mean(0), "x_scale": seen.std(0) + LEAST}
     scale |= {"y_mean": data.labels.mean(0), "y_scale": data.labels.std(0) + 1e-3}
     x = torch.from_numpy(_normal(seen, scale))
     y = torch.from_numpy((data.labels - scale["y_mean"]) / scale["y_scale"])
