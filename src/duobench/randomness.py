@@ -16,7 +16,7 @@ import numpy as np
 
 from duobench.errors import check_known
 
-SUITE_VERSION = "4"
+SUITE_VERSION = "5"
 """Version of the benchmark's episodes. A change that alters any layout or state raises it."""
 
 EVAL, TRAIN = "eval", "train"
