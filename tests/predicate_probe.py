@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from duobench.sim.simulation import Simulation
 from duobench.stages.logic import Memory, Predicate, StateView
-from duobench.stages.progress import memories_in, recalled, timed_in
+from duobench.stages.progress import clocks_in, memories_in, recalled
 
 
 class PredicateProbe:
@@ -18,7 +18,7 @@ class PredicateProbe:
         self._question = question
         self._memories = memories_in([question])
         self._remembered: frozenset[Memory] = frozenset()
-        self._lasted = dict.fromkeys(timed_in([question]), 0)
+        self._lasted = dict.fromkeys(clocks_in([question]), 0)
 
     def ask(
         self,
@@ -33,7 +33,7 @@ class PredicateProbe:
             remembered=self._remembered,
             lasted=self._lasted,
         )
-        for lasting in self._lasted:
-            self._lasted[lasting] = self._lasted[lasting] + 1 if lasting(moment) else 0
+        for clock, count in self._lasted.items():
+            self._lasted[clock] = clock.after(moment, count)
         self._remembered = recalled(self._memories, moment)
         return self._question(moment)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -24,6 +25,32 @@ which the finger presses towards it [task definitions]."""
 HAND_SIZE = 0.25
 """No point of a gripper is further from its pads, in metres: 0.186 (measured, open and closed)."""
 _MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
+MIN_LEVER = 0.020
+"""Lever in metres about a hinge from which on a contact pushes a lid open or shut: nearer to the
+axis, along it or towards it, it turns nothing [task definitions]."""
+MAX_BACKING_ANGLE = math.radians(12.0)
+"""Angle in radians between the way from a hand to a lid and the lid's normal up to which the hand
+is inside the lid's outline: the way to its edge from beside it is further aslant."""
+_MIN_BACKING_COSINE = math.cos(MAX_BACKING_ANGLE)
+
+
+class HingeAxis(NamedTuple):
+    """The axis of a hinge as it is now, in the table frame."""
+
+    anchor: list[float]
+    """A point (3,) of the axis, in metres."""
+    axis: list[float]
+    """Its direction (3,): turning about it opens."""
+
+    def opening_at(self, point: list[float]) -> tuple[float, float, float]:
+        """Velocity (3,) of a point (3,) of the hinged part while it opens by 1 rad/s, in m/s.
+
+        It is as long as the point's distance from the axis in metres; its product with a direction
+        is the lever of a push.
+        """
+        ax, ay, az = self.axis
+        x, y, z = (value - origin for value, origin in zip(point, self.anchor, strict=True))
+        return ay * z - az * y, az * x - ax * z, ax * y - ay * x
 
 
 class Limb(StrEnum):
@@ -132,20 +159,49 @@ class Contacts:
         left, right, palm, _ = self._limbs[side]
         return self._touch(left, row) or self._touch(right, row) or self._touch(palm, row)
 
-    def near(self, side: Side, owner: str, distance: float) -> bool:
-        """Whether a finger or the palm of a gripper is at most `distance` metres from an owner.
+    def pushes(self, side: Side, owner: str, hinge: HingeAxis) -> bool:
+        """Whether a contact of any part of an arm turns an owner towards the open end of its hinge.
 
-        It measures between geoms, which takes as long as twenty of the other questions, unless the
-        hand is far away.
+        The engine's normal tells where a contact pushes, and `MIN_LEVER` what turns nothing.
         """
-        model, data, nowhere = self._model, self._data, np.zeros(6)
+        limbs, row = self._limbs[side], self._row(owner)
+        if not any(self._touch(limb, row) for limb in limbs):
+            return False
+        owners, contact = self._owners, self._data.contact
+        for number, (first, second) in enumerate(self._pairs):
+            if owners[second] == row and owners[first] in limbs:
+                outwards = 1.0
+            elif owners[first] == row and owners[second] in limbs:
+                outwards = -1.0
+            else:
+                continue
+            if self._distances[number] > 0.0:
+                continue
+            opening = hinge.opening_at(contact.pos[number].tolist())
+            if outwards * dot(contact.frame[number, :3], opening) >= MIN_LEVER:
+                return True
+        return False
+
+    def backs(self, side: Side, owner: str, hinge: HingeAxis, distance: float) -> bool:
+        """Whether a gripper is on the side of an owner from which it would push it open.
+
+        A finger or the palm is at most `distance` metres from it, along the owner's normal there,
+        so that the owner would turn onto the hand if it were let go. It measures between geoms,
+        which takes as long as twenty of the other questions, unless the hand is far away.
+        """
+        model, data, ends = self._model, self._data, np.zeros(6)
         pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
         for other in self._solids.get(self._row(owner), ()):
             furthest = float(model.geom_rbound[other]) + HAND_SIZE + distance
             if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
                 continue
             for one in self._hands[side]:
-                if mujoco.mj_geomDistance(model, data, one, other, distance, nowhere) < distance:
+                gap = mujoco.mj_geomDistance(model, data, one, other, distance, ends)
+                if not 0.0 < gap < distance:
+                    continue
+                opening = hinge.opening_at(ends[3:].tolist())
+                lever = dot(ends[3:] - ends[:3], opening) / gap
+                if lever >= max(MIN_LEVER, _MIN_BACKING_COSINE * length(opening)):
                     return True
         return False
 

@@ -15,7 +15,7 @@ from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, corner_points
 from duobench.robot.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
-from duobench.sim.contacts import Contacts
+from duobench.sim.contacts import Contacts, HingeAxis
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.handles import resolve
 from duobench.sim.layout import Layout
@@ -85,7 +85,7 @@ class Simulation:
             if not prop.fixed
         }
         self._hinges = {
-            joint.name: int(joint.qposadr[0])
+            joint.name: (joint.id, int(joint.qposadr[0]))
             for joint in map(self.model.joint, range(self.model.njnt))
             if joint.type[0] == mujoco.mjtJoint.mjJNT_HINGE
         }
@@ -329,10 +329,19 @@ class Simulation:
 
     def angle(self, hinge: str) -> float:
         """Angle of a hinge in radians."""
-        address = self._hinges.get(hinge)
-        if address is None:
-            raise UnknownNameError("hinge", hinge, self._hinges)
-        return float(self.data.qpos[address])
+        return float(self.data.qpos[self._hinge(hinge)[1]])
+
+    def hinge_axis(self, hinge: str) -> HingeAxis:
+        """Where a hinge is now, in the table frame."""
+        joint, _ = self._hinge(hinge)
+        return HingeAxis(self.data.xanchor[joint].tolist(), self.data.xaxis[joint].tolist())
+
+    def _hinge(self, name: str) -> tuple[int, int]:
+        """Id of a hinge, and where its angle is in `qpos`."""
+        found = self._hinges.get(name)
+        if found is None:
+            raise UnknownNameError("hinge", name, self._hinges)
+        return found
 
     def min_height(self, prop: str) -> float:
         """Height of the lowest point of a prop's root part above the table top, in metres."""

@@ -1,9 +1,10 @@
 """The logic that stages are written in: predicates, how they combine, and what they remember.
 
 A predicate is a pure question about one `StateView`. Predicates combine with `&`, `|` and `~`; the
-only memories are `since(p, reset=q)`, which can be forgotten, and, for "still for half a second",
-`held_for(p, seconds)`. They are kept by `stages.progress`. That two hands were there once says
-nothing: where coordination is the point, ask for it at the moment that matters, or forget it.
+only memories are `since(p, reset=q)`, which can be forgotten, and, for "still for half a second" or
+"for a second in all", `held_for(p, seconds)`. They are kept by `stages.progress`. That two hands
+were there once says nothing: where coordination is the point, ask for it at the moment that
+matters, or forget it.
 
 A predicate that does not hold says why in words, with `unmet`, if somebody asks.
 """
@@ -37,6 +38,22 @@ class Memory:
     """What makes it forgotten, if anything does."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Clock:
+    """What counts the control steps at which a predicate holds."""
+
+    of: Predicate
+    """What must hold at a step that counts."""
+    reset: Predicate | None = None
+    """What sets it back to 0; None is every step at which `of` does not hold."""
+
+    def after(self, state: StateView, count: int) -> int:
+        """The count after a step, from that before it."""
+        if self.reset is None:
+            return count + 1 if self.of.ask(state) else 0
+        return 0 if self.reset.ask(state) else count + self.of.ask(state)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class StateView:
     """One control step as predicates see it."""
@@ -49,8 +66,8 @@ class StateView:
     """The layout's named choices."""
     remembered: frozenset[Memory]
     """What held at an earlier step of this episode and is not forgotten."""
-    lasted: Mapping[Predicate, int] = field(default_factory=dict)
-    """For how many control steps in a row a predicate has held, this one included."""
+    lasted: Mapping[Clock, int] = field(default_factory=dict)
+    """Control steps that each clock has counted, this one included."""
     past: Mapping[Memory, str] = field(default_factory=dict)
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
@@ -280,32 +297,40 @@ def since(predicate: Predicate, *, reset: Predicate | None = None) -> Since:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
 class HeldFor(Predicate):
-    """A predicate that has held for some time without a break; it is the only part."""
+    """A predicate that has held for some time."""
 
+    clock: Clock
+    """What counts its steps."""
     seconds: float
     """For how long at least, in seconds."""
 
     def _unmet(self, state: StateView) -> Words:
-        (part,) = self.parts
-        lasted = state.lasted.get(part, 0) / CONTROL_HZ
+        part = self.clock.of
+        lasted = state.lasted.get(self.clock, 0) / CONTROL_HZ
         return part.unmet(state) or (
             f"only for {lasted:.2f} s, not for {self.seconds:g} s: {part.name}",
         )
 
 
 @shared
-def held_for(predicate: Predicate, seconds: float) -> Predicate:
-    """`predicate` holds, and has held at every control step of the last `seconds`.
+def held_for(
+    predicate: Predicate, seconds: float, *, reset: Predicate | None = None
+) -> Predicate:
+    """`predicate` has held for some time: without a break, or in all.
 
     Args:
         predicate: What must hold.
         seconds: For how long, rounded to control steps of 1/30 s.
+        reset: Time is summed up over breaks since this held last. Where it is not given, `predicate`
+            holds, and has held at every control step of the last `seconds`.
     """
+    clock = Clock(of=predicate, reset=reset)
     steps = round(seconds * CONTROL_HZ)
     return HeldFor(
-        f"{predicate.name} for {seconds:g} s",
-        lambda state: state.lasted.get(predicate, 0) >= steps,
-        (predicate,),
+        f"{predicate.name} for {seconds:g} s" + ("" if reset is None else " in all"),
+        lambda state: state.lasted.get(clock, 0) >= steps,
+        (predicate,) if reset is None else (predicate, reset),
+        clock=clock,
         seconds=seconds,
     )
 

@@ -57,15 +57,6 @@ def arm_touches(arm: Side, body: str) -> Predicate:
 
 
 @shared
-def near(arm: Side, body: str, distance: float) -> Predicate:
-    """A finger or the palm of that gripper is at most `distance` metres from the body."""
-    return Predicate(
-        f"{arm} is within {distance * 1000:.0f} mm of {body}",
-        lambda state: state.simulation.contacts.near(arm, body, distance),
-    )
-
-
-@shared
 def grasped(arm: Side, body: str) -> Predicate:
     """Both fingers of that gripper press on the body, towards each other."""
     return Predicate(
@@ -73,6 +64,44 @@ def grasped(arm: Side, body: str) -> Predicate:
         lambda state: state.simulation.contacts.grasped(arm, body),
         otherwise=lambda _state: f"{arm} does not grasp {body}",
     )
+
+
+@shared
+def supports(arm: Side, lid: str) -> Predicate:
+    """That arm keeps a lid or a door open: a contact of it pushes towards open, or it grasps it.
+
+    A push counts with a lever of at least 20 mm about the hinge. A touch from outside, or one that
+    presses it shut, supports nothing.
+
+    Args:
+        arm: Which arm; any part of it may push.
+        lid: A body with a hinge of the same name.
+    """
+
+    def pushes(state: StateView) -> bool:
+        sim = state.simulation
+        return sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
+
+    whole = grasped(arm, lid) | Predicate(f"{arm} pushes {lid} open", pushes)
+    return whole.called(
+        f"{arm} supports {lid}",
+        lambda _state: f"{arm} neither pushes {lid} towards open nor grasps it",
+    )
+
+
+@shared
+def backs(arm: Side, lid: str, distance: float) -> Predicate:
+    """That gripper is where a lid or a door would turn onto it if it were let go.
+
+    It is at most `distance` metres away, on the side from which it would push it open, inside the
+    lid's outline along its normal.
+    """
+
+    def test(state: StateView) -> bool:
+        sim = state.simulation
+        return sim.contacts.backs(arm, lid, sim.hinge_axis(lid), distance)
+
+    return Predicate(f"{arm} is within {distance * 1000:.0f} mm behind {lid}", test)
 
 
 @shared

@@ -2,7 +2,7 @@
 
 stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. A
 constraint may remember in two ways only: `since(p, reset=q)`, whether p held at an earlier control
-step and q has not held since, and `held_for(p, seconds)`, whether p has held without a break.
+step and q has not held since, and `held_for(p, seconds)`, whether p has held for some time.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from duobench.errors import UnknownNameError
-from duobench.stages.logic import HeldFor, Memory, Predicate, Since, StateView, Words
+from duobench.stages.logic import Clock, HeldFor, Memory, Predicate, Since, StateView, Words
 from duobench.stages.predicates import VariantIs
 
 if TYPE_CHECKING:
@@ -41,10 +41,10 @@ def memories_in(predicates: Iterable[Predicate]) -> tuple[Memory, ...]:
     return tuple(dict.fromkeys(part.memory for part in sinces_in(predicates)))
 
 
-def timed_in(predicates: Iterable[Predicate]) -> tuple[Predicate, ...]:
-    """What these predicates ask for without a break, each once, inner ones first."""
+def clocks_in(predicates: Iterable[Predicate]) -> tuple[Clock, ...]:
+    """The clocks of these predicates, each once, inner ones first."""
     inner = (part for predicate in predicates for part in predicate.walk())
-    return tuple(dict.fromkeys(part.parts[0] for part in inner if isinstance(part, HeldFor)))
+    return tuple(dict.fromkeys(part.clock for part in inner if isinstance(part, HeldFor)))
 
 
 def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
@@ -72,7 +72,7 @@ class ProgressState:
     remembered: tuple[bool, ...] = ()
     """For each `since`, in the order of the stages, whether it holds."""
     lasted: tuple[int, ...] = ()
-    """For each `held_for`, in the same order, for how many control steps in a row."""
+    """For each `held_for`, in the same order, how many control steps have counted."""
     start_heights: tuple[tuple[str, float], ...] = ()
     """Height of each prop's lowest point when the episode began, in metres."""
 
@@ -122,8 +122,8 @@ class Progress:
         constraints = [stage.holds for stage in stages]
         self._memories = memories_in(constraints)
         self._remembered: frozenset[Memory] = frozenset()
-        self._timed = timed_in(constraints)
-        self._lasted: dict[Predicate, int] = {}
+        self._clocks = clocks_in(constraints)
+        self._lasted: dict[Clock, int] = {}
         self._start_heights: dict[str, float] = {}
         self._variants: Mapping[str, str] = {}
         self.stage = 0
@@ -172,7 +172,7 @@ class Progress:
         """
         self._variants = dict(variants)
         self._remembered = frozenset()
-        self._lasted = dict.fromkeys(self._timed, 0)
+        self._lasted = dict.fromkeys(self._clocks, 0)
         self._start_heights = {name: simulation.min_height(name) for name in simulation.props}
         self.stage = 0
         self.final_holds = False
@@ -184,7 +184,7 @@ class Progress:
             stage=self.stage,
             final_holds=self.final_holds,
             remembered=tuple(memory in self._remembered for memory in self._memories),
-            lasted=tuple(self._lasted[predicate] for predicate in self._timed),
+            lasted=tuple(self._lasted[clock] for clock in self._clocks),
             start_heights=tuple(self._start_heights.items()),
         )
 
@@ -200,7 +200,7 @@ class Progress:
         """
         memories = zip(self._memories, state.remembered, strict=True)
         self._remembered = frozenset(memory for memory, holds in memories if holds)
-        self._lasted = dict(zip(self._timed, state.lasted, strict=True))
+        self._lasted = dict(zip(self._clocks, state.lasted, strict=True))
         self._start_heights = dict(state.start_heights)
         self._variants = dict(variants)
         self.stage, self.final_holds = state.stage, state.final_holds
@@ -216,8 +216,8 @@ class Progress:
             lasted=self._lasted,
             past=self._past,
         )
-        for predicate in self._timed:
-            self._lasted[predicate] = self._lasted[predicate] + 1 if predicate(state) else 0
+        for clock in self._clocks:
+            self._lasted[clock] = clock.after(state, self._lasted[clock])
         self.final_holds = self._stages[-1].holds(state)
         # Stages never fall, so only higher ones are asked, and the highest that holds counts.
         for number in range(self.max_stage, self.stage, -1):

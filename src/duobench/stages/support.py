@@ -5,9 +5,13 @@ does, with nothing of the bringing arm against it, is held open by the other arm
 at a moment at which the bringing arm holds the object, and it stays true until the object is where
 it belongs. What happens to the lid after that is free.
 
+To hold is to support: a contact that pushes towards open, or a grasp. A touch is none. A finger
+that rests behind a door without load, while the other arm pushes, cannot be told from one that
+bears it.
+
 A hand that goes in may brush the lid, and a lid may lie on it for a while, as long as the other
-hand stays right below: who holds it shows when the first hand is gone. If the lid has not shut in
-between and still does not shut, the other arm held it.
+hand stays where the lid would turn onto it: who holds it shows when the first hand is gone. If the
+lid has not shut in between and still does not shut, the other arm held it.
 """
 
 from __future__ import annotations
@@ -20,18 +24,22 @@ from duobench.stages.placing import put
 from duobench.stages.predicates import (
     FLICKER_SECONDS,
     arm_touches,
+    backs,
     hinge_open,
     lifted,
-    near,
-    touches,
+    supports,
     touching,
 )
 from duobench.types import SIDES, Side
 
 UNSUPPORTED_SECONDS = 0.6
 """For how long a lid or door that is open needs support: thrown open by any speed,
-none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose touch with it
-for as long, as fingers do that slip along it."""
+none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose it for as
+long, as fingers do that slip along it."""
+RELIEVED_SECONDS, BACKED_SECONDS = 1.0, 4.5
+"""For how long in all the other arm may bear the lid in the supporting one's stead, in seconds,
+since the latter was last seen to hold it alone: with that one away, and with it right behind the
+lid. Sincere hands that lean on a lid, slowly, bear it for up to 4.1 s (measured)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -39,8 +47,8 @@ class Support:
     """Predicates about an object and a lid; made by `support`."""
 
     supported: Predicate
-    """One arm lifts the object while the other one keeps the lid open, and touches it with its
-    gripper: neither the first arm nor the object has touched the lid for `UNSUPPORTED_SECONDS`."""
+    """One arm lifts the object while the other one supports the open lid: neither the first arm nor
+    the object has touched it for `UNSUPPORTED_SECONDS`."""
     delivered: Predicate
     """The arm that had the object then has put it at its goal, where it has been since, and the
     other arm kept the lid open all the way."""
@@ -81,10 +89,11 @@ def support(
         apart = (is_open & ~grazed[side]).called(f"{lid} is open, {side} arm and {prop} away")
         return held_for(apart, UNSUPPORTED_SECONDS)
 
+    bears = {side: supports(side.other, lid) for side in SIDES}
     supported: Mapping[Side, Predicate] = {
-        side: all_of(
-            lifted(side, prop, fixture, lid), touches(side.other, lid), held_open(side)
-        ).called(f"{side} lifts {prop} while {side.other} holds {lid} open")
+        side: all_of(lifted(side, prop, fixture, lid), bears[side], held_open(side)).called(
+            f"{side} lifts {prop} while {side.other} holds {lid} open"
+        )
         for side in SIDES
     }
     void = {
@@ -94,24 +103,26 @@ def support(
         side: any_of(
             void[side],
             held_for(grazed[side], FLICKER_SECONDS),
-            held_for(~arm_touches(side.other, lid), UNSUPPORTED_SECONDS),
+            held_for(~bears[side], UNSUPPORTED_SECONDS),
         )
         for side in SIDES
     }
     # With the object at its goal, the lid shows who holds it: not an arm that has been away, which
     # is measured only once it matters.
-    away = {side: ~arm_touches(side.other, lid) for side in SIDES}
-    if backing:
-        away = {
-            side: all_of(since(supported[side]), absent, ~near(side.other, lid, backing)).called(
-                f"{side.other} is away from {lid}"
-            )
-            for side, absent in away.items()
-        }
-    gone = {side: held_for(absent, UNSUPPORTED_SECONDS) for side, absent in away.items()}
+    gone = {}
+    for side in SIDES:
+        idle = since(supported[side]) & ~bears[side]
+        away = (idle & ~backs(side.other, lid, backing)) if backing else idle
+        away = away.called(f"{side.other} is away from {lid}")
+        relieved = (idle & grazed[side]).called(f"{side} bears {lid} in place of {side.other}")
+        gone[side] = any_of(
+            held_for(away, UNSUPPORTED_SECONDS),
+            held_for(away, RELIEVED_SECONDS, reset=supported[side]),
+            held_for(relieved, BACKED_SECONDS, reset=supported[side]),
+        )
     shown = {
         side: all_of(
-            touches(side.other, lid),
+            bears[side],
             held_open(side),
             since(supported[side], reset=void[side] | gone[side]),
         ).called(f"{side.other} shows that it holds {lid} open")

@@ -40,10 +40,9 @@ from duobench.tasks.task import Category, Placement, Task
 
 OPEN_ANGLE = 0.8
 """Angle in radians from which on the lid counts as open."""
-BACKING = 0.040
-"""How far in metres the hand that holds the lid may be below it while it lies on the other one. A
-hand that goes in straight down lifts the lid by up to 26 mm off the one that holds it (measured); a
-hand that has left is a decimetre away."""
+BACKING = 0.060
+"""How far in metres the hand that holds the lid may be behind it while it lies on the other one:
+from where a lid opened by 1 rad is held, it goes that far to its stop."""
 
 CAVITY_REGION = BoxRegion(
     body="chest",
