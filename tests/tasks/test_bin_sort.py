@@ -29,7 +29,7 @@ def _in(bench: TaskHarness, bowl: str) -> SE3:
     return bench.sim.pose(bowl) @ SE3.at(z=IN_BOWL)
 
 
-BOWL = Vessel(body="white_bowl", radius=RADIUS - WALL, rim=RIM_HEIGHT)
+BOWL = Vessel(body="white_bowl", radius=RADIUS - WALL, rim=RIM_HEIGHT, floor=FLOOR)
 COLOUR = {Side.LEFT: "white", Side.RIGHT: "black"}
 GRASP_HEIGHT = 0.028
 IN_THE_BOWL = 0.027

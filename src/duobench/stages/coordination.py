@@ -6,7 +6,7 @@ its place; what is let go before, or carried by one arm in between, must be pick
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
@@ -27,20 +27,33 @@ takes it or lets it go, or sink between two control steps while fingers open."""
 TIP_SECONDS = 0.2
 """How long an object that one hand has let go little above its support takes to tip onto it at
 most, in seconds; what is higher than `HOP_HEIGHT` for longer hangs in the other hand."""
+TOGETHER_SECONDS = 1.5
+"""How far apart in time two arms may bring to a place what they bring together, in seconds: people
+differ by half a second, and one after the other takes several [task definitions]."""
 LANDING_DEPTH = 0.001
 """How far below the top of its support the lowest point of an object on it may seem to be."""
 
 
-def brought(body: str, there: Predicate) -> Predicate:
-    """A gripper has grasped it since before it was at a place, and not let go in between.
+def brought_together(one: str, other: str, there: Mapping[str, Predicate]) -> Predicate:
+    """Each gripper has one of two objects, both brought to a place within `TOGETHER_SECONDS`.
+
+    A gripper has grasped it since before it was there, and has not let go in between. One that was
+    there longer before the other has to be brought again.
 
     Args:
-        body: The object.
-        there: It is at the place, or so little above that it could be put down there.
+        one: An object.
+        other: Another one.
+        there: Each is at the place, or so little above that it could be put down there.
     """
-    in_hand = grasped_by_any(body)
-    before = (in_hand & ~there).called(f"a hand brings {body} from elsewhere")
-    return since(before, reset=interrupted(in_hand))
+
+    def brought(body: str, partner: str) -> Predicate:
+        in_hand = grasped_by_any(body)
+        before = (in_hand & ~there[body]).called(f"a hand brings {body} from elsewhere")
+        alone = (there[body] & ~there[partner]).called(f"{body} is there before {partner}")
+        waits = held_for(alone, TOGETHER_SECONDS)
+        return since(before, reset=interrupted(in_hand) | waits)
+
+    return all_of(grasped_apart(one, other), brought(one, other), brought(other, one))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

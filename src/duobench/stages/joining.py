@@ -26,12 +26,13 @@ contact for a control step or two when peg and socket meet."""
 
 
 def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
-    """The peg's tip is inside the socket, however it is turned there.
+    """The peg's tip is inside the socket, or so little above it, however it is turned there.
 
     Args:
         peg: Tip of the peg.
         socket: Mouth of the socket.
-        depth: How far inside the mouth the tip is at least, in metres.
+        depth: How far inside the mouth the tip is at least, in metres; below 0, it is at most so
+            far above the mouth.
     """
     return Predicate(
         f"peg of {peg.body} is in a socket of {socket.body}",

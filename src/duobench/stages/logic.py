@@ -313,16 +313,14 @@ class HeldFor(Predicate):
 
 
 @shared
-def held_for(
-    predicate: Predicate, seconds: float, *, reset: Predicate | None = None
-) -> Predicate:
+def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = None) -> Predicate:
     """`predicate` has held for some time: without a break, or in all.
 
     Args:
         predicate: What must hold.
         seconds: For how long, rounded to control steps of 1/30 s.
-        reset: Time is summed up over breaks since this held last. Where it is not given, `predicate`
-            holds, and has held at every control step of the last `seconds`.
+        reset: Where it is given, time is summed up over breaks since it held last. Otherwise
+            `predicate` has held at every control step of the last `seconds`.
     """
     clock = Clock(of=predicate, reset=reset)
     steps = round(seconds * CONTROL_HZ)

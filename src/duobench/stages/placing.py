@@ -1,21 +1,32 @@
 """Put down, not dropped: what counts as bringing something to its place and leaving it there.
 
 Nobody lets go at the exact step of the first contact, so a place has some height: what is let go
-there is put down, what is let go above it is dropped. And what is let go has to stay: half a second
-of rest without a hand tells what stands from what topples, rolls off or drops through.
+there is put down, what is let go above it is dropped. A vessel is what one drops things into: its
+place is higher. And what is let go has to stay: half a second of rest without a hand tells what
+stands from what topples, rolls off or drops through.
 """
 
 from __future__ import annotations
 
 from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, shared, since
-from duobench.stages.predicates import arm_touches, grasped, mm, released, still
+from duobench.stages.predicates import (
+    LIFTED_HEIGHT,
+    arm_touches,
+    grasped,
+    mm,
+    released,
+    still,
+)
 from duobench.types import SIDES, Side
 
 PUT_HEIGHT = 0.012
-"""How high above what it is to stand on, or above the rim of what it is to lie in, the lowest point
-of an object may be when it is let go, in metres: 10 mm [task definitions], and 2 mm that a hand on
-its way down, which is seen at control steps alone, still comes nearer while its fingers open. Arms
-that are told to stop at a height stop 3 to 4 mm higher, and 7 mm where they tremble (measured)."""
+"""How high above what it is to stand on the lowest point of an object may be when it is let go, in
+metres: 10 mm [task definitions], and 2 mm that a hand on its way down, which is seen at control
+steps alone, still comes nearer while its fingers open. Arms that are told to stop at a height stop
+3 to 4 mm higher, and 7 mm where they tremble (measured)."""
+DROP_HEIGHT = 0.060
+"""How high above a vessel's rim, or the floor that a hand under a roof reaches aslant, it may be,
+in metres: no coordination is avoided by some centimetres of air [task definitions]."""
 REST_SECONDS = 0.5
 """How long an object rests where it was put before it counts, in seconds [task definitions]."""
 
@@ -48,20 +59,34 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
 
 
 @shared
-def put(prop: str, there: Predicate, *sides: Side) -> Predicate:
+def lifted_off(prop: str, body: str, top: float) -> Predicate:
+    """It is in the air again: its lowest point is more than 10 mm above the top of a body.
+
+    Args:
+        prop: The object.
+        body: What it lay on or in.
+        top: Height of the top, or of a vessel's floor, in the body's frame, in metres.
+    """
+    return ~low_over(prop, body, top, LIFTED_HEIGHT)
+
+
+@shared
+def put(prop: str, there: Predicate, *sides: Side, again: Predicate | None = None) -> Predicate:
     """A gripper has let go of it at its place, or holds it there, and there it has been since.
 
     A hand has brought it there: what was dropped from above is not put by a hand that grasps it
-    where it lies.
+    where it lies, until it has lifted it again.
 
     Args:
         prop: The object.
         there: It is at its place, or so little above that it is put down when it is let go.
         sides: The grippers that may have done so; either where none is given.
+        again: It is lifted off what it lies on, though still there, as in a vessel.
     """
     hand = f"the {sides[0]} gripper" if len(sides) == 1 else "a gripper"
     in_hand = any_of(*(grasped(side, prop) for side in sides or SIDES))
-    carrying = (in_hand & ~there).called(f"{hand} carries {prop}")
+    away = ~there if again is None else ~there | again
+    carrying = (in_hand & away).called(f"{hand} carries {prop}")
     dropped = (released(prop) & ~there).called(f"{prop} was dropped")
     carried = since(carrying, reset=dropped).called(f"{hand} has carried {prop} there")
     event = (in_hand & there & carried).called(f"{hand} has {prop} at its place")

@@ -62,6 +62,7 @@ def support(
     *,
     goal: Predicate,
     there: Predicate,
+    again: Predicate,
     backing: float = 0.0,
 ) -> Support:
     """The predicates for an object that goes into something with a lid or a door.
@@ -73,6 +74,7 @@ def support(
         angle: From which angle on the lid counts as open, in radians.
         goal: The object is inside.
         there: It is where it may be let go: inside, or little above.
+        again: It is lifted off the floor again.
         backing: How far in metres the supporting hand may be from a lid that lies on the bringing
             arm, where it would fall onto the supporting hand.
     """
@@ -131,7 +133,7 @@ def support(
     delivered_by = {
         side: all_of(
             goal,
-            put(prop, there, side),
+            put(prop, there, side, again=again),
             since(supported[side], reset=lost[side]).called(
                 f"{side.other} has held {lid} open all the way"
             )

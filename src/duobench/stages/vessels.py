@@ -8,7 +8,7 @@ from math import inf
 
 from duobench.scene.naming import TABLE
 from duobench.stages.logic import Predicate, all_of
-from duobench.stages.placing import low_over, put
+from duobench.stages.placing import DROP_HEIGHT, lifted_off, low_over, put
 from duobench.stages.predicates import CylinderRegion, inside, still, touching, upright
 
 STANDING_TILT_DEGREES = 20.0
@@ -30,10 +30,12 @@ class Vessel:
     """Radius of its inside in metres."""
     rim: float
     """Height of its rim in metres."""
+    floor: float
+    """Height of its floor, what lies in it lies on, in metres."""
 
     def over(self, prop: str) -> Predicate:
         """The prop is in it, or so little above its rim that it is put in when it is let go."""
-        return inside(prop, self._region(inf)) & low_over(prop, self.body, self.rim)
+        return inside(prop, self._region(inf)) & low_over(prop, self.body, self.rim, DROP_HEIGHT)
 
     def holds(self, prop: str) -> Predicate:
         """The prop lies still in it, and it stands; what flies through or hangs above does not."""
@@ -47,7 +49,8 @@ class Vessel:
 
     def received(self, prop: str) -> Predicate:
         """It holds the prop, which a hand has put there: nobody has dropped it from above."""
-        received = self.holds(prop) & put(prop, self.over(prop))
+        again = lifted_off(prop, self.body, self.floor)
+        received = self.holds(prop) & put(prop, self.over(prop), again=again)
         return received.called(f"{prop} was put into {self.body}")
 
     def _region(self, high: float) -> CylinderRegion:

@@ -28,7 +28,7 @@ from duobench.objects.maze_board import (
     cell_centre,
     wall_variants,
 )
-from duobench.objects.mazes import MAZES, Cell
+from duobench.objects.mazes import CELLS, MAZES, Cell
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, Choice, around
 from duobench.scene.naming import TABLE
@@ -75,9 +75,10 @@ _GRASPED = all_of(*(grasped(side, "board") for side in SIDES))
 _ROLLING = rolling(
     "ball",
     BoxRegion(body="board", low=(-HALF, -HALF, 0), high=(HALF, HALF, WALL_HEIGHT)),
+    cells=CELLS,
     at_start=_near((maze.start for maze in MAZES), LEFT_START),
     at_goal=_near((maze.goal for maze in MAZES), AT_GOAL),
-    lifted=all_of(inside("board", _HIGH), off_table("board"), _GRASPED),
+    in_air=inside("board", _HIGH) & off_table("board"),
 )
 
 TASK = Task(

@@ -9,13 +9,13 @@ Randomization:
 
 Success:
     Both cubes have lain still for half a second in the bowls of their colours, which stand on the
-    table, and were let go there, at most a little above the rim.
+    table, and were let go there, at most 6 cm above the rim.
 """
 
 from __future__ import annotations
 
 from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
-from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
+from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.sim.layout import Layout
@@ -49,7 +49,10 @@ def _apart(layout: Layout) -> bool:
     )
 
 
-_BOWLS = {name: Vessel(body=_bowl(name), radius=RADIUS - WALL, rim=RIM_HEIGHT) for name in COLOURS}
+_BOWLS = {
+    name: Vessel(body=_bowl(name), radius=RADIUS - WALL, rim=RIM_HEIGHT, floor=FLOOR)
+    for name in COLOURS
+}
 _IN_BOWL = {name: vessel.received(_cube(name)) for name, vessel in _BOWLS.items()}
 _WHITE_IN, _BLACK_IN = (
     (_IN_BOWL[name] & released(_cube(name))).called(f"{_cube(name)} lies in {_bowl(name)}")

@@ -1,8 +1,9 @@
 """Block-Balance.
 
 Task:
-    A beam goes across a small red cube, and two blocks onto the ends of the beam. One block alone
-    tips the beam, so both arms must put theirs down together.
+    A beam goes across a small red cube, and two blocks onto the ends of the beam, together. With
+    the beam's middle on the cube's, one block alone tips it; 10 mm off it does not, therefore the
+    rule asks for both at once.
 
 Randomization:
     Beam and cube near the middle, 8 cm apart, so that neither hides the other, and one block in
@@ -10,7 +11,8 @@ Randomization:
 
 Success:
     Both blocks stand on the ends of the level beam, the beam on the cube, all let go and still for
-    half a second, after each arm had its block in hand until both were on or little above the beam.
+    half a second, after each arm had its block in hand until both were on or little above the beam,
+    where they came within 1.5 s of each other.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ from duobench.objects.blocks import RED, WOOD, YELLOW, block
 from duobench.objects.prop import Prop
 from duobench.randomness import around
 from duobench.stages import predicates as is_
-from duobench.stages.coordination import brought
-from duobench.stages.logic import all_of, any_of, since
+from duobench.stages.coordination import brought_together
+from duobench.stages.logic import Predicate, all_of, any_of, since
 from duobench.stages.placing import left_alone, low_over, placed, put
 from duobench.stages.progress import Stage
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
@@ -45,6 +47,15 @@ def _over_beam(low: float, high: float) -> is_.BoxRegion:
 
 
 ENDS = _over_beam(-BEAM[1] / 2, -TIPPING), _over_beam(TIPPING, BEAM[1] / 2)
+
+
+def _loaded(end: is_.BoxRegion) -> Predicate:
+    """One of the blocks is over an end of the beam."""
+    away = f"no block is at an end of beam, {is_.mm(TIPPING)} from its middle at least"
+    here = any_of(*(is_.inside(name, end) for name in BLOCKS))
+    return here.called("a block is over an end of beam", lambda _state: away)
+
+
 LEVEL_DEGREES, STANDING_DEGREES = 12.0, 20.0
 """Largest tilts of a level beam and of a block that stands on it."""
 LYING = 0.005
@@ -55,11 +66,11 @@ _ON_CUBE = is_.touching("beam", "cube") & is_.off_table("beam")
 _LEVEL = is_.upright("beam", math.radians(LEVEL_DEGREES))
 # The table carries no block, and each is on the beam, or so little above that it is put there.
 _BEAM = _over_beam(-BEAM[1] / 2, BEAM[1] / 2)
-_LOW = tuple(
-    all_of(low_over(name, "beam", BEAM[2] / 2), is_.inside(name, _BEAM), is_.off_table(name))
+_LOW = {
+    name: all_of(low_over(name, "beam", BEAM[2] / 2), is_.inside(name, _BEAM), is_.off_table(name))
     for name in BLOCKS
-)
-_AT_ENDS = all_of(*(any_of(*(is_.inside(name, end) for name in BLOCKS)) for end in ENDS), *_LOW)
+}
+_AT_ENDS = all_of(*map(_loaded, ENDS), *_LOW.values())
 _ON_BEAM = all_of(_AT_ENDS, *(is_.touching(name, "beam") for name in BLOCKS))
 _HELD = is_.lifted_by_any("beam")
 _LAID = put("beam", low_over("beam", "cube", CUBE_EDGE / 2)) & is_.raised("beam", CUBE_EDGE - LYING)
@@ -67,9 +78,9 @@ _BRIDGE = placed(is_.rests_on("beam", "cube"), _LEVEL, is_.released("beam")) & _
 _GRASPED = is_.grasped_apart(*BLOCKS)
 _READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE.called("the beam lies across the cube")))
 # Blocks that were put on one after the other, and grasped again, were not put on together.
-_TOGETHER = all_of(_GRASPED, *map(brought, BLOCKS, _LOW))
+_TOGETHER = brought_together(*BLOCKS, _LOW)
 _LOADED = all_of(_AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY.called("both are grasped")))
-_LEFT = any_of(*map(is_.interrupted, _LOW))
+_LEFT = any_of(*map(is_.interrupted, _LOW.values()))
 _ONCE_LOADED = since(_LOADED.called("both arms have both blocks on the beam"), reset=_LEFT)
 _STANDING = all_of(*(is_.upright(name, math.radians(STANDING_DEGREES)) for name in BLOCKS))
 _BALANCED = placed(_ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, left_alone("cube", "beam", *BLOCKS))

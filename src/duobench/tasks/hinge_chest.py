@@ -10,8 +10,8 @@ Randomization:
 
 Success:
     The cube has rested in the chest for half a second, and no gripper touches it. The arm that
-    brought it let it go at most a little above the rim, and the other arm kept the lid open until
-    it was inside.
+    brought it let it go at most 8 cm above the rim, and the other arm supported the lid, or was
+    right behind it, until it was inside.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
 from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL, chest
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
-from duobench.stages.placing import low_over, placed
+from duobench.stages.placing import lifted_off, low_over, placed
 from duobench.stages.predicates import (
     BoxRegion,
     hinge_open,
@@ -44,6 +44,10 @@ BACKING = 0.060
 """How far in metres the hand that holds the lid may be behind it while it lies on the other one:
 from where a lid opened by 1 rad is held, it goes that far to its stop."""
 
+HIGHEST_DROP = 0.080
+"""How high above the rim the cube's lowest point may be when it is let go, in metres: where the lid
+stops a hand that comes straight down [task definitions]."""
+
 CAVITY_REGION = BoxRegion(
     body="chest",
     low=(-CAVITY[0] / 2, -CAVITY[1] / 2, WALL),
@@ -59,7 +63,8 @@ _LID = support(
     "chest/lid",
     OPEN_ANGLE,
     goal=_INSIDE,
-    there=_OVER & low_over("cube", "chest", RIM_HEIGHT),
+    there=_OVER & low_over("cube", "chest", RIM_HEIGHT, HIGHEST_DROP),
+    again=lifted_off("cube", "chest", WALL),
     backing=BACKING,
 )
 

@@ -7,8 +7,8 @@ Randomization:
     Each cup within 5 cm of its square's centre; which cup holds the marbles.
 
 Success:
-    Both cups have stood on their squares for half a second, upright, put down there by their arms
-    and let go, with all marbles in the target.
+    Both cups have stood on their squares for half a second, upright, put down there or at most 3 cm
+    beside them by their arms, and let go, with all marbles in the target.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ SQUARES = {side: f"{side}_square" for side in SIDES}
 SQUARE_CENTRES = {SQUARES[Side.LEFT]: (0.5, 0.3), SQUARES[Side.RIGHT]: (0.5, -0.3)}
 HALF_SQUARE, RAISE = 0.05, 0.020
 """How far a cup may be from its square's centre in x and y, and is raised at least, in metres."""
+SHOVE = 0.03
+"""How far beside its square a cup may be put down, in metres: it may be shoved that far."""
 GREEN, LIGHT = (0.20, 0.62, 0.27, 1.0), (0.92, 0.93, 0.95, 1.0)
 BLUE = (0.10, 0.28, 0.78, 1.0)
 
@@ -51,10 +53,23 @@ def _fill(layout: Layout) -> Layout:
     return Layout(poses={**layout.poses, **heap}, variants=variants)
 
 
-def _back(cup: str, square: str, half: float = HALF_SQUARE) -> Predicate:
+def _in_square(side: Side, more: float = 0.0) -> Predicate:
+    """A cup is inside its square, `more` metres beside it at most."""
+    half = HALF_SQUARE + more
+    region = is_.BoxRegion(body=SQUARES[side], low=(-half, -half, -half), high=(half, half, half))
+    return is_.inside(CUPS[side], region)
+
+
+def _back(side: Side) -> Predicate:
     """A cup stands on the table, upright, inside its square, released and still."""
-    region = is_.BoxRegion(body=square, low=(-half, -half, -half), high=(half, half, half))
-    return is_.released(cup) & is_.inside(cup, region) & (stands_upright(cup) & is_.still(cup))
+    cup = CUPS[side]
+    return is_.released(cup) & _in_square(side) & (stands_upright(cup) & is_.still(cup))
+
+
+def _put_back(side: Side) -> Predicate:
+    """Its arm has put a cup down, at most a shove beside its square."""
+    there = low_over(CUPS[side], TABLE, 0.0) & _in_square(side, SHOVE)
+    return put(CUPS[side], there, side)
 
 
 def _into_target(which: Callable[[Pouring], Predicate]) -> Predicate:
@@ -62,8 +77,8 @@ def _into_target(which: Callable[[Pouring], Predicate]) -> Predicate:
     return any_of(*(is_.variant("empty", s) & which(p) for s, p in _POURING.items()))
 
 
-_BACK = tuple(map(_back, CUPS.values(), SQUARES.values()))
-_PUT_BACK = all_of(*(put(CUPS[s], low_over(CUPS[s], TABLE, 0.0), s) for s in SIDES))
+_BACK = tuple(map(_back, SIDES))
+_PUT_BACK = all_of(*map(_put_back, SIDES))
 _GRASPED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
 _HELD_UP = all_of(*_GRASPED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
 _POURING = {side: pouring(MARBLES, CUPS[side], cups.ROOM, held=_HELD_UP) for side in SIDES}

@@ -11,14 +11,14 @@ Randomization:
 
 Success:
     The block has rested for half a second in the bowl, which stands on the table, and no gripper
-    touches it. The arm that received it from the one that picked it up has let it go there, at
-    most a little above the rim: neither dropped nor thrown nor pushed.
+    touches it. The arm that received it from the one that picked it up, in the air, has let it go
+    there, at most 6 cm above the rim: neither dropped from on high nor thrown nor pushed.
 """
 
 from __future__ import annotations
 
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
-from duobench.objects.bowl import RADIUS, RIM_HEIGHT, WALL, bowl
+from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.stages.handover import handover
@@ -44,7 +44,7 @@ BELOW_RIM = 0.020
 """The block's lowest point is less than this above the table, in metres: not on top of the rim."""
 
 _CUBE = handover(CUBE, BOWL)
-_BOWL = Vessel(body=BOWL, radius=RADIUS - WALL, rim=RIM_HEIGHT)
+_BOWL = Vessel(body=BOWL, radius=RADIUS - WALL, rim=RIM_HEIGHT, floor=FLOOR)
 
 TASK = Task(
     id="transfer_cube",
