@@ -62,6 +62,8 @@ class Carriage:
 
     carried: Predicate
     """Each gripper grasps one handle, and the object is raised in the air."""
+    underway: Predicate
+    """Both arms carry it, and have done so since they lifted it."""
     put_down: Predicate
     """It was carried to its place on its support, both handles grasped until it was put down; since
     then it has been neither on the table nor lifted again, nor in the air in one hand."""
@@ -119,5 +121,6 @@ def carriage(
     put_down = since(landed, reset=on_table | taken_up)
     return Carriage(
         carried=carried,
+        underway=on_the_way,
         put_down=put_down.told_of(f"when both hands last had {prop}", in_both),
     )

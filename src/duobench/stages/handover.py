@@ -34,7 +34,13 @@ class Handover:
     prop: str
     """The object."""
     shared: Predicate
-    """Both arms hold it."""
+    """Both arms hold it in the air, or have held it."""
+    held: BySide
+    """That arm holds it in the air."""
+    giver: BySide
+    """That arm has it to give: it has picked it up, or brought it through."""
+    met: BySide
+    """That arm holds it in the air with the giver, or has done so since the giver was alone."""
     received: BySide
     """That arm holds it alone, handed over by the giver; the giver never receives."""
     in_hand: BySide
@@ -42,6 +48,17 @@ class Handover:
     in the air, or put down and still in its grasp."""
     disturbed: BySide
     """The other gripper or the table touches it."""
+
+    def stays(self, there: Predicate) -> tuple[Predicate, Predicate, Predicate]:
+        """What must stay of lifting it, of meeting in the air and of handing it over.
+
+        Args:
+            there: As in `put`.
+        """
+        beyond = any_of(*self.in_hand.values(), self.put(there))
+        moments = self.held, self.met, self.received
+        lifted, met, received = (any_of(*by_side.values(), beyond) for by_side in moments)
+        return lifted, met, received
 
     @property
     def handed_over(self) -> Predicate:
@@ -81,7 +98,7 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
         side: (held[side] & ~touches(side.other, prop)).called(f"{side} alone holds {prop}")
         for side in SIDES
     }
-    shared = all_of(*held.values()).called(f"both arms hold {prop}")
+    both = all_of(*held.values()).called(f"both arms hold {prop} in the air")
     loose = held_for(released(prop), FLICKER_SECONDS).called(f"{prop} is let go")
     put_down = loose | ~off_table(prop, *supports)
     if way is None:
@@ -99,7 +116,7 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
         # whoever was the last before that.
         last = {side: since(alone[side], reset=alone[side.other]) for side in SIDES}
         meeting = {
-            side: all_of(shared, way.within, last[side]).called(
+            side: all_of(both, way.within, last[side]).called(
                 f"{side} brings {prop} to the other arm in the hole"
             )
             for side in SIDES
@@ -116,9 +133,13 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
             )
             for side in SIDES
         }
+    met = {
+        side: both | since(both, reset=alone[side.other] | put_down) & giver[side.other]
+        for side in SIDES
+    }
     received = {
         side: all_of(
-            alone[side], giver[side.other], since(shared, reset=alone[side.other] | put_down)
+            alone[side], giver[side.other], since(both, reset=alone[side.other] | put_down)
         ).called(f"{side} receives {prop} from {side.other}")
         for side in SIDES
     }
@@ -131,6 +152,15 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
         ).called(f"{side} grasps {prop}, which it has received")
         for side in SIDES
     }
+    grasps = all_of(*(grasped(side, prop) for side in SIDES))
+    shared = both | since(both).told_of(f"when both arms last grasped {prop}", grasps)
     return Handover(
-        prop=prop, shared=shared, received=received, in_hand=in_hand, disturbed=disturbed
+        prop=prop,
+        shared=shared.called(both.name),
+        held=held,
+        giver=giver,
+        met=met,
+        received=received,
+        in_hand=in_hand,
+        disturbed=disturbed,
     )

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from duobench.errors import UnknownNameError
 from duobench.stages.logic import Clock, HeldFor, Memory, Predicate, Since, StateView, Words
 from duobench.stages.predicates import VariantIs
+from duobench.types import CONTROL_HZ
 
 if TYPE_CHECKING:
     from duobench.sim.simulation import Simulation
@@ -29,6 +30,14 @@ class Stage:
     """What to do to reach it, in the imperative."""
     holds: Predicate
     """The conjunction of its constraints."""
+    stays: Predicate | None = None
+    """What later stages take for granted of it. Where it is lost, this stage's instruction is what
+    is to be done now, though the stage was reached. None if nothing can be lost."""
+
+
+LOST_SECONDS = 0.5
+"""How long what stays of a stage is gone before it counts as lost, in seconds: hands that change
+and contacts that flicker take less."""
 
 
 def sinces_in(predicates: Iterable[Predicate]) -> list[Since]:
@@ -75,6 +84,8 @@ class ProgressState:
     """For each `held_for`, in the same order, how many control steps have counted."""
     start_heights: tuple[tuple[str, float], ...] = ()
     """Height of each prop's lowest point when the episode began, in metres."""
+    lost: tuple[int, ...] = ()
+    """For each stage, for how many control steps in a row nothing of it has stayed."""
 
 
 def check_names(
@@ -98,15 +109,20 @@ def check_names(
     state = StateView(
         simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
     )
-    for stage in stages:
-        for part in stage.holds.walk():
-            part.test(state)
-            if isinstance(part, VariantIs):
-                if part.choice not in variants:
-                    raise UnknownNameError("variant", part.choice, variants)
-                values = options.get(part.choice)
-                if values is not None and part.value not in values:
-                    raise UnknownNameError(f"value of variant {part.choice!r}", part.value, values)
+    for part in (part for predicate in _constraints_of(stages) for part in predicate.walk()):
+        part.test(state)
+        if isinstance(part, VariantIs):
+            if part.choice not in variants:
+                raise UnknownNameError("variant", part.choice, variants)
+            values = options.get(part.choice)
+            if values is not None and part.value not in values:
+                raise UnknownNameError(f"value of variant {part.choice!r}", part.value, values)
+
+
+def _constraints_of(stages: Iterable[Stage]) -> list[Predicate]:
+    """What must hold at some stage, and what must stay."""
+    both = (predicate for stage in stages for predicate in (stage.holds, stage.stays))
+    return [predicate for predicate in both if predicate is not None]
 
 
 class Progress:
@@ -119,7 +135,7 @@ class Progress:
             stages: Stages 1 to n in order.
         """
         self._stages = stages
-        constraints = [stage.holds for stage in stages]
+        constraints = _constraints_of(stages)
         self._memories = memories_in(constraints)
         self._remembered: frozenset[Memory] = frozenset()
         self._clocks = clocks_in(constraints)
@@ -130,6 +146,7 @@ class Progress:
         """The highest stage so far."""
         self.final_holds = False
         """Whether the last stage's constraints hold right now."""
+        self._lost = [0] * len(stages)
         self._explained: list[Since] | None = None
         self._past: dict[Memory, str] = {}
         self._judged: StateView | None = None
@@ -163,6 +180,12 @@ class Progress:
         """Whether the last stage was reached."""
         return self.stage == self.max_stage
 
+    @property
+    def standing(self) -> int:
+        """The stage from which to go on: the last one before the lowest that was lost since."""
+        steps = round(LOST_SECONDS * CONTROL_HZ)
+        return next((n for n, lost in enumerate(self._lost) if lost >= steps), self.stage)
+
     def reset(self, simulation: Simulation, variants: Mapping[str, str]) -> None:
         """Begin an episode at the simulation's current state.
 
@@ -176,6 +199,7 @@ class Progress:
         self._start_heights = {name: simulation.min_height(name) for name in simulation.props}
         self.stage = 0
         self.final_holds = False
+        self._lost = [0] * self.max_stage
         self._past, self._judged = {}, None
 
     def get_state(self) -> ProgressState:
@@ -186,6 +210,7 @@ class Progress:
             remembered=tuple(memory in self._remembered for memory in self._memories),
             lasted=tuple(self._lasted[clock] for clock in self._clocks),
             start_heights=tuple(self._start_heights.items()),
+            lost=tuple(self._lost),
         )
 
     def set_state(self, state: ProgressState, variants: Mapping[str, str]) -> None:
@@ -202,6 +227,7 @@ class Progress:
         self._remembered = frozenset(memory for memory, holds in memories if holds)
         self._lasted = dict(zip(self._clocks, state.lasted, strict=True))
         self._start_heights = dict(state.start_heights)
+        self._lost = list(state.lost)
         self._variants = dict(variants)
         self.stage, self.final_holds = state.stage, state.final_holds
         self._past, self._judged = {}, None
@@ -224,6 +250,9 @@ class Progress:
             if self._stages[number - 1].holds(state):
                 self.stage = number
                 break
+        for number, stage in enumerate(self._stages[: self.stage]):
+            stays = stage.stays is None or stage.stays.ask(state)
+            self._lost[number] = 0 if stays else self._lost[number] + 1
         self._remembered = recalled(self._memories, state)
         if self._explained is not None:
             self._explain(self._explained, state)

@@ -36,6 +36,8 @@ class Rolling:
     """Something else than tilts of the lifted board moves it: its way begins at the start again."""
     left: Predicate
     """It has rolled away from the start, and the board is lifted."""
+    underway: Predicate
+    """It has rolled away from the start, and its way is not spoilt."""
     arrived: Predicate
     """It has rolled from the start to the goal and stayed there, and the board is lifted."""
 
@@ -105,9 +107,14 @@ def rolling(
     start = (lifted & at_start).called(f"{ball} is at the start on the lifted {board}")
     begun = since(start, reset=spoilt)
     left = all_of(lifted, ~spoilt, ~at_start, begun).called(f"{ball} rolls away from the start")
-    come = all_of(~spoilt, ~dropped, at_goal, since(left, reset=spoilt))
-    come = come.called(f"{ball} is at the goal")
-    return Rolling(spoilt=spoilt, left=left, arrived=lifted & held_for(come, REST_SECONDS))
+    underway = since(left, reset=spoilt)
+    come = all_of(~spoilt, ~dropped, at_goal, underway).called(f"{ball} is at the goal")
+    return Rolling(
+        spoilt=spoilt,
+        left=left,
+        underway=underway,
+        arrived=lifted & held_for(come, REST_SECONDS),
+    )
 
 
 def _in_another_cell(ball: str, room: BoxRegion, cells: int, lifted: Predicate) -> Predicate:

@@ -25,6 +25,7 @@ from duobench.stages.predicates import (
     FLICKER_SECONDS,
     arm_touches,
     backs,
+    grasped,
     hinge_open,
     lifted,
     supports,
@@ -49,6 +50,9 @@ class Support:
     supported: Predicate
     """One arm lifts the object while the other one supports the open lid: neither the first arm nor
     the object has touched it for `UNSUPPORTED_SECONDS`."""
+    upheld: Predicate
+    """What must stay of `supported`: the lid is open, and the object is in that arm's hand or put,
+    or it is delivered."""
     delivered: Predicate
     """The arm that had the object then has put it at its goal, where it has been since, and the
     other arm kept the lid open all the way."""
@@ -144,7 +148,16 @@ def support(
     delivered = any_of(*delivered_by.values()).called(
         f"one arm brought {prop} in while the other held {lid} open"
     )
+    is_delivered = since(delivered, reset=~goal)
+    upheld = (
+        all_of(
+            grasped(side, prop) | put(prop, there, side, again=again),
+            supported[side] | since(supported[side], reset=void[side]),
+        )
+        for side in SIDES
+    )
     return Support(
         supported=any_of(*supported.values()),
-        delivered=since(delivered, reset=~goal),
+        upheld=any_of(*upheld, is_delivered),
+        delivered=is_delivered,
     )

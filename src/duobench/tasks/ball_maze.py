@@ -101,16 +101,22 @@ TASK = Task(
             name="an arm touches the board",
             instruction="Touch the board with one arm.",
             holds=~released("board"),
+            stays=~released("board"),
         ),
         Stage(
             name="both arms grasp the board",
             instruction="Grasp the board with both arms.",
             holds=_GRASPED,
+            stays=_GRASPED,
         ),
         Stage(
             name="the ball has left the start",
-            instruction="Lift the board and tilt it, so that the ball rolls out of its corner.",
+            instruction=(
+                "Lift the board with the ball in the green corner and tilt it, so that the ball "
+                "rolls out of that corner."
+            ),
             holds=_ROLLING.left,
+            stays=_ROLLING.underway,
         ),
         Stage(
             name="the ball rests at the goal",

@@ -19,7 +19,7 @@ from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.sim.layout import Layout
-from duobench.stages.logic import any_of
+from duobench.stages.logic import all_of, any_of
 from duobench.stages.placing import placed
 from duobench.stages.predicates import lifted_by_any, released
 from duobench.stages.progress import Stage
@@ -59,12 +59,13 @@ _WHITE_IN, _BLACK_IN = (
     for name in COLOURS
 )
 _WHITE_LIFTED, _BLACK_LIFTED = (lifted_by_any(_cube(colour)) for colour in COLOURS)
+_BOTH_IN = all_of(*_IN_BOWL.values())
 
 TASK = Task(
     id="bin_sort",
     title="Bin-Sort",
     category=Category.PARALLEL_EXECUTION,
-    instruction="Put the white cube into the white bowl and the black cube into the black bowl.",
+    instruction="Lower the white cube into the white bowl and the black cube into the black bowl.",
     paraphrases=paraphrases("bin_sort"),
     kept_paraphrases=kept_paraphrases("bin_sort"),
     horizon=216,
@@ -90,25 +91,29 @@ TASK = Task(
             name="a cube is lifted",
             instruction="Pick up one of the cubes.",
             holds=_WHITE_LIFTED | _BLACK_LIFTED,
+            stays=any_of(_WHITE_LIFTED, _BLACK_LIFTED, *_IN_BOWL.values()),
         ),
         Stage(
             name="both cubes are lifted, or one is in its bowl",
             instruction="Pick up the other cube as well.",
             holds=any_of(_WHITE_LIFTED & _BLACK_LIFTED, *_IN_BOWL.values()),
+            stays=any_of(_WHITE_LIFTED & _BLACK_LIFTED, *_IN_BOWL.values()),
         ),
         Stage(
             name="one cube lies in its bowl",
-            instruction="Put one cube into the bowl of its colour and let go of it.",
+            instruction="Lower one cube into the bowl of its colour and let go of it.",
             holds=_WHITE_IN | _BLACK_IN,
+            stays=_WHITE_IN | _BLACK_IN,
         ),
         Stage(
             name="one cube lies in its bowl, the other is lifted",
             instruction="Pick up the other cube.",
             holds=any_of(_WHITE_IN & _BLACK_LIFTED, _BLACK_IN & _WHITE_LIFTED),
+            stays=any_of(_WHITE_IN & _BLACK_LIFTED, _BLACK_IN & _WHITE_LIFTED, _BOTH_IN),
         ),
         Stage(
             name="both cubes lie in their bowls",
-            instruction="Put the other cube into the bowl of its colour and let go of it.",
+            instruction="Lower the other cube into the bowl of its colour and let go of it.",
             holds=placed(_WHITE_IN, _BLACK_IN),
         ),
     ),

@@ -76,7 +76,8 @@ _HELD = is_.lifted_by_any("beam")
 _LAID = put("beam", low_over("beam", "cube", CUBE_EDGE / 2)) & is_.raised("beam", CUBE_EDGE - LYING)
 _BRIDGE = placed(is_.rests_on("beam", "cube"), _LEVEL, is_.released("beam")) & _LAID
 _GRASPED = is_.grasped_apart(*BLOCKS)
-_READY = all_of(_GRASPED, _ON_CUBE, since(_BRIDGE.called("the beam lies across the cube")))
+_BRIDGED = since(_BRIDGE.called("the beam lies across the cube"))
+_READY = all_of(_GRASPED, _ON_CUBE, _BRIDGED)
 # Blocks that were put on one after the other, and grasped again, were not put on together.
 _TOGETHER = brought_together(*BLOCKS, _LOW)
 _LOADED = all_of(_AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY.called("both are grasped")))
@@ -107,21 +108,29 @@ TASK = Task(
         "right_block": Placement(x=around(0.5, 0.05), y=around(-0.24, 0.04), z=BLOCK[2] / 2),
     },
     stages=(
-        Stage(name="the beam is lifted", instruction="Pick up the beam.", holds=_HELD),
+        Stage(
+            name="the beam is lifted",
+            instruction="Pick up the beam.",
+            holds=_HELD,
+            stays=_HELD | _ON_CUBE,
+        ),
         Stage(
             name="the beam rests on the red cube",
             instruction="Put the middle of the beam on the red cube.",
             holds=_BRIDGE,
+            stays=_ON_CUBE & _BRIDGED,
         ),
         Stage(
             name="both blocks are grasped",
             instruction="Grasp one block with each arm.",
             holds=_READY,
+            stays=_GRASPED | _ONCE_LOADED,
         ),
         Stage(
             name="both blocks are on the beam",
             instruction="Put both blocks upright onto the ends of the beam at the same time.",
             holds=_LOADED,
+            stays=_ONCE_LOADED,
         ),
         Stage(
             name="everything is balanced",

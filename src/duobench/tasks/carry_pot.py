@@ -61,6 +61,7 @@ def _over_plate(more: float = 0.0) -> Predicate:
 _ON_PLATE = _over_plate()
 _CARRIAGE = carriage("pot", HANDLES, "stove", place=_over_plate(SHOVE), top=PLATE[2], height=LIFT)
 _RELEASED = all_of(*(released(body) for body in ("pot", *HANDLES)))
+_TOUCHED = any_of(*(touches(side, handle) for side in SIDES for handle in HANDLES))
 
 TASK = Task(
     id="carry_pot",
@@ -84,12 +85,14 @@ TASK = Task(
         Stage(
             name="an arm touches a handle",
             instruction="Reach for a handle of the pot.",
-            holds=any_of(*(touches(side, handle) for side in SIDES for handle in HANDLES)),
+            holds=_TOUCHED,
+            stays=_TOUCHED | _CARRIAGE.put_down,
         ),
         Stage(
             name="both arms carry the pot",
             instruction="Grasp one handle with each arm, and lift the pot.",
             holds=_CARRIAGE.carried,
+            stays=_CARRIAGE.underway | _CARRIAGE.put_down,
         ),
         Stage(
             name="the pot stands on the stove",

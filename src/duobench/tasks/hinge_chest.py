@@ -67,13 +67,15 @@ _LID = support(
     again=lifted_off("cube", "chest", WALL),
     backing=BACKING,
 )
+_BEGUN = hinge_open("chest/lid", OPEN_ANGLE) | lifted_by_any("cube", "chest", "chest/lid")
 
 TASK = Task(
     id="hinge_chest",
     title="Hinge-Chest",
     category=Category.ASYMMETRIC_SUPPORT,
     instruction=(
-        "Hold the lid of the chest open with one arm and put the black cube inside with the other."
+        "Hold the lid of the chest open with one arm and lower the black cube into the chest with "
+        "the other."
     ),
     paraphrases=paraphrases("hinge_chest"),
     kept_paraphrases=kept_paraphrases("hinge_chest"),
@@ -92,16 +94,18 @@ TASK = Task(
         Stage(
             name="the lid is open or the cube is lifted",
             instruction="Open the lid of the chest with one arm.",
-            holds=hinge_open("chest/lid", OPEN_ANGLE) | lifted_by_any("cube", "chest", "chest/lid"),
+            holds=_BEGUN,
+            stays=_BEGUN | _LID.delivered,
         ),
         Stage(
             name="one arm holds the lid open and the other arm lifts the cube",
             instruction="Hold the lid open with one arm and pick up the black cube with the other.",
             holds=_LID.supported,
+            stays=_LID.upheld,
         ),
         Stage(
             name="the cube lies in the chest",
-            instruction="Put the black cube into the chest and let go of it.",
+            instruction="Lower the black cube into the chest and let go of it.",
             holds=placed(_INSIDE, rests_on("cube", "chest"), released("cube")) & _LID.delivered,
         ),
     ),

@@ -98,6 +98,7 @@ TASK = Task(
             name="both blocks are grasped",
             instruction="Grasp the light block with one arm and the dark block with the other.",
             holds=grasped_apart(*_BLOCKS),
+            stays=grasped_apart(*_BLOCKS) | _JOINING.kept,
         ),
         Stage(
             name="the blocks are joined",
@@ -106,6 +107,7 @@ TASK = Task(
                 "each arm holds its block."
             ),
             holds=_JOINING.joined,
+            stays=_JOINING.kept,
         ),
         Stage(
             name="the joined blocks are on the wall",

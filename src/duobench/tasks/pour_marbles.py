@@ -82,6 +82,7 @@ _PUT_BACK = all_of(*map(_put_back, SIDES))
 _GRASPED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
 _HELD_UP = all_of(*_GRASPED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
 _POURING = {side: pouring(MARBLES, CUPS[side], cups.ROOM, held=_HELD_UP) for side in SIDES}
+_KEPT = _into_target(lambda p: p.kept)
 
 TASK = Task(
     id="pour_marbles",
@@ -112,27 +113,36 @@ TASK = Task(
             name="one cup is grasped",
             instruction="Grasp one of the cups with the arm on its side.",
             holds=any_of(*_GRASPED),
+            stays=any_of(*_GRASPED, _KEPT),
         ),
         Stage(
             name="both cups are grasped",
             instruction="Grasp the other cup as well.",
             holds=all_of(*_GRASPED),
+            stays=all_of(*_GRASPED) | _KEPT,
         ),
-        Stage(name="both cups are lifted", instruction="Lift both cups.", holds=_HELD_UP),
+        Stage(
+            name="both cups are lifted",
+            instruction="Lift both cups.",
+            holds=_HELD_UP,
+            stays=_HELD_UP | _KEPT,
+        ),
         Stage(
             name="one marble is poured",
             instruction="Pour marbles from the {full} cup into the {empty} cup, both in the air.",
             holds=_into_target(lambda p: p.some),
+            stays=_into_target(lambda p: p.some) | _KEPT,
         ),
         Stage(
             name="all marbles are poured",
             instruction="Pour the other marbles into the {empty} cup as well.",
             holds=_into_target(lambda p: p.all),
+            stays=_KEPT,
         ),
         Stage(
             name="both cups are back",
             instruction="Put both cups upright on their green squares and let go.",
-            holds=placed(*_BACK, _into_target(lambda p: p.kept)) & _PUT_BACK,
+            holds=placed(*_BACK, _KEPT) & _PUT_BACK,
         ),
     ),
     object_numbers=(

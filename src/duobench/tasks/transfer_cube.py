@@ -45,12 +45,14 @@ BELOW_RIM = 0.020
 
 _CUBE = handover(CUBE, BOWL)
 _BOWL = Vessel(body=BOWL, radius=RADIUS - WALL, rim=RIM_HEIGHT, floor=FLOOR)
+_STAYS = _CUBE.stays(_BOWL.over(CUBE))
 
 TASK = Task(
     id="transfer_cube",
     title="Transfer-Cube",
     category=Category.SEQUENTIAL_HANDOFF,
-    instruction="Pick up the white block, hand it to the other arm and put it into the bowl.",
+    instruction="Pick up the white block, hand it to the other arm in the air and lower it into "
+    "the bowl.",
     paraphrases=paraphrases("transfer_cube"),
     kept_paraphrases=kept_paraphrases("transfer_cube"),
     horizon=441,
@@ -67,20 +69,23 @@ TASK = Task(
             name="the white block is lifted",
             instruction="Pick up the white block.",
             holds=lifted_by_any(CUBE, BOWL),
+            stays=_STAYS[0],
         ),
         Stage(
             name="both arms hold the white block",
-            instruction="Grasp the white block with the other arm as well.",
+            instruction="Grasp the white block with the other arm as well, in the air.",
             holds=_CUBE.shared,
+            stays=_STAYS[1],
         ),
         Stage(
             name="the other arm holds the white block",
             instruction="Let go of the white block with the arm that picked it up.",
             holds=_CUBE.handed_over,
+            stays=_STAYS[2],
         ),
         Stage(
             name="the white block is in the bowl",
-            instruction="Put the white block into the bowl and let go.",
+            instruction="Lower the white block into the bowl and let go.",
             holds=all_of(
                 placed(
                     inside(CUBE, IN_BOWL),

@@ -28,7 +28,7 @@ from duobench.objects.gate import (
 from duobench.objects.prop import Prop
 from duobench.randomness import ANY_YAW, around
 from duobench.stages.handover import handover
-from duobench.stages.logic import all_of
+from duobench.stages.logic import all_of, any_of
 from duobench.stages.passage import Hole, passage
 from duobench.stages.placing import low_over, placed
 from duobench.stages.predicates import BoxRegion, inside, lifted_by_any, released, rests_on
@@ -54,13 +54,15 @@ _WAY = passage(
 )
 _BLOCK = handover(BLOCK, MAT, way=_WAY)
 _OVER_MAT = inside(BLOCK, OVER_MAT)
+_AT_MAT = _OVER_MAT & low_over(BLOCK, MAT, MAT_THICKNESS / 2)
+_STAYS = _BLOCK.stays(_AT_MAT)
 
 TASK = Task(
     id="transfer_gate",
     title="Transfer-Gate",
     category=Category.SEQUENTIAL_HANDOFF,
-    instruction="Pick up the white block, hand it to the other arm through the ring and put it "
-    "down on the green mat.",
+    instruction="Pick up the white block, hand it to the other arm in the air, through the ring, "
+    "and put it down on the green mat.",
     paraphrases=paraphrases("transfer_gate"),
     kept_paraphrases=kept_paraphrases("transfer_gate"),
     horizon=523,
@@ -79,23 +81,28 @@ TASK = Task(
             name="the white block is lifted",
             instruction="Pick up the white block.",
             holds=_HELD,
+            stays=_STAYS[0],
         ),
         Stage(
             name="the white block has crossed the ring",
             instruction="Bring the white block through the ring.",
             holds=_WAY.crossing,
+            stays=any_of(*_BLOCK.giver.values(), _STAYS[2]),
         ),
         Stage(
             name="the other arm holds the white block",
-            instruction="Hand the white block to the other arm on the far side of the ring.",
+            instruction=(
+                "Hand the white block to the other arm in the air, on the far side of the ring."
+            ),
             holds=_BLOCK.handed_over,
+            stays=_STAYS[2],
         ),
         Stage(
             name="the white block is on the green mat",
             instruction="Put the white block down on the green mat and let go.",
             holds=all_of(
                 placed(rests_on(BLOCK, MAT), _OVER_MAT, released(BLOCK)),
-                _BLOCK.put(_OVER_MAT & low_over(BLOCK, MAT, MAT_THICKNESS / 2)),
+                _BLOCK.put(_AT_MAT),
             ),
         ),
     ),

@@ -63,12 +63,14 @@ _PEG = handover(PEG, BOARD)
 _WAYS = [(tip, MOUTH) for tip in TIPS]
 _IN_HOLE = in_any_way(_WAYS, partial(inserted, depth=DEPTH))
 _TIP_AT_HOLE = in_any_way(_WAYS, partial(engaged, depth=-PUT_HEIGHT))
+_STAYS = _PEG.stays(_TIP_AT_HOLE)
 
 TASK = Task(
     id="transfer_reorient",
     title="Transfer-Reorient",
     category=Category.SEQUENTIAL_HANDOFF,
-    instruction="Pick up the peg, hand it to the other arm and insert it into the hexagonal hole.",
+    instruction="Pick up the peg, hand it to the other arm in the air and insert it upright into "
+    "the hexagonal hole.",
     paraphrases=paraphrases("transfer_reorient"),
     kept_paraphrases=kept_paraphrases("transfer_reorient"),
     horizon=505,
@@ -90,16 +92,19 @@ TASK = Task(
             name="the peg is lifted",
             instruction="Pick up the peg.",
             holds=lifted_by_any(PEG, BOARD),
+            stays=_STAYS[0],
         ),
         Stage(
             name="both arms hold the peg",
-            instruction="Grasp the peg with the other arm as well.",
+            instruction="Grasp the peg with the other arm as well, in the air.",
             holds=_PEG.shared,
+            stays=_STAYS[1],
         ),
         Stage(
             name="the other arm holds the peg",
             instruction="Let go of the peg with the arm that picked it up.",
             holds=_PEG.handed_over,
+            stays=_STAYS[2],
         ),
         Stage(
             name="the peg is in the hexagonal hole",

@@ -18,7 +18,8 @@ class Judge(Protocol):
     """Who says which stage an episode has reached: the simulation, or a person.
 
     One that can say why the next stage is not reached also has `explain(on)`, which prepares it,
-    and after every step `unmet`, the reasons in words; see `stages.progress.Progress`.
+    and after every step `unmet`, the reasons in words; one that sees what is lost has `standing`,
+    the stage from which to go on. See `stages.progress.Progress`.
     """
 
     def begin(self) -> None:
@@ -53,7 +54,7 @@ class TaskStages(DuoWrapper):
 
     The reward is stage / last stage, and the episode terminates at the last stage. Info holds
     `stage`, `max_stage`, `success` (the same as `is_success`), `success_at_end` (whether the last
-    stage's constraints hold right now), `current_subinstruction` (what to do next) and
+    stage's constraints hold right now), `current_subinstruction` (what to do now) and
     `stage_to_subinstructions` (what to do at each stage to reach the next one).
     """
 
@@ -144,7 +145,8 @@ class TaskStages(DuoWrapper):
         info["stage"] = stage
         info["max_stage"] = self._max_stage
         # Once the task is solved, what was to be done last is still the answer.
-        info["current_subinstruction"] = self._subinstructions[min(stage, self._max_stage - 1)]
+        standing = min(getattr(self.judge, "standing", stage), self._max_stage - 1)
+        info["current_subinstruction"] = self._subinstructions[standing]
         info["stage_to_subinstructions"] = self._subinstructions.copy()
         return success
 
