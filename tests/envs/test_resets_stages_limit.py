@@ -27,8 +27,9 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.logic import all_of, any_of
 from duobench.stages.predicates import touching
-from duobench.stages.progress import Stage
+from duobench.stages.progress import LOST_SECONDS, Stage
 from duobench.tasks import catalog
+from duobench.types import CONTROL_HZ
 from tests.envs.tools import TASK, equal, sim_of, wave
 
 
@@ -230,6 +231,25 @@ def test_success_at_end_is_about_now_while_success_stays() -> None:
     _, reward, terminated, _, info = env.step(hold)
     assert (reward, terminated, info["success"]) == (1.0, True, True)
     assert not info["success_at_end"]
+
+
+def test_what_is_to_be_done_now_is_said_after_a_slip_and_in_a_restored_episode() -> None:
+    lies = any_of(*_LYING)
+    slipping = replace(LYING, stages=(replace(LYING.stages[0], stays=lies), LYING.stages[1]))
+    env = TaskStages(SimEnv(slipping))
+    poses = solved()
+    poses["black_cube"] = SE3.at(0.4, 0.0, 0.016)
+    env.reset(options={"layout": Layout(poses=poses)})
+    hold = env.base.simulation.duo.command().flat
+    assert env.step(hold)[4]["current_subinstruction"] == "Do both."
+    env.base.simulation.place("white_cube", SE3.at(0.4, 0.1, 0.016))
+    infos = [env.step(hold)[4] for _ in range(round(LOST_SECONDS * CONTROL_HZ))]
+    assert [info["stage"] for info in infos] == [1] * len(infos)
+    said = [info["current_subinstruction"] for info in infos]
+    assert said == ["Do both."] * (len(infos) - 1) + ["Do one."]
+    saved = env.save_state()
+    env.reset(seed=0)
+    assert env.restore_state(saved)[1]["current_subinstruction"] == "Do one."
 
 
 def test_partial_progress_is_rewarded_in_proportion() -> None:

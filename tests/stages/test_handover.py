@@ -149,6 +149,23 @@ def test_who_received(
     )
 
 
+def test_why_both_did_not_hold_it_is_told_of_the_step_at_which_both_had_it(
+    bench: TaskHarness, moments: Moments
+) -> None:
+    bench.sim.set_state(moments["b"])
+    at = bench.sim.position("cube")
+    bench.sim.place("bowl", SE3.at(*at[:2], at[2] - 0.03))
+    bench.sim.forward()
+    leaning = bench.sim.get_state()
+    bench.start(layout=LAYOUT)
+    bench.progress.explain()
+    for state in (moments["t"], moments["r"], leaning, moments["r"]):
+        bench.sim.set_state(state)
+        bench.judge()
+    assert bench.stage == 1
+    assert bench.progress.unmet == ("when both arms last grasped cube: cube touches bowl",)
+
+
 def ring(where: dict[str, str]) -> Passage:
     """A way whose places are letters: (n)ear and far from the hole, in the hole with the middle on
     the near side (w) or the far side (W), (f)ar, and (a)round it.

@@ -9,7 +9,8 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.logic import held_for, since
 from duobench.stages.predicates import raised, variant
-from duobench.stages.progress import Progress, Stage
+from duobench.stages.progress import LOST_SECONDS, Progress, Stage
+from duobench.types import CONTROL_HZ
 from tests.stages.bench import Bench
 
 
@@ -131,6 +132,64 @@ def test_held_for_starts_anew_with_an_episode(bench: Bench) -> None:
     bench.play(progress, "a", "a")
     progress.reset(bench.sim, {})
     assert bench.play(progress, "a", "a", "a") == [0, 0, 1]
+
+
+# --- what is lost ---------------------------------------------------------------------------------
+
+
+def standing_after(bench: Bench, progress: Progress, *steps: str) -> list[int]:
+    found = []
+    for step in steps:
+        bench.play(progress, step)
+        found.append(progress.standing)
+    return found
+
+
+def two_stages(bench: Bench) -> Progress:
+    """Stage 1 is a, of which x must stay; 2 is b, of which y must; 3 is c."""
+    a, b, c, x, y = map(bench.fact, "abcxy")
+    stages = (
+        Stage(name="a", instruction="do a", holds=a, stays=x),
+        Stage(name="b", instruction="do b", holds=b, stays=y),
+        Stage(name="c", instruction="do c", holds=c),
+    )
+    progress = Progress(stages)
+    progress.reset(bench.sim, {})
+    return progress
+
+
+LONG_LOST = round(LOST_SECONDS * CONTROL_HZ)
+
+
+def test_what_is_lost_for_long_is_to_be_done_again_and_the_stage_stays(bench: Bench) -> None:
+    progress = two_stages(bench)
+    assert standing_after(bench, progress, "", "ax", "bxy") == [0, 1, 2]
+    assert standing_after(bench, progress, *["x"] * LONG_LOST) == [2] * (LONG_LOST - 1) + [1]
+    assert progress.stage == 2
+    assert standing_after(bench, progress, "xy") == [2], "it was done again"
+    assert standing_after(bench, progress, *["y"] * LONG_LOST)[-1] == 0, "the lowest that is lost"
+
+
+def test_what_is_back_in_time_was_never_lost(bench: Bench) -> None:
+    progress = two_stages(bench)
+    bench.play(progress, "ax")
+    almost = [""] * (LONG_LOST - 1)
+    assert standing_after(bench, progress, *almost, "x", *almost) == [1] * (2 * LONG_LOST - 1)
+
+
+def test_a_stage_that_is_not_reached_cannot_be_lost(bench: Bench) -> None:
+    progress = two_stages(bench)
+    bench.play(progress, *["x"] * 2 * LONG_LOST)
+    assert standing_after(bench, progress, "bx") == [2], "and stage 2 is not lost at once"
+
+
+def test_what_is_lost_goes_with_the_state(bench: Bench) -> None:
+    progress, other = two_stages(bench), two_stages(bench)
+    bench.play(progress, "ax", *[""] * LONG_LOST)
+    other.set_state(progress.get_state(), {})
+    assert (other.stage, other.standing) == (1, 0)
+    other.reset(bench.sim, {})
+    assert (other.stage, other.standing) == (0, 0)
 
 
 # --- what an episode brings along ----------------------------------------------------------------

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
-from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, since
 from duobench.stages.passage import Passage
 from duobench.stages.predicates import (
     FLICKER_SECONDS,
@@ -153,10 +153,14 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
         for side in SIDES
     }
     grasps = all_of(*(grasped(side, prop) for side in SIDES))
-    shared = both | since(both).told_of(f"when both arms last grasped {prop}", grasps)
+    once = since(both).told_of(f"when both arms last grasped {prop}", grasps)
+
+    def apart(state: StateView) -> str:
+        return ", ".join((once if once.begun(state) else both).unmet(state))
+
     return Handover(
         prop=prop,
-        shared=shared.called(both.name),
+        shared=(both | once).called(both.name, apart),
         held=held,
         giver=giver,
         met=met,

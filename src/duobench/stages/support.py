@@ -26,6 +26,7 @@ from duobench.stages.predicates import (
     arm_touches,
     backs,
     grasped,
+    grasped_by_any,
     hinge_open,
     lifted,
     supports,
@@ -134,9 +135,8 @@ def support(
         ).called(f"{side.other} shows that it holds {lid} open")
         for side in SIDES
     }
-    delivered_by = {
-        side: all_of(
-            goal,
+    delivered_by = (
+        all_of(
             put(prop, there, side, again=again),
             since(supported[side], reset=lost[side]).called(
                 f"{side.other} has held {lid} open all the way"
@@ -144,11 +144,14 @@ def support(
             | shown[side],
         ).called(f"{side} has brought {prop} in while {side.other} held {lid} open")
         for side in SIDES
-    }
-    delivered = any_of(*delivered_by.values()).called(
+    )
+    delivered = any_of(*delivered_by).called(
         f"one arm brought {prop} in while the other held {lid} open"
     )
-    is_delivered = since(delivered, reset=~goal)
+    # What was led in, raised again and dropped is told of by its drop.
+    delivered = since(delivered, reset=~goal).told_of(
+        f"when {prop} was let go", grasped_by_any(prop)
+    )
     upheld = (
         all_of(
             grasped(side, prop) | put(prop, there, side, again=again),
@@ -158,6 +161,6 @@ def support(
     )
     return Support(
         supported=any_of(*supported.values()),
-        upheld=any_of(*upheld, is_delivered),
-        delivered=is_delivered,
+        upheld=any_of(*upheld, delivered),
+        delivered=delivered,
     )
