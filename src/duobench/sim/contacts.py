@@ -165,8 +165,6 @@ class Contacts:
         The engine's normal tells where a contact pushes, and `MIN_LEVER` what turns nothing.
         """
         limbs, row = self._limbs[side], self._row(owner)
-        if not any(self._touch(limb, row) for limb in limbs):
-            return False
         owners, contact = self._owners, self._data.contact
         for number, (first, second) in enumerate(self._pairs):
             if owners[second] == row and owners[first] in limbs:

@@ -72,6 +72,15 @@ class StateView:
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
+    _relative: dict[tuple[str, str], tuple[float, float, float]] = field(default_factory=dict)
+
+    def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
+        """Origin of a body in the frame of another body, in metres, computed once."""
+        found = self._relative.get((body, frame))
+        if found is None:
+            found = self.simulation.relative_position(body, frame)
+            self._relative[body, frame] = found
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

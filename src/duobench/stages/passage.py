@@ -56,7 +56,7 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
 
     def where(state: StateView) -> tuple[float, float]:
         """Distance beyond the plane, and from the hole's axis, in metres."""
-        x, y, z = state.simulation.relative_position(prop, hole.body)
+        x, y, z = state.relative_position(prop, hole.body)
         return y, math.hypot(x, z - hole.height)
 
     def in_front(radius: float, depth: float = EXIT_DEPTH) -> Predicate:

@@ -44,7 +44,7 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
 
     def gap(state: StateView) -> float:
         sim = state.simulation
-        x, y, _ = sim.relative_position(prop, body)
+        x, y, _ = state.relative_position(prop, body)
         up_x, up_y, up_z = sim.rotation(body)[2].tolist()
         level = float(sim.position(body)[2]) + up_x * x + up_y * y + up_z * top
         return sim.min_height(prop) - level

@@ -80,7 +80,8 @@ def supports(arm: Side, lid: str) -> Predicate:
 
     def pushes(state: StateView) -> bool:
         sim = state.simulation
-        return sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
+        touched = sim.contacts.arm(arm, lid)
+        return touched and sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
 
     whole = grasped(arm, lid) | Predicate(f"{arm} pushes {lid} open", pushes)
     return whole.called(
@@ -274,12 +275,12 @@ def inside(prop: str, region: Region) -> Predicate:
     """Its centre (the origin of its frame) lies in a region that is fixed to another body."""
 
     def otherwise(state: StateView) -> str:
-        away = region.distance(state.simulation.relative_position(prop, region.body))
+        away = region.distance(state.relative_position(prop, region.body))
         return f"the centre of {prop} is {mm(away)} outside its place at {region.body}"
 
     return Predicate(
         f"{prop} is inside {region.body}",
-        lambda state: region.contains(state.simulation.relative_position(prop, region.body)),
+        lambda state: region.contains(state.relative_position(prop, region.body)),
         otherwise=otherwise,
     )
 

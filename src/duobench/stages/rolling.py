@@ -125,7 +125,7 @@ def _in_another_cell(ball: str, room: BoxRegion, cells: int, lifted: Predicate) 
         edge = room.low[axis] + number * pitch
 
         def test(state: StateView) -> bool:
-            at = state.simulation.relative_position(ball, room.body)[axis]
+            at = state.relative_position(ball, room.body)[axis]
             return edge <= at < edge + pitch
 
         return Predicate(f"{ball} is in {'column' if axis == 0 else 'row'} {number}", test)
