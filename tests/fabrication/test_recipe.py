@@ -106,7 +106,7 @@ def test_screws_of_the_chest_are_on_its_list() -> None:
 
 def test_colours_change_where_the_simulated_ones_do() -> None:
     (floor,) = (p for p in recipe_of(job("ball_maze")).parts if p.name == "board_4-floor")
-    assert floor.colour_changes == [(5.0, "#1C406B")]
+    assert floor.colour_changes == [(4.0, "#1C406B")]
     (bowl,) = (p for p in recipe_of(job("bin_sort")).parts if p.name == "black_bowl")
     assert bowl.colour_changes == [(25.0, "#B8B8BA")]
 

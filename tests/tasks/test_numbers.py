@@ -214,7 +214,7 @@ PAGES = {
             "objects.gate.SIDES_OF_RING": 8,
             "objects.gate.RING_RADIUS": 0.115,
             "objects.gate.RING_HEIGHT": 0.375,
-            "objects.gate.MAT_EDGE": 0.24,
+            "objects.gate.MAT_EDGE": 0.228,
             "objects.gate.MAT_THICKNESS": 0.01,
             "tasks.transfer_gate.CROSSING_RADIUS": 0.10,
         },

@@ -1,4 +1,4 @@
-"""Where parts lie on the beds of a printer, without overlapping."""
+"""Where parts lie on the beds of a printer, without overlapping, and clear of one corner."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from duobench.fabrication.parts import PrintedPart
-from duobench.objects.shapes import PRINTER
+from duobench.objects.shapes import KEPT_FREE, PRINTER
 
 GAP = 0.006
 """Distance between parts in metres: room for brims, and for the nozzle's hood."""
+
+
+BESIDE, BEHIND = PRINTER - KEPT_FREE[0], PRINTER - KEPT_FREE[1]
+"""Width of the bed beside the corner that is kept free, and depth behind it, in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,7 +45,7 @@ class _Row:
         """Put a part to the right of the others, if there is room."""
         width, depth, _ = part.size
         begin = self.used + GAP if self.spots else 0.0
-        if depth > self.depth or begin + width > PRINTER:
+        if depth > self.depth or begin + width > (BESIDE if self.spots else PRINTER):
             return False
         self.spots.append((part, copy, begin + width / 2))
         self.used = begin + width
@@ -55,22 +59,24 @@ def lay_out(parts: Sequence[PrintedPart]) -> tuple[Spot, ...]:
         parts: Parts that fit a bed of `shapes.PRINTER`.
 
     Returns:
-        A spot for every copy of every part; what lies on a bed is in its middle.
+        A spot for every copy of every part. What lies on a bed is in its middle, or in that of what
+        is beside or behind the corner that is kept free; a part that fills the bed lies alone.
     """
     copies = [(part, copy) for part in parts for copy in range(part.count)]
     copies.sort(key=lambda each: (-each[0].size[1], -each[0].size[0], each[0].name, each[1]))
     beds: list[list[_Row]] = []
     for part, copy in copies:
         if not any(row.add(part, copy) for rows in beds for row in rows):
-            _new_row(beds, float(part.size[1])).add(part, copy)
+            _new_row(beds, *map(float, part.size[:2])).add(part, copy)
     return tuple(spot for bed, rows in enumerate(beds) for spot in _centred(bed, rows))
 
 
-def _new_row(beds: list[list[_Row]], depth: float) -> _Row:
+def _new_row(beds: list[list[_Row]], width: float, depth: float) -> _Row:
     """A row behind the others of a bed that has room, or the first of a new bed."""
     for rows in beds:
         front = rows[-1].front + rows[-1].depth + GAP
-        if front + depth <= PRINTER:
+        is_narrow = max(width, *(row.used for row in rows)) <= BESIDE
+        if front + depth <= (PRINTER if is_narrow else BEHIND):
             rows.append(_Row(front=front, depth=depth))
             return rows[-1]
     beds.append([_Row(front=0.0, depth=depth)])
@@ -78,14 +84,21 @@ def _new_row(beds: list[list[_Row]], depth: float) -> _Row:
 
 
 def _centred(bed: int, rows: list[_Row]) -> list[Spot]:
-    behind = (PRINTER - rows[-1].front - rows[-1].depth) / 2
+    width, depth = max(row.used for row in rows), rows[-1].front + rows[-1].depth
+    left, front = (PRINTER - width) / 2, (PRINTER - depth) / 2
+    aside = behind = 0.0
+    if left < KEPT_FREE[0] and front < KEPT_FREE[1]:
+        if width <= BESIDE:
+            aside = KEPT_FREE[0] / 2
+        elif depth <= BEHIND:
+            behind = KEPT_FREE[1] / 2
     return [
         Spot(
             part=part,
             copy=copy,
             bed=bed,
-            x=(PRINTER - row.used) / 2 + x,
-            y=behind + row.front + row.depth / 2,
+            x=aside + (PRINTER - row.used) / 2 + x,
+            y=behind + front + row.front + row.depth / 2,
         )
         for row in rows
         for part, copy, x in row.spots

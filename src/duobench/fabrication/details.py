@@ -110,8 +110,6 @@ CHANGES: Mapping[str, tuple[ColourChange, ...]] = {
 """Where the colour changes with the height."""
 
 SUPPORTS: Mapping[str, str] = {
-    "ball_maze/board/floor": "under the floor, which is "
-    f"{1000 * (maze_board.BASE - maze_board.FLOOR):g} mm above the bed",
     "ball_maze/ball": "from the bed, with a brim of 5 mm; sand off what is left of them",
 }
 """What needs supports; anything else needs none."""

@@ -22,6 +22,10 @@ UNTRIED = (
 """What to know before anything is printed."""
 
 
+SOLID = 100
+"""Percent of infill of a part without hollows."""
+
+
 def recipe_page(recipe: Recipe) -> str:
     """A recipe as Markdown."""
     return "\n".join(_lines(recipe)) + "\n"
@@ -83,13 +87,18 @@ def _parts(recipe: Recipe) -> Iterator[str]:
             _colour(part),
             f"{part.layer_mm:g}",
             str(part.walls),
-            f"{part.infill_percent} %",
+            _infill(part),
             part.supports,
             _mass(part.mass_g),
             f"{part.filament_g:.0f}",
             f"{part.hours:.1f}",
         )
     yield ""
+
+
+def _infill(part: PartRecipe) -> str:
+    """Solid parts name the pattern: some slicers refuse 100 % with the one that they begin with."""
+    return f"{part.infill_percent} %" + (" rectilinear" if part.infill_percent == SOLID else "")
 
 
 def _sizes(recipe: Recipe) -> Iterator[str]:

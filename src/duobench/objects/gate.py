@@ -30,7 +30,7 @@ POST_PRINT_TURN = SE3.about((0, 1, 0), math.pi / 2)
 RING_PRINT_TURN = SE3.about((1, 0, 0), math.pi / 2)
 """Post and ring are printed lying: the slot and the notch then have upright walls."""
 
-MAT_EDGE, MAT_THICKNESS = 0.24, 0.010
+MAT_EDGE, MAT_THICKNESS = 0.228, 0.010
 """Edge and thickness of the mat in metres [task definitions]."""
 
 _STEEL = (0.30, 0.32, 0.35, 1.0)

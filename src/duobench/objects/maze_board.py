@@ -25,10 +25,9 @@ WALL = 0.004
 """Thickness of the inner walls in metres: ten lines of a printer's nozzle."""
 EDGE = 0.220
 """Edge of the board in metres, without the grips [task definitions]."""
-FLOOR = 0.004
-"""Thickness of the floor in metres."""
-BASE = 0.005
-"""Depth of the rim's underside below the floor's surface in metres: the board stands on its rim."""
+BASE = 0.004
+"""Thickness of the floor in metres. The rim's underside is level with that of the floor: the board
+stands flat, and is printed from the bed without a bridge."""
 BALL_RADIUS = 0.010
 """Radius of the ball in metres [task definitions]."""
 HALF = CELLS * PITCH / 2
@@ -156,14 +155,14 @@ def _frame() -> tuple[Shape, ...]:
 
 def _floor() -> Shape:
     """What the ball rolls on."""
-    return box(2 * HALF, 2 * HALF, FLOOR, at=SE3.at(z=-FLOOR / 2))
+    return box(2 * HALF, 2 * HALF, BASE, at=SE3.at(z=-BASE / 2))
 
 
 def _frame_images() -> tuple[Image, ...]:
     """Everything but walls and the floor's corners."""
     inner = HALF - PITCH
     cross = (
-        box(x, y, FLOOR, at=SE3.at(z=-FLOOR / 2))
+        box(x, y, BASE, at=SE3.at(z=-BASE / 2))
         for x, y in ((2 * HALF, 2 * inner), (2 * inner, 2 * HALF))
     )
     _, *others = images_of(_frame(), _FLOOR_COLOUR)
@@ -172,7 +171,7 @@ def _frame_images() -> tuple[Image, ...]:
 
 def _corner_image(corner: Cell, rgba: Colour) -> Image:
     """The floor of a corner, flush with the rest."""
-    floor = box(PITCH, PITCH, FLOOR, at=SE3.at(*cell_centre(corner), -FLOOR / 2))
+    floor = box(PITCH, PITCH, BASE, at=SE3.at(*cell_centre(corner), -BASE / 2))
     return images_of((floor,), rgba)[0]
 
 

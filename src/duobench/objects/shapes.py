@@ -20,6 +20,9 @@ Z_TO_X = SE3(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 # Objects are printed solid (100 % infill) in PLA, so that they weigh what a simulation gives them.
 PRINTER = 0.256
 """Edge in metres of the cube that a printer fills: that of the paper's Bambu Lab X1C."""
+KEPT_FREE = (0.018, 0.028)
+"""Width and depth in metres of the corner at the front left of its bed where the nozzle is wiped,
+and nothing is printed: read in a profile of that printer, which was not run."""
 THINNEST_WALL = 0.0008
 """Thinnest wall in metres that is printed reliably: two lines of a nozzle of 0.4 mm."""
 JOINT_PLAY = 0.0002
