@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from duobench.experts.handling import pick
-from duobench.experts.motion import Arms, Script, down, move, together
+from duobench.experts.motion import Arms, Script, down, move, together, wait_until
 from duobench.experts.scripts.block_balance import lower, script
 from duobench.scene.naming import TABLE
 from duobench.spatial import SE3
+from duobench.stages.coordination import TOGETHER_SECONDS
 from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import STILL_SPEED
 from duobench.tasks.block_balance import (
@@ -29,6 +30,8 @@ REST_STEPS = round(REST_SECONDS * CONTROL_HZ)
 ON_CUBE = CUBE_EDGE + BEAM[2] / 2 - 0.0001
 ON_BEAM = CUBE_EDGE + BEAM[2] + BLOCK[2] / 2 - 0.0002
 """Heights at which beam and blocks are in contact with what carries them."""
+HOVER = 0.05
+"""How far above the beam blocks wait, in metres: from there they would be dropped."""
 ASIDE = SE3.at(0.3, -0.3, BLOCK[2] / 2)
 """A place on the table."""
 
@@ -183,12 +186,61 @@ def test_both_put_their_blocks_onto_the_ends(bench: TaskHarness, reach: float, s
     assert all(bench.sim.contacts.between(name, "beam") for name in BLOCKS)
 
 
-def test_one_block_on_the_beam_does_not_count(bench: TaskHarness) -> None:
+def _hover(bench: TaskHarness) -> None:
+    """Both blocks are in hand, higher above the beam than they may be let go."""
     _ready(bench)
-    assert bench.act(lambda arms: lower(arms, Side.LEFT)) == 3
-    assert bench.sim.contacts.between("left_block", "beam")
-    # It counts when the other one comes while it is still in hand.
-    assert bench.act(lambda arms: lower(arms, Side.RIGHT)) == 4
+    assert bench.act(lambda arms: lower(arms, gap=HOVER)) == 3
+
+
+def _land(bench: TaskHarness, side: Side) -> int:
+    """The stage after a block went straight down onto the beam, in hand."""
+
+    def script(arms: Arms) -> Script:
+        yield from move(arms, {side: arms.targets[side].moved(z=-HOVER - 0.008)}, speed=0.1)
+        yield from wait_until(landed, 10)
+
+    def landed() -> bool:
+        return bench.sim.contacts.between(f"{side}_block", "beam")
+
+    stage = bench.act(script)
+    assert landed()
+    return stage
+
+
+@pytest.mark.parametrize(("seconds", "stage"), [(0.0, 4), (0.7, 4), (TOGETHER_SECONDS, 3)])
+def test_one_block_on_the_beam_does_not_count(
+    bench: TaskHarness, seconds: float, stage: int
+) -> None:
+    _hover(bench)
+    bench.progress.explain()
+    assert _land(bench, Side.LEFT) == 3
+    # It counts when the other one comes soon, while it is still in hand.
+    bench.hold(round(seconds * CONTROL_HZ))
+    assert _land(bench, Side.RIGHT) == stage
+    if stage == 3:
+        assert any("left_block is there before right_block" in why for why in bench.progress.unmet)
+
+
+def test_a_block_beside_the_ends_is_told_of_by_the_end(bench: TaskHarness) -> None:
+    _ready(bench)
+    bench.progress.explain()
+    assert bench.act(lambda arms: lower(arms, reach=0.058)) == 3
+    assert "no block is at an end of beam, 60 mm from its middle at least" in bench.progress.unmet
+
+
+@pytest.mark.parametrize("place", [0.070, 0.077, 0.084])
+@pytest.mark.parametrize(("off", "tips"), [(0.0, True), (0.010, False)])
+def test_one_block_alone_tips_a_beam_that_lies_in_the_middle(
+    bench: TaskHarness, place: float, off: float, tips: bool
+) -> None:
+    """Therefore the rule asks for both at once, and not the physics."""
+    _loaded(bench)
+    bridge, block = _bridge(bench), _ends(bench, place)["left_block"]
+    beam = {"beam": bridge["beam"].moved(y=-off)}
+    _build(bench, **{**bridge, **beam}, left_block=block.moved(y=-off), right_block=ASIDE)
+    bench.hold(90)
+    fell = not bench.sim.contacts.between("left_block", "beam")
+    assert fell == tips
 
 
 def test_a_balance_that_a_block_has_left_does_not_count(bench: TaskHarness) -> None:
@@ -207,8 +259,8 @@ def test_a_block_that_was_let_go_on_the_beam_does_not_count(
     bench: TaskHarness, steps: int, stage: int
 ) -> None:
     """And a contact that flickers was not let go."""
-    _ready(bench)
-    bench.act(lambda arms: lower(arms, Side.LEFT))
+    _hover(bench)
+    _land(bench, Side.LEFT)
     held = bench.sim.get_state()
     _build(bench)
     for _ in range(steps - 1):
@@ -216,7 +268,7 @@ def test_a_block_that_was_let_go_on_the_beam_does_not_count(
     bench.sim.set_state(held)
     bench.judge()
     assert bench.sim.contacts.grasped(Side.LEFT, "left_block")
-    assert bench.act(lambda arms: lower(arms, Side.RIGHT)) == stage
+    assert _land(bench, Side.RIGHT) == stage
 
 
 def test_blocks_above_the_beam_or_on_a_beam_that_lies_elsewhere_do_not_count(

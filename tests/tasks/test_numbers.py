@@ -48,7 +48,11 @@ CUBE = {"objects.blocks.CUBE_EDGE": 0.032}
 LONG_BLOCK = CUBE | {"objects.blocks.LONG_BLOCK": 0.096}
 SUPPORT = {
     "stages.support.UNSUPPORTED_SECONDS": 0.6,
-    "tasks.hinge_chest.BACKING": 0.040,
+    "stages.support.RELIEVED_SECONDS": 1.0,
+    "stages.support.BACKED_SECONDS": 4.5,
+    "sim.contacts.MIN_LEVER": 0.020,
+    "tasks.hinge_chest.BACKING": 0.060,
+    "tasks.hinge_chest.HIGHEST_DROP": 0.080,
 }
 BOWL = {"objects.bowl.RADIUS": 0.085, "objects.bowl.RIM_HEIGHT": 0.030}
 
@@ -83,7 +87,6 @@ PAGES = {
             "objects.microwave.DOOR_LIMITS": (0.0, 2.09),
             "objects.microwave.DOOR_STIFFNESS": 4.0,
             "tasks.spring_door.OPEN_ANGLE": 0.8,
-            "tasks.spring_door.HIGHEST_PUT": 0.030,
         },
         layout={
             "cube": Place(at=(0.4, -0.35), within=(0.05, 0.10), yaw_deg=ANY),
@@ -268,6 +271,10 @@ PAGES = {
 
 SHARED = {
     "stages.placing.PUT_HEIGHT": 0.012,
+    "stages.placing.DROP_HEIGHT": 0.060,
+    "stages.coordination.TOGETHER_SECONDS": 1.5,
+    "stages.rolling.REGRASP_SECONDS": 0.3,
+    "tasks.pour_marbles.SHOVE": 0.03,
     "stages.placing.REST_SECONDS": 0.5,
     "stages.predicates.LIFTED_HEIGHT": 0.010,
     "stages.predicates.STILL_SPEED": 0.05,

@@ -218,10 +218,10 @@ def _let_go(bench: TaskHarness) -> Side:
         return not any(bench.sim.contacts.gripper(side, CUPS[side]) for side in SIDES)
 
     bench.run_until(lambda arms: release(arms, *SIDES), released)
-    aside = {name: pose.moved(x=0.12) for name, pose in _home(bench).items()}
-    bench.put(**_with_marbles(aside, target))
     away = {side: pose @ SE3.at(z=-0.1) for side, pose in bench.arms.targets.items()}
     bench.act(lambda arms: move(arms, away))
+    aside = {name: pose.moved(x=0.07) for name, pose in _home(bench).items()}
+    bench.put(**_with_marbles(aside, target))
     assert bench.stage == 5
     return target
 

@@ -65,7 +65,7 @@ def table(bench: TaskHarness) -> TaskHarness:
 @pytest.fixture(scope="module")
 def moments(bench: TaskHarness) -> dict[str, np.ndarray]:
     """States by letter: held by (r)ight, (b)oth, (l)eft alone, by left (i)n the hole, by left with
-    the (t)ip in it, by left just (o)ut of it, (f)ree in the hole.
+    the (t)ip in it, by left a little (a)bove it, by left (o)ut of it, (f)ree in the hole.
     """
     saved = {}
 
@@ -78,7 +78,7 @@ def moments(bench: TaskHarness) -> dict[str, np.ndarray]:
         saved["l"] = bench.sim.get_state()
         yield from insert(arms, LEFT, mouth(HEXAGON))
         saved["i"] = bench.sim.get_state()
-        for letter, height in (("t", -0.006), ("o", 0.004)):
+        for letter, height in (("t", -0.006), ("a", 0.008), ("o", 0.020)):
             goal = upright(arms, LEFT, mouth(HEXAGON)).moved(z=height)
             yield from lead(arms, LEFT, goal, speed=0.06)
             saved[letter] = bench.sim.get_state()
@@ -142,6 +142,8 @@ def standing(hole: PolygonHole, depth: float, *, aside: float = 0.0, lean: float
     [
         ("rblif", 4),
         ("rblf", 3),  # dropped in from above
+        ("rblaf", 4),  # let go a little above it
+        ("rbltaf", 4),
         ("rblof", 3),
         ("rbltf", 4),  # its tip was in the hole
         ("rbltof", 3),

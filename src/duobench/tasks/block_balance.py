@@ -51,7 +51,7 @@ ENDS = _over_beam(-BEAM[1] / 2, -TIPPING), _over_beam(TIPPING, BEAM[1] / 2)
 
 def _loaded(end: is_.BoxRegion) -> Predicate:
     """One of the blocks is over an end of the beam."""
-    away = f"no block is at an end of beam, {is_.mm(TIPPING)} from its middle at least"
+    away = f"no block is at an end of beam, {1000 * TIPPING:.0f} mm from its middle at least"
     here = any_of(*(is_.inside(name, end) for name in BLOCKS))
     return here.called("a block is over an end of beam", lambda _state: away)
 
