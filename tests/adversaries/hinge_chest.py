@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable
 from functools import partial
 
+import mujoco
+import numpy as np
+
 from duobench.experts.handling import LET_GO, pick_cube
 from duobench.experts.motion import (
     CLOSED,
@@ -39,6 +42,7 @@ from duobench.objects.chest import (
     RIM_HEIGHT,
     WALL,
 )
+from duobench.scene.naming import gripper_name
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.hinge_chest import CAVITY_REGION, OPEN_ANGLE
@@ -52,6 +56,9 @@ direction against the vertical."""
 _OVER_FRONT, _ROD_DEPTH, _ROD_START = 0.065, 0.045, 0.03
 _SLIDE, _TOP = 0.06, 1.25
 _TAP_ANGLE = 1.3
+_FAR, _STEP = 0.2, 0.004
+"""How far a hand looks for the lid, and the largest change of its target in a control step, in
+metres."""
 _ABOVE = 0.15
 """Height of the tool in metres over the open chest."""
 
@@ -169,14 +176,101 @@ def lid_left_and_touched_again(arms: Arms) -> Script:
     yield from move(arms, {INSERTER: arms.targets[INSERTER].moved(y=0.2)}, speed=0.3)
 
 
-def holder_away_while_the_cube_goes_in(arms: Arms) -> Script:
-    """The right hand leaves the lid to the hand with the cube, and takes it again afterwards."""
-    yield from _hold_and_fetch(arms)
-    yield from come_over_the_chest(arms)
-    yield from _withdraw(arms)
-    yield from wait(10)
+def _lid_is_near(arms: Arms) -> float:
+    """Distance in metres between the holding hand and the lid, at most `_FAR`."""
+    sim = arms.sim
+    model, data, ends = sim.model, sim.data, np.zeros(6)
+
+    def geoms(prefix: str) -> list[int]:
+        bodies = (model.body(body).name for body in model.geom_bodyid)
+        return [geom for geom, name in enumerate(bodies) if name.startswith(prefix)]
+
+    hand = [geom for geom in geoms(f"{gripper_name(HOLDER)}/") if model.geom_contype[geom]]
+    return min(
+        mujoco.mj_geomDistance(model, data, one, other, _FAR, ends)
+        for one in hand
+        for other in geoms(LID)
+    )
+
+
+def _hover(arms: Arms, gap: float, away: tuple[float, float, float]) -> Script:
+    """The holding hand hovers at a distance from the lid, on the way `away` from it (table)."""
+    way = np.array(away)
+    for _ in range(90):
+        error = gap - _lid_is_near(arms)
+        if abs(error) < 0.001:
+            break
+        arms.targets[HOLDER] = arms.targets[HOLDER].moved(*(np.clip(error, -_STEP, _STEP) * way))
+        yield
+
+
+def hover_beside(gap: float) -> Callable[[Arms], Script]:
+    """The right hand leaves the lid to the hand with the cube, and hovers beside it."""
+
+    def away(arms: Arms) -> Script:
+        yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.075)})
+        yield from wait(10)
+        yield from _hover(arms, gap, (0.0, HOLDER.sign, 0.0))
+
+    return holder_away(away)
+
+
+def hover_at(angle: float) -> Callable[[Arms], Script]:
+    """The same at an angle about the hinge: 0 is beyond its lip, a right angle above its upper side."""
+
+    def away(arms: Arms) -> Script:
+        yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.10)})
+        turn = arms.sim.angle(LID) + angle
+        way = arms.sim.pose("chest").rotation @ [-math.cos(turn), 0.0, math.sin(turn)]
+        yield from move(arms, {HOLDER: arms.targets[HOLDER].moved(*(0.12 * way))})
+        yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=0.07)}, arrive=False)
+        yield from _hover(arms, 0.03, tuple(way))
+
+    return holder_away(away)
+
+
+def tap_from_beside(arms: Arms) -> Script:
+    """The right hand leaves the lid, and touches its edge from beside every half second."""
+    yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.075)})
+    while True:
+        for step in (0.004, -0.004):
+            for _ in range(8):
+                arms.targets[HOLDER] = arms.targets[HOLDER] @ SE3.at(z=step)
+                yield
+
+
+def _insert(arms: Arms) -> Script:
     yield from lower(arms)
     yield from _open_hand(arms)
+
+
+def holder_away(away: Callable[[Arms], Script]) -> Callable[[Arms], Script]:
+    """The right hand leaves the lid to the hand with the cube, and takes it again afterwards."""
+
+    def script(arms: Arms) -> Script:
+        yield from _hold_and_fetch(arms)
+        yield from come_over_the_chest(arms)
+        yield from away(arms)
+        yield from wait(10)
+        yield from _insert(arms)
+        yield from _take_the_lid_again(arms)
+
+    return script
+
+
+def tapping(arms: Arms) -> Script:
+    """The right hand taps at the lid while the left one bears it, and takes it again."""
+    yield from _hold_and_fetch(arms)
+    yield from come_over_the_chest(arms)
+    taps = tap_from_beside(arms)
+    for _ in _insert(arms):
+        next(taps)
+        yield
+    yield from _take_the_lid_again(arms)
+
+
+def _take_the_lid_again(arms: Arms) -> Script:
+    """The right hand takes the lid off the left one, which leaves."""
     chest, angle = arms.sim.pose("chest"), arms.sim.angle(LID) - 0.03
     again = under_lid(chest, HOLDER, angle)
     yield from move(arms, {HOLDER: again @ SE3.at(z=-0.16)}, speed=0.6, arrive=False)
@@ -273,15 +367,45 @@ ADVERSARIES: tuple[Adversary, ...] = (
     ),
     cheat(
         "the hand that holds the lid is away while the cube goes in",
-        holder_away_while_the_cube_goes_in,
+        holder_away(_withdraw),
+        2,
+        deed=_held_open_at_last,
+    ),
+    *(
+        cheat(
+            f"the hand that holds the lid hovers {1000 * gap:.0f} mm beside it",
+            hover_beside(gap),
+            2,
+            deed=_held_open_at_last,
+        )
+        for gap in (0.020, 0.030, 0.039)
+    ),
+    cheat(
+        "the hand that holds the lid hovers beyond its lip",
+        hover_at(0.0),
         2,
         deed=_held_open_at_last,
     ),
     cheat(
-        "the cube is dropped into the chest from 2 cm above the rim",
-        drop_over(0.045, 0.02),
+        "the hand that holds the lid hovers above it",
+        hover_at(math.pi / 2),
         2,
-        lacks="when the left gripper let cube go: cube is ",
+        deed=_held_open_at_last,
+    ),
+    cheat(
+        "the hand that holds the lid taps at its edge",
+        tapping,
+        2,
+        deed=_held_open_at_last,
+    ),
+    *(
+        cheat(
+            f"the cube is dropped into the chest from {1000 * height:.0f} mm above the rim",
+            drop_over(0.045, height),
+            2,
+            lacks="when cube was let go: cube is ",
+        )
+        for height in (0.15, 0.25)
     ),
     cheat("the cube is thrown on the rim", drop_over(OUTER_Y / 2, 0.03), 2, deed=_bounces_off),
     cheat("the cube is put in and taken out again", in_and_out_again, 2, deed=_pinched_inside),
