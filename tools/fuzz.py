@@ -53,9 +53,9 @@ BRANCHES = 50
 STEPS = 25
 """Control steps of a branch."""
 MAX_SPEED, MAX_LINK_SPEED = 20.0, 15.0
-"""No object and no link of the robot is faster, in m/s. Fingertips were seen at 11.6, where a
-whipping arm drags joint 6 along, whose torque is limited, and it catches up at 19 rad/s; a pot that
-such an arm threw had a handle at 10.9. Marbles that a diverging engine fires exceed 1,000."""
+"""No object and no link of the robot is faster, in m/s. Fingertips were seen at 11.7, where a
+whipping arm drags joint 6 along, whose torque is limited, and it catches up at 19 rad/s; what such
+an arm throws at 12.7. Marbles that a diverging engine fires exceed 1,000."""
 MAX_DEPTH = 1.5 * TABLE_THICKNESS
 """No object is deeper in the table, in metres: what came out below went through. Contacts are soft:
 a cube that a rushing arm pressed on the table was 28 mm deep for three control steps."""
