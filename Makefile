@@ -26,7 +26,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test test-lerobot test-hardware test-interop test-ray test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo demo-robust test fuzz test-lerobot test-hardware test-interop test-ray test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -43,6 +43,9 @@ demo-robust: setup  ## Play the suite robust with the scripted experts, two leve
 
 test: check  ## Check format, lint and types, then run the tests.
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope
+
+fuzz: setup-test  ## Drive the arms violently in every task, and say what breaks; a minute.
+	OMP_NUM_THREADS=1 $(BIN)/python -m tools.fuzz
 
 # An environment of its own, of several gigabytes, with the versions that LeRobot asks for.
 test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policies, its programs.

@@ -1,0 +1,142 @@
+"""Violent branches: what breaks is found, saved, and played again."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from duobench.envs.sim_env import sim_of
+from duobench.robot.workcell import TABLE_X, TABLE_Y
+from duobench.sim import stepper
+from duobench.spatial import SE3
+from tools.fuzz import KEPT, MAX_DEPTH, Episode, Job, Limits, Violation, Watch, play, replay
+
+JOB = Job(task="transfer_gate", seed=0, branches=8, limits=Limits(link_speed=3.0))
+"""Slow enough a limit that some branches break it, and the expert does not."""
+EDGE = TABLE_X[1]
+
+
+@pytest.fixture(scope="module")
+def broken() -> tuple[Violation, ...]:
+    return play(JOB).violations
+
+
+@pytest.fixture(scope="module")
+def shared() -> Episode:
+    return Episode("block_balance", 0, Limits())
+
+
+@pytest.fixture
+def episode(shared: Episode) -> Episode:
+    shared.env.reset(seed=0)
+    return shared
+
+
+def words(violations: tuple[Violation, ...]) -> list[tuple[str, bytes]]:
+    return [(str(violation), violation.actions.tobytes()) for violation in violations]
+
+
+def test_the_expert_and_its_branches_are_sound_within_the_usual_limits() -> None:
+    outcome = play(replace(JOB, limits=Limits()))
+    assert outcome.violations == ()
+    assert outcome.extent.link_speed > JOB.limits.link_speed
+
+
+def test_a_violation_names_task_seed_branch_and_step(broken: tuple[Violation, ...]) -> None:
+    assert broken
+    for violation in broken:
+        assert str(violation).startswith("transfer_gate, seed 0, expert, branch ")
+        assert f"step {len(violation.actions)}: " in str(violation)
+        assert violation.what.endswith("m/s")
+
+
+def test_the_same_seed_plays_the_same_branches(broken: tuple[Violation, ...]) -> None:
+    assert words(play(JOB).violations) == words(broken)
+    assert words(play(replace(JOB, seed=1)).violations) != words(broken)
+
+
+def test_a_saved_violation_is_played_again(broken: tuple[Violation, ...], tmp_path: Path) -> None:
+    files = [violation.save(tmp_path) for violation in broken]
+    assert len(set(files)) == len(broken)
+    (again,) = replay(files[0], JOB.limits).violations
+    assert (again.task, again.seed) == (broken[0].task, broken[0].seed)
+    assert (again.step, again.what) == (broken[0].step, broken[0].what)
+    assert replay(files[0]).violations == ()
+
+
+@pytest.mark.parametrize("value", [0.5, np.nan], ids=["sound", "broken"])
+def test_the_exit_code_says_whether_a_replay_broke(
+    broken: tuple[Violation, ...], tmp_path: Path, value: float
+) -> None:
+    actions = broken[0].actions[:10].copy()
+    actions[-1, -1] = value
+    file = replace(broken[0], actions=actions).save(tmp_path)
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "tools.fuzz", "--replay", str(file), "--out", str(out)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert "1/1 " + file.name in done.stdout, done.stderr
+    if np.isfinite(value):
+        assert done.returncode == 0
+        assert not out.exists()
+    else:
+        assert done.returncode == 1
+        assert "step 10: ActionError: " in done.stdout
+        (saved,) = out.iterdir()
+        assert f"--replay {saved}" in done.stdout
+
+
+@pytest.mark.parametrize("file", sorted(KEPT.glob("*.npz")), ids=lambda file: file.stem)
+def test_kept_episodes_break_an_engine_that_is_not_mended(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stepper, "SOLVED", np.inf)
+    (violation,) = replay(file).violations
+    assert "badqacc" in violation.what or "m/s" in violation.what
+
+
+@pytest.mark.parametrize(
+    ("pose", "problem"),
+    [
+        (SE3.at(0.5, 0.0, -0.034), None),
+        (SE3.at(0.5, 0.0, -0.06), "beam is "),
+        (SE3.at(EDGE - 0.05, 0.0, -0.3), "beam is "),
+        (SE3.at(EDGE + 0.2, 0.0, -0.3), None),
+        (SE3.at(0.5, TABLE_Y[1] - 0.05, 0.03) @ SE3.about((1, 0, 0), -1.0), None),
+    ],
+    ids=["pressed in", "through", "below the edge", "beside", "hanging over the edge"],
+)
+def test_what_went_through_the_table_is_told_from_what_is_beside_it(
+    episode: Episode, pose: SE3, problem: str | None
+) -> None:
+    env, sim = episode.env, sim_of(episode.env).simulation
+    observation, info = env.reset(seed=0)
+    sim.place("beam", pose)
+    sim.forward()
+    assert sim.min_height("beam") < -0.9 * MAX_DEPTH
+    found = Watch(env, Limits()).problem(observation, info)
+    assert found is None if problem is None else (found or "").startswith(problem)
+
+
+def test_what_fell_beside_the_table_may_roll_under_it(episode: Episode) -> None:
+    env, sim = episode.env, sim_of(episode.env).simulation
+    observation, info = env.reset(seed=0)
+    watch = Watch(env, Limits())
+    for x in (EDGE + 0.2, EDGE - 0.2):
+        sim.place("beam", SE3.at(x, 0.0, -0.7))
+        sim.forward()
+        assert watch.problem(observation, info) is None
+    assert watch.fallen == {"beam"}
+
+
+def test_a_state_that_is_not_finite_and_a_stage_that_falls_are_problems(episode: Episode) -> None:
+    env, sim = episode.env, sim_of(episode.env).simulation
+    observation, info = env.reset(seed=0)
+    watch = Watch(env, Limits())
+    assert watch.problem(observation, {**info, "stage": 2}) is None
+    assert watch.problem(observation, {**info, "stage": 1}) == "stage 1 of 5 after stage 2"
+    assert watch.problem(observation, {**info, "stage": 6}) == "stage 6 of 5 after stage 1"
+    sim.data.qvel[-1] = np.nan
+    assert watch.problem(observation, info) == "the state is not finite"
