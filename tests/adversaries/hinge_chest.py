@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
+from itertools import chain
 
 import mujoco
 import numpy as np
@@ -216,7 +217,7 @@ def hover_beside(gap: float) -> Callable[[Arms], Script]:
 
 
 def hover_at(angle: float) -> Callable[[Arms], Script]:
-    """The same at an angle about the hinge: 0 is beyond its lip, a right angle above its upper side."""
+    """The same at an angle about the hinge: 0 is beyond the lip, a right angle is above the lid."""
 
     def away(arms: Arms) -> Script:
         yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.10)})
@@ -230,8 +231,8 @@ def hover_at(angle: float) -> Callable[[Arms], Script]:
 
 
 def tap_from_beside(arms: Arms) -> Script:
-    """The right hand leaves the lid, and touches its edge from beside every half second."""
-    yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.075)})
+    """The right hand leaves the lid, and taps at it from beside every half second."""
+    yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.075)}, arrive=False)
     while True:
         for step in (0.004, -0.004):
             for _ in range(8):
@@ -263,8 +264,8 @@ def tapping(arms: Arms) -> Script:
     yield from _hold_and_fetch(arms)
     yield from come_over_the_chest(arms)
     taps = tap_from_beside(arms)
-    for _ in _insert(arms):
-        next(taps)
+    for _ in chain(wait(15), _insert(arms)):
+        next(taps, None)
         yield
     yield from _take_the_lid_again(arms)
 

@@ -23,6 +23,8 @@ PLAY = 0.002
 """How far from the chest's floor a cube that lies on it may seem to be, in metres."""
 SLOW = 0.02
 """Speed in m/s below which a cube lies still."""
+HIGHEST = 0.077
+"""How high above the rim a hand lets go that the lid keeps from coming lower, in metres."""
 UPRIGHT, ROOM = 1.42, 0.1
 """Tilt of a hand and angle of the lid together in radians from which on the hand fits under the
 lid, and how much further in it may go for each radian more, in metres."""
@@ -59,8 +61,8 @@ def done_by(bringer: Side) -> Callable[[Simulation], bool]:
 
 
 def let_go(arms: Arms, way: Insertion) -> Script:
-    """Let the cube go, unless the hand did not get it below the rim, and leave the chest."""
-    if arms.sim.min_height("cube") < RIM_HEIGHT:
+    """Let the cube go, unless the hand did not get it low enough, and leave the chest."""
+    if arms.sim.min_height("cube") < RIM_HEIGHT + HIGHEST:
         yield from release(arms, way.side, opening=LET_GO)
     yield from retreat(arms, way)
 
@@ -151,6 +153,13 @@ def _way(name: str, insertion: Insertion, **changes: object) -> Way:
 PLAIN = Insertion()
 STEEP = Insertion(tilt=0.0, place=(-0.045, 0.045))
 
+
+def _over_rim(height: float, grasp_height: float = PLAIN.grasp_height) -> float:
+    """Height of the tool with the cube's lowest point at a height above the rim, in metres."""
+    return RIM_HEIGHT + height + grasp_height
+
+
+STOPPED = Insertion(tilt=0.0, place=(-0.025, 0.045), open_angle=1.25)
 FRONT = (-0.045, 0.045)
 """Far in front of the open lid, in the chest's frame."""
 ASIDE = Insertion(tilt=0.0, yaw=math.pi / 2, place=FRONT)
@@ -174,6 +183,15 @@ WAYS: tuple[Way, ...] = (
     _way("at the left wall", Insertion(place=(-0.03, 0.085))),
     _way("at the right of the middle", Insertion(place=(-0.03, -0.02))),
     _way("let go at the rim", Insertion(drop_height=0.085)),
+    *(
+        _way(f"let go {1000 * high:.0f} mm above the rim", Insertion(drop_height=_over_rim(high)))
+        for high in (0.020, 0.040, 0.070)
+    ),
+    _way("the lid stops a hand that comes straight down", STOPPED),
+    _way(
+        "the lid stops a hand that comes straight down far in front",
+        replace(STOPPED, place=(-0.045, 0.02)),
+    ),
     _way("grasped at the tips of the fingers", Insertion(grasp_height=0.045)),
     _way("grasped deep in the fingers", Insertion(grasp_height=0.026)),
     _way("at half the speed", PLAIN, slowness=2),
@@ -198,8 +216,8 @@ def sample(rng: np.random.Generator) -> Way:
         place=(rng.uniform(-0.05, min(-0.05 + room, 0.0)), rng.uniform(-0.03, 0.08)),
         tilt=tilt,
         yaw=math.pi / 2 if rng.random() < OUTWARD else 0.0,
-        grasp_height=rng.uniform(0.026, 0.042),
-        drop_height=rng.uniform(0.042, 0.08),
+        grasp_height=(grasp := rng.uniform(0.026, 0.042)),
+        drop_height=rng.uniform(0.042, _over_rim(0.05, grasp)),
     )
     slowness = 2 if rng.random() < SLOWLY else 1
     tremble = 0.01 if rng.random() < TREMBLING else 0.0
