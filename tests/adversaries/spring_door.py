@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
+from itertools import chain
 
 from duobench.experts.handling import LET_GO
 from duobench.experts.motion import (
@@ -42,6 +44,9 @@ _HOOK_YAW, _HOOK_SLOPE, _HOOK_TURN = 0.9, 0.8, 0.7
 """Direction of the dragging hand, and how much it turns with the door."""
 _DRAGGED = 1.2
 _TAP_ANGLE = 0.9
+_TAP_STEPS = 5
+_UNDER_THE_ROOF = 0.095
+"""How much higher than the expert a hand lets the cube go under the roof, in metres."""
 _AROUND_THE_BAR = 0.6
 """Opening of the hand that goes around the bar."""
 
@@ -127,15 +132,13 @@ def door_let_fall_on_the_arm(arms: Arms) -> Script:
     yield from release(arms, INSERTER, opening=LET_GO)
 
 
-def holder_away_while_the_cube_goes_in(arms: Arms) -> Script:
-    """The left hand leaves the door to the other arm, and takes the handle again afterwards."""
-    yield from _hold_and_fetch(arms)
-    yield from come_to_the_door(arms)
-    yield from release(arms, HOLDER)
-    yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.05)}, speed=0.5, arrive=False)
-    yield from wait(10)
+def _insert(arms: Arms) -> Script:
     yield from reach_in(arms)
     yield from release(arms, INSERTER, opening=LET_GO)
+
+
+def _take_the_door_again(arms: Arms) -> Script:
+    """The left hand grasps the bar and takes the door off the other arm, which leaves."""
     oven, angle = arms.sim.pose("microwave"), arms.sim.angle(DOOR)
     arms.openings[HOLDER.index] = _AROUND_THE_BAR
     again = at_bar(oven, angle)
@@ -147,6 +150,60 @@ def holder_away_while_the_cube_goes_in(arms: Arms) -> Script:
     back = arms.targets[INSERTER] @ SE3.at(z=-0.12)
     yield from move(arms, {INSERTER: back}, arrive=False)
     yield from move(arms, {INSERTER: back.moved(x=-0.15, y=-0.3)}, tolerance=0.02)
+
+
+def holder_away_while_the_cube_goes_in(arms: Arms) -> Script:
+    """The left hand leaves the door to the other arm, and takes the handle again afterwards."""
+    yield from _hold_and_fetch(arms)
+    yield from come_to_the_door(arms)
+    yield from release(arms, HOLDER)
+    yield from move(arms, {HOLDER: arms.targets[HOLDER] @ SE3.at(z=-0.05)}, speed=0.5, arrive=False)
+    yield from wait(10)
+    yield from _insert(arms)
+    yield from _take_the_door_again(arms)
+
+
+def pressed_shut(by: float) -> Callable[[Arms], Script]:
+    """The left hand opens its fingers around the bar and goes back, so that it presses the door
+    shut from outside, while the other arm holds it open; it takes the bar again afterwards.
+
+    Args:
+        by: How far it goes back, in radians of the door.
+    """
+
+    def script(arms: Arms) -> Script:
+        yield from _hold_and_fetch(arms)
+        yield from come_to_the_door(arms)
+        oven, angle = arms.sim.pose("microwave"), arms.sim.angle(DOOR)
+        yield from release(arms, HOLDER, opening=_AROUND_THE_BAR)
+        yield from follow(arms, lambda f: {HOLDER: at_bar(oven, angle - f * by)}, 0.6)
+        yield from wait(20)
+        yield from _insert(arms)
+        yield from _take_the_door_again(arms)
+
+    return script
+
+
+def tapping(arms: Arms) -> Script:
+    """The left hand leaves the bar and taps at it from outside every half second."""
+    yield from _hold_and_fetch(arms)
+    yield from come_to_the_door(arms)
+    oven, angle = arms.sim.pose("microwave"), arms.sim.angle(DOOR)
+    yield from release(arms, HOLDER, opening=_AROUND_THE_BAR)
+    for number, _ in enumerate(chain(wait(20), _insert(arms))):
+        back = 0.3 if number % 15 < _TAP_STEPS else 0.05
+        arms.targets[HOLDER] = at_bar(oven, angle - back)
+        yield
+    yield from _take_the_door_again(arms)
+
+
+def from_on_high(arms: Arms) -> Script:
+    """The cube is let go as high above the floor as the roof lets the hand."""
+    yield from _hold_and_fetch(arms)
+    high = in_oven(arms).moved(z=_UNDER_THE_ROOF)
+    yield from move(arms, {INSERTER: high @ SE3.at(z=-0.10)}, tolerance=0.02)
+    yield from move(arms, {INSERTER: high}, speed=0.1)
+    yield from release(arms, INSERTER, opening=LET_GO)
 
 
 def _held_open_at_last(sim: Simulation) -> bool:
@@ -226,6 +283,28 @@ ADVERSARIES: tuple[Adversary, ...] = (
         holder_away_while_the_cube_goes_in,
         2,
         deed=_held_open_at_last,
+    ),
+    *(
+        cheat(
+            f"the hand that holds the door presses it shut by {by:.2f} rad while the cube goes in",
+            pressed_shut(by),
+            2,
+            deed=_held_open_at_last,
+        )
+        for by in (0.16, 0.24, 0.30)
+    ),
+    cheat(
+        "the hand that holds the door taps at it from outside while the cube goes in",
+        tapping,
+        2,
+        deed=_held_open_at_last,
+    ),
+    cheat(
+        "the cube is let go high above the floor",
+        from_on_high,
+        2,
+        deed=_is_in,
+        lacks="when cube was let go: cube is ",
     ),
     cheat(
         "the cube is wedged in the door",
