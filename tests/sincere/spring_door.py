@@ -120,6 +120,23 @@ def _fetch(arms: Arms, how: Putting) -> Script:
     yield from pick_cube(arms, INSERTER, "cube", how.grasp, tilt=how.grasp_tilt)
 
 
+def over_the_sill(arms: Arms) -> Script:
+    """The cube is set on the sill, half outside, and pushed in by closed fingers."""
+    how = Putting(place=(-0.006, -0.05), slope=0.78)
+    yield from put_in(arms, how)
+    yield from grip(arms, INSERTER, opening=CLOSED)
+    oven = arms.sim.pose("microwave")
+
+    def tip(depth: float) -> SE3:
+        y, z = CAVITY_CENTRE_Y + how.place[1], FLOOR + CUBE_EDGE / 2 + 0.012
+        return oven @ down(FRONT + depth, y, z, yaw=0.0, tilt=1.1)
+
+    yield from move(arms, {INSERTER: tip(-0.09)}, tolerance=NEAR)
+    yield from move(arms, {INSERTER: tip(0.045)}, speed=0.1)
+    yield from move(arms, {INSERTER: tip(-0.12)}, speed=CAREFUL)
+    yield from move(arms, {INSERTER: tip(-0.12).moved(x=-0.10, y=-0.25)}, arrive=False)
+
+
 def _at_bar(oven: SE3, angle: float, how: Putting) -> SE3:
     """Tool pose of the holding hand at the bar of a door that is open by `angle` radians."""
     door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
@@ -184,6 +201,9 @@ WAYS: tuple[Way, ...] = (
     way("on the right of the floor", Putting(place=(0.06, -0.11))),
     way("at the back of the floor", Putting(place=(0.18, 0.0), slope=1.15)),
     way("let go 25 mm above the floor", Putting(drop=0.025)),
+    way("let go 40 mm above the floor", Putting(drop=0.040)),
+    way("let go 50 mm above the floor", Putting(drop=0.050, slope=1.0)),
+    Way(name="set on the sill and pushed in", script=over_the_sill, done=done),
     way("pressed on the floor", Putting(drop=-0.004)),
     way("a flat hand", Putting(slope=1.2)),
     way("a steep hand", Putting(slope=0.6, place=(0.04, -0.05))),
@@ -208,7 +228,7 @@ def sample(rng: np.random.Generator) -> Way:
         grasp=rng.uniform(0.022, 0.036),
         grasp_tilt=rng.uniform(0.0, 0.3),
         place=(depth, rng.uniform(-0.11, 0.06)),
-        drop=rng.uniform(-0.004, 0.025),
+        drop=rng.uniform(-0.004, 0.050),
         slope=0.75 + 2.0 * depth + rng.uniform(0.0, 0.15),
         azimuth=rng.uniform(-0.3, 0.1),
     )

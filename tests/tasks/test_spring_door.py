@@ -83,7 +83,7 @@ def put_for_a_while(bench: TaskHarness, pose: SE3) -> None:
 
 def test_a_cube_that_is_let_go_high_above_the_floor_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
-    bench.act(lambda arms: put_in(arms, Putting(drop=0.055, slope=1.0)))
+    bench.act(lambda arms: put_in(arms, Putting(drop=0.12, slope=1.0)))
     bench.hold(30)
     assert done(bench.sim)
     assert bench.stage == 2
