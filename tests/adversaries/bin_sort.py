@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 from duobench.experts.handling import pick, pick_cube, place
@@ -29,7 +30,7 @@ GRASP_HEIGHT, DROP_HEIGHT = 0.028, 0.045
 """Heights of the tool in metres: grasping a cube on the table, letting go of it in a bowl."""
 RUN_UP, THROW_HEIGHT, THROW_SECONDS = 0.21, 0.175, 0.24
 """Way in metres, height in metres and duration in seconds of the swing that throws."""
-DROP = 0.020
+DROPS = (0.15, 0.25)
 """How far above the rim a cube's lowest point is when it is dropped, in metres."""
 BOWL_LIFT = 0.10
 MIDDLE = (0.45, 0.05)
@@ -57,30 +58,34 @@ def throw(arms: Arms) -> Script:
         yield
 
 
-def drop(arms: Arms) -> Script:
-    """Let both cubes fall into their bowls from above."""
-    yield from together(
-        *(
-            _drop(arms, side, f"{colour}_cube", f"{colour}_bowl")
-            for side, colour in ((Side.LEFT, "white"), (Side.RIGHT, "black"))
+def drop(height: float) -> Callable[[Arms], Script]:
+    """Let both cubes fall into their bowls, from a height above the rims in metres."""
+
+    def script(arms: Arms) -> Script:
+        yield from together(
+            *(
+                _drop(arms, side, f"{colour}_cube", f"{colour}_bowl", height)
+                for side, colour in ((Side.LEFT, "white"), (Side.RIGHT, "black"))
+            )
         )
-    )
+
+    return script
 
 
-def _drop(arms: Arms, side: Side, cube: str, bowl: str) -> Script:
+def _drop(arms: Arms, side: Side, cube: str, bowl: str, height: float) -> Script:
     yield from pick_cube(arms, side, cube, GRASP_HEIGHT)
     x, y, _ = arms.sim.position(bowl)
     below = arms.targets[side].translation[2] - arms.sim.min_height(cube)
-    above = down(x, y, RIM_HEIGHT + DROP + below)
+    above = down(x, y, RIM_HEIGHT + height + below)
     yield from move(arms, {side: above.moved(z=0.05)})
     yield from move(arms, {side: above}, speed=0.1)
     yield from release(arms, side)
     yield from move(arms, {side: above.moved(z=0.1)}, arrive=False)
 
 
-def drop_and_pinch(arms: Arms) -> Script:
-    """The same; then each is grasped where it lies, and let go."""
-    yield from drop(arms)
+def drop_and_pinch(arms: Arms, lift: float = 0.0) -> Script:
+    """The same; then each is grasped where it lies, lifted by `lift` metres, and let go there."""
+    yield from drop(DROPS[0])(arms)
     sides = {"white_cube": Side.LEFT, "black_cube": Side.RIGHT}
     tools = {}
     for cube, side in sides.items():
@@ -91,6 +96,9 @@ def drop_and_pinch(arms: Arms) -> Script:
     yield from move(arms, above)
     yield from move(arms, tools, speed=0.1)
     yield from grip(arms, *sides.values())
+    for way in (lift, 0.0) if lift else ():
+        lifted = {side: tool.moved(z=way) for side, tool in tools.items()}
+        yield from move(arms, lifted, speed=0.1)
     yield from release(arms, *sides.values())
     yield from move(arms, above, speed=0.3)
 
@@ -173,7 +181,15 @@ ADVERSARIES: tuple[Adversary, ...] = (
     cheat(
         "a thrown cube touches its bowl in flight", throw, 1, hands=Hands.ONE, deed=flying, seed=1
     ),
-    cheat("both cubes are dropped from above the rims", drop, 2),
+    *(
+        cheat(
+            f"both cubes are dropped from {1000 * height:.0f} mm above the rims",
+            drop(height),
+            2,
+            lacks="_cube go: ",
+        )
+        for height in DROPS
+    ),
     cheat(
         "both cubes are dropped from above the rims, and grasped where they lie", drop_and_pinch, 2
     ),

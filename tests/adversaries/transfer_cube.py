@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -23,8 +24,6 @@ LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_BOWL = 0
 """Seed of a layout in which both arms reach the bowl."""
 MIDDLE = (0.48, 0.0, CUBE_EDGE / 2 + 0.002)
-ABOVE = 0.020
-"""Height in metres above a rim from which a block is dropped."""
 HALF_OPEN = 0.25
 """Opening at which both fingers meet the end of the block."""
 PAD_REACH = 0.023
@@ -128,19 +127,15 @@ def throw(arms: Arms) -> Script:
         yield
 
 
-def drop_from_on_high(arms: Arms) -> Script:
-    yield from hand_over(arms)
-    x, y, _ = arms.sim.position("bowl")
-    yield from bring(arms, LEFT, "cube", (x, y, 0.30))
-    yield from drop(arms, LEFT)
+def drop_from_above_the_rim(height: float) -> Callable[[Arms], Script]:
+    def script(arms: Arms) -> Script:
+        yield from hand_over(arms)
+        x, y, _ = arms.sim.position("bowl")
+        yield from bring(arms, LEFT, "cube", (x, y, RIM_HEIGHT + height + LONG_BLOCK))
+        yield from lower(arms, LEFT, "cube", RIM_HEIGHT + height)
+        yield from drop(arms, LEFT)
 
-
-def drop_from_above_the_rim(arms: Arms) -> Script:
-    yield from hand_over(arms)
-    x, y, _ = arms.sim.position("bowl")
-    yield from bring(arms, LEFT, "cube", (x, y, 0.15))
-    yield from lower(arms, LEFT, "cube", RIM_HEIGHT + ABOVE)
-    yield from drop(arms, LEFT)
+    return script
 
 
 def press_on_its_end(arms: Arms) -> Script:
@@ -185,12 +180,14 @@ ADVERSARIES: tuple[Adversary, ...] = (
         3,
     ),
     cheat("the block is thrown into the bowl", throw, 3),
-    cheat("the block is dropped into the bowl from on high", drop_from_on_high, 3),
-    cheat(
-        "the block is dropped into the bowl from two centimetres above its rim",
-        drop_from_above_the_rim,
-        3,
-        lacks="when left let cube go: cube is 1",
+    *(
+        cheat(
+            f"the block is dropped into the bowl from {1000 * height:.0f} mm above its rim",
+            drop_from_above_the_rim(height),
+            3,
+            lacks="when left let cube go: cube is ",
+        )
+        for height in (0.15, 0.25)
     ),
     cheat("the other arm presses half-open fingers on the block's end", press_on_its_end, 1),
     cheat("the block is tipped over the rim into the bowl", tip_over_the_rim, 3),

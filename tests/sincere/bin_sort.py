@@ -26,6 +26,7 @@ from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
+from tests.adversaries.bin_sort import drop_and_pinch
 from tests.sincere.oracle import left_alone, tilt
 from tests.sincere.sincere import Way, ways_to
 
@@ -205,6 +206,15 @@ WAYS: tuple[Way, ...] = (
     way("each cube by the arm of the other side", Sorting(order=COLOURS, arms=CROSSED)),
     *(by_one_arm(side) for side in SIDES),
     way("let go at the rim's height", Sorting(drop=RIM_HEIGHT - FLOOR)),
+    *(
+        way(f"let go {1000 * high:.0f} mm above the rim", Sorting(drop=RIM_HEIGHT - FLOOR + high))
+        for high in (0.015, 0.030, 0.050)
+    ),
+    Way(
+        name="cubes that slipped into the bowls are lifted and laid down",
+        script=lambda arms: drop_and_pinch(arms, 0.02),
+        done=done,
+    ),
     way("let go on the floor", Sorting(drop=0.0)),
     way("pressed into the bowl", Sorting(drop=-0.004)),
     way("let go beside the rim", Sorting(place=(-0.045, 0.0), drop=0.02, opening=0.6)),
@@ -227,7 +237,7 @@ def sample(rng: np.random.Generator) -> Way:
         # Leaning and turned, a hand does not reach the bowls that are far away.
         tilt=rng.uniform(-0.3, 0.35) * (1.0 if turn == 0.0 else 0.4),
         turn=turn,
-        drop=rng.uniform(-0.004, RIM_HEIGHT - FLOOR),
+        drop=rng.uniform(-0.004, RIM_HEIGHT - FLOOR + 0.05),
         opening=rng.uniform(0.6, 1.0),
     )
     angle, reach = rng.uniform(0.0, 2 * math.pi), rng.uniform(0.0, 0.045)

@@ -58,7 +58,9 @@ class Plan:
             [self.x, self.y * side.sign, FLOOR + self.height]
         )
         shift = spot - low_end(pose, LONG_BLOCK, CUBE_EDGE)
-        yield from put_down(arms, side, BAR.body, pose.moved(*shift), low=RIM_HEIGHT)
+        yield from put_down(
+            arms, side, BAR.body, pose.moved(*shift), low=max(RIM_HEIGHT, FLOOR + self.height)
+        )
 
 
 def done(sim: Simulation) -> bool:
@@ -85,6 +87,13 @@ WAYS: tuple[Way, ...] = (
     way("received from above, laid down flat", Plan(meeting=FLAT, lean=math.radians(88), y=-0.05)),
     way("put in standing", Plan(lean=0.0, y=0.0)),
     way("let go at the rim's height", Plan(lean=0.5, height=RIM_HEIGHT - FLOOR)),
+    *(
+        way(
+            f"let go {1000 * high:.0f} mm above the rim",
+            Plan(lean=0.3, height=RIM_HEIGHT - FLOOR + high, y=0.0),
+        )
+        for high in (0.013, 0.028, 0.050)
+    ),
     way("let go eight millimetres above the floor", Plan(lean=0.3, height=0.008)),
     way("pressed three millimetres into the floor", Plan(height=-0.003)),
     way("picked up by its middle", Plan(meeting=held(EXPERT, grip=0.010))),
@@ -115,7 +124,7 @@ def sample(rng: np.random.Generator) -> Way:
     plan = Plan(
         meeting=meeting,
         lean=slant + rng.uniform(0.0, 0.7),
-        height=rng.uniform(-0.003, RIM_HEIGHT - FLOOR),
+        height=rng.uniform(-0.003, RIM_HEIGHT - FLOOR + 0.05),
         x=rng.uniform(-0.03, 0.03),
         y=rng.uniform(-0.04, 0.01),
     )
