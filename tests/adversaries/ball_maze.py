@@ -27,6 +27,7 @@ from duobench.spatial import SE3
 from duobench.tasks.ball_maze import AT_GOAL, LEFT_START
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
+from tests.sincere.ball_maze import loosened
 
 ONE = Side.LEFT
 """The arm that does everything where one is enough."""
@@ -231,6 +232,12 @@ ADVERSARIES: tuple[Adversary, ...] = (
     cheat(
         "both arms begin, one goes on alone, both lift the board again",
         lift_once_then_solve_alone,
+        3,
+        lacks="ball rolls while board is not held up by both arms",
+    ),
+    cheat(
+        "one arm loosens its grip for a whole run of the ball",
+        loosened(60, 1),
         3,
         lacks="ball rolls while board is not held up by both arms",
     ),

@@ -230,6 +230,20 @@ def drop_from(height: float) -> Callable[[Arms], Script]:
     return drop
 
 
+def one_waits_for_the_other(arms: Arms) -> Script:
+    """One block stands on the beam, held, for two seconds before the other one comes, which is let
+    go long before it.
+    """
+    yield from lay_beam(arms)
+    yield from together(*(take_block(arms, side) for side in SIDES))
+    yield from lower(arms, LEFT)
+    yield from wait(60)
+    yield from lower(arms, RIGHT)
+    yield from away(arms, RIGHT)
+    yield from wait(30)
+    yield from away(arms, LEFT)
+
+
 def keep_one(arms: Arms) -> Script:
     """Both put their blocks down together; the right arm never lets go."""
     yield from lay_beam(arms)
@@ -279,6 +293,12 @@ ADVERSARIES: tuple[Adversary, ...] = (
         1,
         hands=Hands.ONE,
         deed=let_go_on_the_cube,
+    ),
+    cheat(
+        "one block waits on the beam, in the hand, for the other one",
+        one_waits_for_the_other,
+        3,
+        lacks="left_block is there before right_block",
     ),
     cheat("both let their blocks go 2 cm above the beam", drop_from(0.02), 3),
     cheat("half-open fingers pressed on the blocks", press, 2, deed=pressed),

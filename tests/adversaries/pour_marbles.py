@@ -26,6 +26,7 @@ from duobench.spatial import SE3
 from duobench.tasks.pour_marbles import CUPS, MARBLES
 from duobench.types import SIDES, Side
 from tests.adversaries.adversary import Adversary, Hands
+from tests.sincere.pour_marbles import Pouring, done, push_home
 
 MIDDLE = SE3.at(0.5, 0.0)
 """Where a cup stands between the squares."""
@@ -157,6 +158,16 @@ def press_half_open_fingers(arms: Arms) -> Script:
     yield from wait(20)
 
 
+def push_from_afar(arms: Arms) -> Script:
+    """All is poured in the air; then both cups are put down beside their squares, and pushed."""
+    yield from push_home(arms, Pouring(place=(-0.10, 0.0)))
+
+
+def back_at_home(sim: Simulation) -> bool:
+    """Both cups stand upright on their squares, let go, one of them with all marbles."""
+    return any(done(sim, side) for side in SIDES)
+
+
 def in_the_middle(*, on_table: bool) -> Callable[[Simulation], bool]:
     """Most marbles are in a cup between the squares, which stands on the table or does not."""
 
@@ -193,13 +204,20 @@ ADVERSARIES: tuple[Adversary, ...] = (
         pour_into_a_cup_on_the_table,
         3,
         deed=in_the_middle(on_table=False),
-        lacks="left_cup has stood on the table with something in it",
+        lacks="_cup has stood on the table with something in it",
     ),
     cheat(
         "some marbles are poured in the air, and the rest by one arm",
         pour_the_rest_alone,
         4,
         deed=in_the_middle(on_table=False),
+    ),
+    cheat(
+        "the cups are put down beside their squares and pushed onto them",
+        push_from_afar,
+        5,
+        deed=back_at_home,
+        lacks="outside its place at ",
     ),
     cheat("half-open fingers are pressed on both cups", press_half_open_fingers, 0, deed=pressed),
 )

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from duobench.experts.motion import Arms, Script
+from duobench.experts.motion import Arms, Script, wait
 from duobench.experts.scripts.ball_maze import Handling, TiltedBoard, script, solve, take_up
 from duobench.objects.maze_board import BASE, WALL_HEIGHT, cell_centre
 from duobench.objects.mazes import MAZES
 from duobench.sim.simulation import Simulation
-from duobench.types import SIDES
+from duobench.types import SIDES, Side
 from tests.sincere.sincere import Way
 
 NEAR_GOAL = 0.015
@@ -26,6 +26,8 @@ CLEARANCE = 0.008
 """Height in metres that a tilted board keeps above the table: it sags in the grippers."""
 BACK_STEPS = 25
 """Control steps for which the ball is let roll back."""
+LOOSE, LOOSENED = Side.LEFT, 0.25
+"""The hand that loosens its grip, and how far its fingers open: they stay around it."""
 SLOWLY, TREMBLING, COMES_AGAIN = 0.15, 0.3, 0.3
 """Shares of the ways taken at random at half the speed, trembling, and in which it rolls back."""
 
@@ -67,6 +69,29 @@ def comes_again(runs: int, handling: Handling) -> Callable[[Arms], Script]:
             yield from board.run(direction)
         yield from board.lean(-board.wanted, BACK_STEPS)
         yield from solve(arms, *SIDES, way=handling)
+
+    return play
+
+
+def loosened(steps: int, run: int) -> Callable[[Arms], Script]:
+    """During a run, one hand opens for some control steps, and takes its grip again.
+
+    Args:
+        steps: For how many.
+        run: In which run, from 0.
+    """
+
+    def play(arms: Arms) -> Script:
+        yield from take_up(arms)
+        board = TiltedBoard(arms, SIDES, Handling().tilt)
+        for _ in range(run):
+            yield from board.run(board.next_run())
+        for number, _ in enumerate(board.run(board.next_run())):
+            arms.openings[LOOSE.index] = LOOSENED if 0 < number <= steps else 0.0
+            yield
+        arms.openings[LOOSE.index] = 0.0
+        yield from wait(5)
+        yield from solve(arms, *SIDES, way=Handling())
 
     return play
 
@@ -121,6 +146,7 @@ WAYS = (
         script=comes_again(len(MAZES), Handling()),
         done=done,
     ),
+    Way(name="one hand loosens for a moment", script=loosened(8, 2), done=done),
     Way(name="the board trembles", script=script, done=done, tremble=0.01),
     Way(name="at half the speed", script=script, done=done, slowness=2),
 )

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
 from duobench.experts.motion import Arms, Script, move, release, together, wait
 from duobench.experts.scripts.block_balance import lay_beam, lower, take_block
 from duobench.sim.simulation import Simulation
-from duobench.types import SIDES, Side
+from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.sincere.sincere import Way
 
 LEFT, RIGHT = SIDES
@@ -22,6 +23,8 @@ END = 0.060
 """Distance in metres from the beam's middle from which on a block alone tips it."""
 SLOW = 0.02
 """Speed in m/s below which things stand still."""
+HOVER = 0.03
+"""How high above the beam blocks wait before they go down one after the other, in metres."""
 SLOWLY = 0.15
 """Share of the ways taken at random that go at half the speed."""
 TREMBLES = (0.0, 0.0, 0.0, 0.01)
@@ -90,6 +93,35 @@ def by(way: Building) -> Callable[[Arms], Script]:
     return script
 
 
+def apart(seconds: float, *, twice: bool = False) -> Callable[[Arms], Script]:
+    """One block comes onto the beam after the other.
+
+    Args:
+        seconds: How much later.
+        twice: Whether both are raised and put on again after that, together.
+    """
+
+    def down_by(arms: Arms, height: float, *sides: Side) -> Script:
+        low = {side: arms.targets[side].moved(z=-height) for side in sides}
+        yield from move(arms, low, speed=0.1)
+
+    def script(arms: Arms) -> Script:
+        yield from lay_beam(arms)
+        yield from together(*(take_block(arms, side) for side in SIDES))
+        yield from lower(arms, gap=HOVER)
+        late = chain(wait(round(seconds * CONTROL_HZ)), down_by(arms, HOVER, RIGHT))
+        yield from together(down_by(arms, HOVER, LEFT), late)
+        if twice:
+            yield from down_by(arms, -HOVER, *SIDES)
+            yield from down_by(arms, HOVER, *SIDES)
+        yield from wait(4)
+        yield from release(arms, *SIDES)
+        yield from wait(4)
+        yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
+
+    return script
+
+
 def _way(name: str, building: Building, **changes: object) -> Way:
     return replace(Way(name=name, script=by(building), done=done), **changes)
 
@@ -116,6 +148,11 @@ WAYS: tuple[Way, ...] = (
     _way("the right block taken first", Building(first=RIGHT)),
     _way("blocks nearer to the middle", Building(reach=0.068)),
     _way("blocks at the very ends", Building(reach=0.084)),
+    *(
+        Way(name=f"one block {seconds} s after the other", script=apart(seconds), done=done)
+        for seconds in (0.5, 1.0)
+    ),
+    Way(name="put on, raised, and put on again", script=apart(0.5, twice=True), done=done),
     _way("the left arm lets go first", Building(release=((LEFT,), (RIGHT,)))),
     _way("at half the speed", EXPERT, slowness=2),
     _way("trembling", EXPERT, tremble=0.01),

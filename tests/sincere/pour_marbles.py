@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from duobench.experts.motion import (
     Arms,
     Script,
     bump,
+    down,
     follow,
     grip,
     move,
@@ -41,6 +43,10 @@ RISE, ABOVE = 0.07, 0.08
 UP = np.array([0.0, 0.0, 1.0])
 MAX_TILT = math.radians(15.0)
 """How far a cup leans at most that a person would call upright, in radians."""
+
+
+FIST_HEIGHT = 0.035
+"""Height of the tool in metres at which closed fingers push a cup along the table."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -160,6 +166,28 @@ def _put_back(arms: Arms, side: Side, how: Pouring) -> Script:
     yield from move(arms, {side: away}, speed=0.3, arrive=False)
 
 
+def push_home(arms: Arms, how: Pouring) -> Script:
+    """Pour, put both cups down before their squares, and push them onto these with closed fists."""
+    yield from pour(arms, how)
+    for side in SIDES:
+        yield from grip(arms, side, opening=0.0)
+        x, y, _ = arms.sim.position(CUPS[side])
+        behind = down(x - 0.09, y, FIST_HEIGHT, yaw=side.sign * math.pi / 2)
+        yield from move(arms, {side: behind.moved(z=0.12)}, speed=0.4, tolerance=NEAR)
+        yield from move(arms, {side: behind}, speed=0.2)
+
+        def is_home(side: Side = side) -> bool:
+            return arms.sim.relative_position(CUPS[side], SQUARES[side])[0] > -HALF_SQUARE / 2
+
+        for _ in move(arms, {side: behind.moved(x=0.12)}, speed=0.08):
+            yield
+            if is_home():
+                break
+        arms.targets[side] = arms.tcp_pose(side)
+        yield from move(arms, {side: arms.targets[side].moved(x=-0.05)}, speed=0.2)
+        yield from move(arms, {side: arms.targets[side].moved(z=0.12)}, speed=0.3, arrive=False)
+
+
 def _marbles_in(sim: Simulation, side: Side) -> int:
     """How many marbles are between a cup's walls, below its rim."""
     places = (sim.relative_position(marble, CUPS[side]) for marble in MARBLES)
@@ -178,13 +206,20 @@ def done(sim: Simulation, target: Side) -> bool:
     return _marbles_in(sim, target) == len(MARBLES)
 
 
-def way(name: str, how: Pouring | None = None, *, tremble: float = 0.0, slowness: int = 1) -> Way:
+def way(
+    name: str,
+    how: Pouring | None = None,
+    *,
+    tremble: float = 0.0,
+    slowness: int = 1,
+    act: Callable[[Arms, Pouring], Script] = pour,
+) -> Way:
     how = how or Pouring()
     targets: list[Side] = []
 
     def script(arms: Arms) -> Script:
         targets[:] = [min(SIDES, key=lambda side: _marbles_in(arms.sim, side))]
-        yield from pour(arms, how)
+        yield from act(arms, how)
 
     return Way(
         name=name,
@@ -205,6 +240,7 @@ WAYS: tuple[Way, ...] = (
     way("cups let go 8 mm above the table", Pouring(drop=0.008)),
     way("cups pressed on the table", Pouring(drop=-0.003)),
     way("put back beside the middles", Pouring(place=(0.03, -0.03))),
+    way("put down askew and shoved onto the squares", Pouring(place=(-0.07, 0.0)), act=push_home),
     way("grasped high", Pouring(grasps=(0.042, 0.042))),
     way("grasped low", Pouring(grasps=(0.028, 0.028))),
     way("hands from behind", Pouring(ahead=-0.2)),

@@ -23,6 +23,7 @@ from duobench.spatial import SE3
 from duobench.types import Side
 from tests.handovers import clear_of
 from tests.sincere.handing import (
+    SEEN,
     Meeting,
     at_rest,
     check,
@@ -49,7 +50,9 @@ class Plan:
 
     meeting: Meeting = EXPERT
     depth: float = 0.024
-    """How deep its tip is led into the hole before it is let go, in metres."""
+    """How deep its tip is led into the hole before it is let go, in metres; above it below 0."""
+    aside: float = 0.0
+    """How far beside the hole's axis the tip is then, in metres."""
     retreat: bool = True
     """Whether the hand is drawn back, or only opened."""
 
@@ -60,9 +63,10 @@ class Plan:
         hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
         goal = upright(arms, side, hole)
         for height, speed in ((0.16, 0.4), (0.06, 0.4), (0.010, 0.12), (0.004, 0.12)):
-            yield from lead(arms, side, goal.moved(z=height), speed=speed)
-        yield from lead(arms, side, goal.moved(z=-self.depth), speed=0.06)
-        check(arms.sim.min_height(BAR.body) < BOARD_HEIGHT)
+            if height >= -self.depth:
+                yield from lead(arms, side, goal.moved(x=self.aside, z=height), speed=speed)
+        yield from lead(arms, side, goal.moved(x=self.aside, z=-self.depth), speed=0.06)
+        check(arms.sim.min_height(BAR.body) < BOARD_HEIGHT + max(0.0, -self.depth) + SEEN)
         if self.retreat:
             yield from let_go(arms, side)
         else:
@@ -90,6 +94,8 @@ WAYS: tuple[Way, ...] = (
     way("received deep in the fingers", Plan(meeting=held(DEEP, grip=0.036))),
     way("received at the fingertips", Plan(meeting=replace(EXPERT, grip_at=0.042))),
     way("let go with the tip in the hole", Plan(depth=0.006)),
+    *(way(f"let go {high} mm above the hole", Plan(depth=-high / 1000)) for high in (1, 3, 6, 9)),
+    way("let go 3 mm above the hole and 2 mm beside it", Plan(depth=-0.003, aside=0.002)),
     way("let go half-way", Plan(depth=0.012)),
     way("pressed onto the hole's floor", Plan(depth=0.029)),
     way("the hand only opens", Plan(retreat=False)),
@@ -117,7 +123,7 @@ def sample(rng: np.random.Generator) -> Way:
         grip_at=grip_at,
         slant=math.radians(rng.uniform(0, 10)),
     )
-    plan = Plan(meeting=meeting, depth=rng.uniform(0.004, 0.028), retreat=bool(rng.random() < 0.7))
+    plan = Plan(meeting=meeting, depth=rng.uniform(-0.008, 0.028), retreat=bool(rng.random() < 0.7))
     slowness, tremble = random_tempo(rng)
     name = f"{meeting.name}, {plan.depth:.3f} deep, slowness {slowness}, tremble {tremble}"
     return way(name, plan, slowness=slowness, tremble=tremble)

@@ -273,7 +273,7 @@ SHARED = {
     "stages.placing.PUT_HEIGHT": 0.012,
     "stages.placing.DROP_HEIGHT": 0.060,
     "stages.coordination.TOGETHER_SECONDS": 1.5,
-    "stages.rolling.REGRASP_SECONDS": 0.3,
+    "stages.rolling.REGRASP_SECONDS": 0.4,
     "tasks.pour_marbles.SHOVE": 0.03,
     "stages.placing.REST_SECONDS": 0.5,
     "stages.predicates.LIFTED_HEIGHT": 0.010,

@@ -23,9 +23,10 @@ MIN_SPEED = 0.02
 SLIP_SECONDS = 0.1
 """How long a grasp may slip, or the board touch the table, while the ball rolls or rests in the
 goal, in seconds. A ball that is bumped on the table still rolls when that time is over."""
-REGRASP_SECONDS = 0.3
+REGRASP_SECONDS = 0.4
 """How long one of the two grasps may be lost while the other hand holds the board in the air, in
-seconds, where the ball is in the same cell when both have it again [task definitions]."""
+seconds, where the ball is in the same cell when both have it again: 0.3 [task definitions], and 0.1
+in which fingers that are told to close do so."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
