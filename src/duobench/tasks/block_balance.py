@@ -121,13 +121,13 @@ TASK = Task(
             stays=_ON_CUBE & _BRIDGED,
         ),
         Stage(
-            name="both blocks are grasped",
+            name="both blocks are grasped, the beam on the cube",
             instruction="Grasp one block with each arm.",
             holds=_READY,
             stays=_GRASPED | _ONCE_LOADED,
         ),
         Stage(
-            name="both blocks are on the beam",
+            name="both blocks are on the beam, brought together",
             instruction="Put both blocks upright onto the ends of the beam at the same time.",
             holds=_LOADED,
             stays=_ONCE_LOADED,

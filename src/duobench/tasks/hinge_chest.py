@@ -1,8 +1,8 @@
 """Hinge-Chest.
 
 Task:
-    A cube goes into a small chest whose lid falls shut by its own weight: one arm lifts the lid by
-    its lip and holds it while the other arm puts the cube inside.
+    A cube goes into a small chest whose lid falls shut by its own weight: one arm lifts the lid, by
+    its lip for example, and supports it while the other arm puts the cube inside.
 
 Randomization:
     The cube anywhere in the left half of the table at any yaw, the chest within 4 cm and 10

@@ -101,7 +101,7 @@ TASK = Task(
             stays=grasped_apart(*_BLOCKS) | _JOINING.kept,
         ),
         Stage(
-            name="the blocks are joined",
+            name="the blocks are joined in the air",
             instruction=(
                 "Plug the peg of the light block into a socket of the dark block in the air, while "
                 "each arm holds its block."

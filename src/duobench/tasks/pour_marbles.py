@@ -110,13 +110,13 @@ TASK = Task(
     arrange=_fill,
     stages=(
         Stage(
-            name="one cup is grasped",
+            name="a cup is grasped by the arm on its side",
             instruction="Grasp one of the cups with the arm on its side.",
             holds=any_of(*_GRASPED),
             stays=any_of(*_GRASPED, _KEPT),
         ),
         Stage(
-            name="both cups are grasped",
+            name="both cups are grasped, each by its arm",
             instruction="Grasp the other cup as well.",
             holds=all_of(*_GRASPED),
             stays=all_of(*_GRASPED) | _KEPT,

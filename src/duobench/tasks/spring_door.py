@@ -1,8 +1,8 @@
 """Spring-Door.
 
 Task:
-    A cube goes into a microwave whose door swings shut by itself: one arm pulls the door open by
-    its handle and holds it while the other arm puts the cube inside.
+    A cube goes into a microwave whose door swings shut by itself: one arm pulls the door open, by
+    its handle for example, and supports it while the other arm puts the cube inside.
 
 Randomization:
     The cube within 5 cm by 10 cm of its place on the right at any yaw, the microwave within 2 cm

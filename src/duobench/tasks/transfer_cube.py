@@ -72,7 +72,7 @@ TASK = Task(
             stays=_STAYS[0],
         ),
         Stage(
-            name="both arms hold the white block",
+            name="both arms hold the white block in the air",
             instruction="Grasp the white block with the other arm as well, in the air.",
             holds=_CUBE.shared,
             stays=_STAYS[1],

@@ -11,7 +11,9 @@ Randomization:
 
 Success:
     The block has rested on the mat for half a second, and no gripper touches it. The arm that put
-    it down has received it on the far side, or in the ring, from the arm that had brought it there.
+    it down has received it in the air, on the far side or in the ring, from the arm that had
+    brought it there. A receiver that reaches through the ring and takes it on the near side does
+    not receive it through the ring.
 """
 
 from __future__ import annotations

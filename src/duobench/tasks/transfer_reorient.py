@@ -95,7 +95,7 @@ TASK = Task(
             stays=_STAYS[0],
         ),
         Stage(
-            name="both arms hold the peg",
+            name="both arms hold the peg in the air",
             instruction="Grasp the peg with the other arm as well, in the air.",
             holds=_PEG.shared,
             stays=_STAYS[1],
