@@ -15,7 +15,7 @@ from tests.task_harness import TaskHarness
 RESTING = [
     str(number)
     for number, maze in enumerate(MAZES)
-    if (maze.goal, maze.goal) in itertools.pairwise(maze.stops(TILTS))
+    if (maze.goal, maze.goal) in itertools.pairwise(maze.stops(tilt for tilt, _ in TILTS))
 ]
 """The boards on which the sequence brings the ball to rest in the goal."""
 

@@ -19,9 +19,9 @@ _APPROACH = 0.08
 """Height in metres above the grips from which the tools come straight down."""
 _OPENING = 0.32
 """Opening on the way down: wide enough for the bar, narrow enough for the gap to the rim."""
-_TILT_RATE = math.radians(75) * CONTROL_STEP
-"""Largest change of the tilt in one control step, in radians."""
-_TILT_RAMP = math.radians(12) * CONTROL_STEP
+TILT_RATE = math.radians(75) * CONTROL_STEP
+"""Largest change of the expert's tilt in one control step, in radians."""
+TILT_RAMP = math.radians(12) * CONTROL_STEP
 """Largest change of that change from one control step to the next, in radians: joints that start
 and stop at once are hard on a robot, and hard to learn from."""
 _CENTRING, _DAMPING = 4.0, 1.0
@@ -115,14 +115,25 @@ def solve(arms: Arms, *sides: Side, way: Handling = PLAIN) -> Script:
 class TiltedBoard:
     """The grasped board as a platform that arms tilt about its middle."""
 
-    def __init__(self, arms: Arms, sides: Iterable[Side], tilt: float) -> None:
+    def __init__(
+        self,
+        arms: Arms,
+        sides: Iterable[Side],
+        tilt: float,
+        *,
+        rate: float = TILT_RATE,
+        ramp: float = TILT_RAMP,
+    ) -> None:
         """Begin where the board is.
 
         Args:
             arms: The arms.
             sides: Those that hold the board.
             tilt: Tilt during a run, in radians.
+            rate: Largest change of the tilt in one control step, in radians.
+            ramp: Largest change of that change from one control step to the next, in radians.
         """
+        self._max_rate, self._ramp = rate, ramp
         self._arms = arms
         self._maze = MAZES[int(arms.sim.variants["board"])]
         self._tilt = tilt
@@ -175,9 +186,10 @@ class TiltedBoard:
         self.wanted = slope
         ahead = slope - self._slope
         # The fastest that still comes to rest at the slope, if every step takes one ramp off it.
-        speed = (np.sqrt(_TILT_RAMP**2 + 8.0 * _TILT_RAMP * np.abs(ahead)) - _TILT_RAMP) / 2.0
-        rate = np.copysign(np.minimum(speed, _TILT_RATE), ahead)
-        self._rate = self._rate + np.clip(rate - self._rate, -_TILT_RAMP, _TILT_RAMP)
+        ramp = self._ramp
+        speed = (np.sqrt(ramp**2 + 8.0 * ramp * np.abs(ahead)) - ramp) / 2.0
+        rate = np.copysign(np.minimum(speed, self._max_rate), ahead)
+        self._rate = self._rate + np.clip(rate - self._rate, -ramp, ramp)
         self._slope = self._slope + self._rate
         table_from_board = self._pose()
         for side, grasp in self._grasps.items():
