@@ -115,6 +115,7 @@ def test_policy_of_all_that_dies_after_a_horizon_fails_no_episode(play: Play, wo
     choice = PolicyChoice.parse(f"{toy_batches.__name__}:DiesLate", batching=Batching(size=3))
     plain, _ = play(choice, "plain", workers=1, episodes=2)
     folder, results = play(choice, workers=workers, episodes=2, overtime=1.5)
+    assert (folder.path.parent / "marks" / "late").exists()
     assert results.overall.errors == 0
     assert at_horizon(folder) == at_horizon(plain)
 
