@@ -310,6 +310,17 @@ def test_the_horizon_truncates_and_ends_the_episode() -> None:
             env.step(wave(0))
 
 
+def test_an_episode_that_was_cut_off_can_be_played_on_to_a_later_limit() -> None:
+    env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=2)
+    for _ in range(2):  # the limit is that of one episode
+        env.reset(seed=0)
+        assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
+        env.play_on(4)
+        assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
+        with pytest.raises(ResetNeededError, match="over"):
+            env.step(wave(0))
+
+
 def test_a_refused_action_is_not_counted() -> None:
     env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=2)
     env.reset(seed=0)

@@ -83,4 +83,4 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Play:
     return run
 
 
-SUITE = ("tasks", "episodes", "first_episode", "look", "execution", "name")
+SUITE = ("tasks", "episodes", "first_episode", "look", "execution", "name", "overtime")

@@ -70,6 +70,23 @@ def test_actions_of_a_chunk_are_executed_in_order_until_the_end(env: gym.Env, le
     assert policy.sent == -(-toy_tasks.HORIZON // length) * length
 
 
+@pytest.mark.parametrize("length", [1, 5])
+def test_what_follows_an_episode_goes_on_where_the_chunk_was_cut_off(length: int) -> None:
+    env = duobench.make(toy_tasks.WAVE, cameras=("head",), image_size=(24, 32))
+    listener = Listener()
+    following = rollout(env, Counts(length), seed=3, watchers=[listener])
+    env.get_wrapper_attr("play_on")(36)
+    steps = [next(following) for _ in range(12)]
+    env.close()
+    numbers = list(range(25, 37))
+    assert [step.number for step in steps] == numbers
+    assert [round(1000 * step.action[-1]) for step in steps] == numbers
+    assert [step.truncated for step in steps] == [False] * 11 + [True]
+    seen = [step.number for step in steps if "pixels" in step.observation]
+    assert seen == [number for number in numbers if number % length == 0]
+    assert listener.heard == ["start", *["step"] * toy_tasks.HORIZON, "end"]
+
+
 @pytest.mark.parametrize("split", SPLITS)
 def test_policy_gets_a_hash_of_the_seed(split: str) -> None:
     class Keeps(HoldPolicy):

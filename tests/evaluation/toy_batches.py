@@ -58,6 +58,17 @@ class DiesInOne(Wanders):
         return super().act_batch(sessions, observations)
 
 
+class DiesLate(Wanders):
+    """Kills its process after the horizon of the second episode."""
+
+    def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
+        calls = toy_tasks.HORIZON // 3
+        if any((one.seed, one.call) == (seed_of("wave", 1), calls) for one in sessions):
+            mark("late")
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().act_batch(sessions, observations)
+
+
 class Hangs(Wanders):
     """Does not come back from the first episode."""
 

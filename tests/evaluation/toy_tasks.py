@@ -250,6 +250,57 @@ class Hangs(HoldPolicy):
         return super().act(observation)
 
 
+class Late(HoldPolicy):
+    """Still, longer in each episode than in the one before, then moves; in chunks of five."""
+
+    metadata = PolicyMetadata(name="late", cameras=(), horizon=5)
+    waits: tuple[int, ...] = (5, 21, 23, 100)
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        seeds = {seed_of(name, k): k for name in ("nudge", "wave", "nod") for k in range(10)}
+        self.index = seeds[seed]
+        self.acts = 0
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        chunk = np.repeat(np.atleast_2d(super().act(observation)), 5, axis=0)
+        wait = (*self.waits, 100)[min(self.index, len(self.waits))]
+        for row in chunk:
+            self.acts += 1
+            row[1] += 0.05 * max(0, self.acts - wait)
+        return chunk
+
+
+def dies() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+LATE_FAULTS: tuple[Callable[[], None], ...] = (raises, exits, dies, hangs)
+
+
+class FailsLate(Late):
+    """Moves too late for any horizon, and breaks after it, in each episode in another way."""
+
+    waits = ()
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        if self.acts > HORIZON:
+            LATE_FAULTS[self.index]()
+        return super().act(observation)
+
+
+class TriesAgain(Late):
+    """Kills its process once it is too late, and succeeds in the next attempt."""
+
+    waits = ()
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        if self.acts > HORIZON and mark("again"):
+            dies()
+        self.waits = (0,) if Path(os.environ[MARKS], "again").exists() else ()
+        return super().act(observation)
+
+
 class Tires(RandomPolicy):
     """The same in every episode: two stages, and then too long for the 23rd answer."""
 

@@ -53,6 +53,7 @@ def sample_run(**changes: Any) -> Run:
         "episodes": 4,
         "first_episode": 0,
         "version": SUITE_VERSION,
+        "overtime": 1.0,
     }
     suite["look"] = "default"
     fields: dict[str, Any] = {

@@ -150,7 +150,7 @@ def test_records_of_earlier_suites_and_schemas_can_be_read(tmp_path: Path) -> No
     folder = sample_folder(tmp_path / "run", run, [record])
     for path in (folder.record(LIFT.id, 0), folder.description):
         document = json.loads(path.read_text())
-        assert document.pop("schema") == 6
+        assert document.pop("schema") == RECORD_SCHEMA
         newer = ("domain", "rig", "judged", "trained_on")
         for name in ("policy_seed", "start", "end", "sent", "command", "sha256", *newer):
             document.pop(name, None)
@@ -167,8 +167,9 @@ def _without_schema_6(document: dict[str, Any]) -> None:
     document["config"].pop("shift")
     document.pop("execution", None)
     document.pop("shard", None)
+    document.pop("late_success", None)
     if isinstance(suite := document.get("suite"), dict):
-        for name in ("name", "revision", "execution", "shift"):
+        for name in ("name", "revision", "execution", "shift", "overtime"):
             suite.pop(name)
     else:
         document.pop("suite")

@@ -48,6 +48,9 @@ def test_progress_is_the_share_of_stages() -> None:
         ({"stage_changes": ((10, 1), (30, 4)), "final_stage": 4}, "0..max_stage"),
         ({"stage_changes": ((10, 1), (31, 3))}, "within the executed steps"),
         ({"steps": 91}, "horizon"),
+        ({"late_success": 91}, "late_success must come after"),
+        ({"reached": (5,), "late_success": 90}, "late_success must come after"),
+        ({"reached": (5,), "error": "boom", "late_success": 91}, "late_success must come after"),
     ],
 )
 def test_record_that_contradicts_itself_is_refused(changes: dict[str, Any], message: str) -> None:

@@ -82,6 +82,28 @@ def test_summary_has_the_numbers_of_each_task(tmp_path: Path) -> None:
     assert summary["policy"] == "mine"
 
 
+def test_late_successes_are_beside_the_scores_and_change_none(tmp_path: Path) -> None:
+    records = [sample_record(SORT, 0), sample_record(SORT, 1, (5,))]
+    slow = replace(records[1], late_success=100)
+    summaries, pages = [], []
+    for name, overtime, second in (("plain", 1.0, records[1]), ("overtime", 1.5, slow)):
+        run = sample_run(tasks=(SORT,), episodes=2, overtime=overtime)
+        folder = sample_folder(tmp_path / name, run, [records[0], second])
+        write_report(folder)
+        summaries.append(json.loads(folder.summary.read_text()))
+        pages.append(Page(folder.page).words)
+    plain, overtime = summaries
+    assert (overtime.pop("overtime"), plain.pop("overtime")) == (1.5, 1.0)
+    for score in (overtime["tasks"]["sort"], *overtime["categories"].values(), overtime["overall"]):
+        assert score["late_successes"] == 1
+        score["late_successes"] = 0
+    assert overtime == plain
+    assert "Within 1.5 horizons / %" in pages[1]
+    assert "is no score" in pages[1]
+    assert "(3 at 100, after the horizon)" in pages[1]
+    assert "horizons" not in pages[0]
+
+
 def test_same_records_give_the_same_bytes_in_any_folder(tmp_path: Path) -> None:
     run = sample_run()
     records = sample_records(run)

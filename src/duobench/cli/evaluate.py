@@ -50,6 +50,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     format: str | None = None,
     execute: int | None = None,
     latency: int = 0,
+    overtime: float = 1.0,
     shard: str | None = None,
     shift: str = "none",
     axes: tuple[str, ...] = (),
@@ -104,6 +105,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             Default: what the suite says; without one all, and 30 of a served policy.
         latency: Control steps (1/30 s) from an observation to the first action of the chunk that
             answers it; until then the chunk before goes on.
+        overtime: Play an episode without success on after its horizon, until it has had so many
+            horizons in all, such as 1.5; the report has a column of what succeeds then. Scores and
+            records end at the horizon.
         shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1;
             it has a folder of its own in --out. See docs/scale.md.
         shift: Play under one shift, such as look-3; see docs/robustness.md.
@@ -144,6 +148,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         look=look,
         execute=execute,
         latency=latency,
+        overtime=overtime,
         shift=Shift.parse(shift),
     )
     asked = played.execution.execute or PAPER_EXECUTE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
 
@@ -14,6 +14,7 @@ import msgspec
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
 from duobench.envs.config import FIXED, IMAGE_SIZE, EnvConfig
+from duobench.envs.execution import Step, optional_method
 from duobench.envs.registration import make
 from duobench.errors import (
     DataError,
@@ -161,7 +162,8 @@ class EpisodeRunner:
             source: The policy of the job, which belongs to the runner from now on.
             job: How it plays.
             clock: Where its times are noted, for another process.
-            tell: Takes the record of an episode so far, whenever it has reached a new stage.
+            tell: Takes the record of an episode so far, whenever it has reached a new stage, and
+                before it is played on after its horizon: that one stands whatever happens then.
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
             live: Watches every episode too.
 
@@ -217,7 +219,7 @@ class EpisodeRunner:
         """Play one episode.
 
         Whatever the policy raises, `sys.exit` included, and whatever its actions make the
-        environment raise, makes the episode a failed one.
+        environment raise, makes the episode a failed one; after its horizon, it ends the overtime.
 
         Raises:
             MachineryError: If the episode could not be played through no fault of the policy.
@@ -241,10 +243,11 @@ class EpisodeRunner:
         def busy() -> AbstractContextManager[None]:
             return watch.policy(self._clock.timed(self._limits, recorder.steps))
 
-        error, before = None, getattr(policy, "busy_s", None)
+        error = late = None
+        before = getattr(policy, "busy_s", None)
         try:
             with self._clock.playing(), watch.rollout(env):
-                rollout(
+                following = rollout(
                     env,
                     policy,
                     seed=episode.seed,
@@ -252,6 +255,7 @@ class EpisodeRunner:
                     busy=busy,
                     execution=self.run.suite.execution_of(episode.task.id, episode.shift),
                 )
+                late = self._play_on(env, following, recorder.record(self.run, self.versions))
         except (RenderingError, MachineryError, VideoError) as fault:
             if recording is not None:
                 recording.discard()
@@ -267,7 +271,9 @@ class EpisodeRunner:
             self._close_environment()  # whatever broke may have left it in any state
         record = recorder.record(self.run, self.versions)
         return EpisodeResult(
-            record=record if error is None else record.broken(error, record.steps),
+            record=replace(record, late_success=late)
+            if error is None
+            else record.broken(error, record.steps),
             video=None if video is None else video.video(),
             recording=recording and recording.content,
             times=watch.times(
@@ -275,6 +281,29 @@ class EpisodeRunner:
                 None if before is None else getattr(policy, "busy_s", before) - before,
             ),
         )
+
+    def _play_on(
+        self, env: gym.Env, following: Iterator[Step], record: EpisodeRecord
+    ) -> int | None:
+        """Play on an episode that its horizon has cut off, if that is asked for.
+
+        Returns:
+            The control step that reached the last stage, if one did.
+        """
+        limit = round(self.run.suite.overtime * record.horizon)
+        if record.success or not record.steps == record.horizon < limit:
+            return None
+        self._tell(record)
+        env.get_wrapper_attr("play_on")(limit)
+        try:
+            last = next(step for step in following if step.is_last)
+        except (RenderingError, MachineryError, *self._let_through):
+            raise
+        except BaseException:  # noqa: BLE001 - no part of the result
+            self._close_environment()
+            return None
+        optional_method(env, "set_rendering")(True)
+        return last.number if last.info["success"] else None
 
     def rehearse(self, episode: Episode) -> None:
         """Have the policy answer the first observation of an episode, which is not played.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from functools import partial
 from typing import Any, Protocol, TypeVar
@@ -69,7 +69,7 @@ def rollout(
     watchers: Iterable[Watcher] = (),
     busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
     execution: ChunkExecution = WHOLE_CHUNKS,
-) -> None:
+) -> Iterator[Step]:
     """Run one episode.
 
     The actions of a chunk are executed in order, until the episode is over, or only its first
@@ -98,6 +98,10 @@ def rollout(
             may wait for a lazy array.
         execution: What is executed of the policy's chunks, and when.
 
+    Returns:
+        The steps that would follow, each executed when it is asked for, to play on after the
+        horizon. Watchers are not told of them.
+
     Raises:
         PolicyError: If the policy does not fit the environment, or returns something that is no
             chunk of actions.
@@ -108,14 +112,12 @@ def rollout(
         getattr(watcher, "needs_frames", False) for watcher in watching
     )
     render = optional_method(env, "set_rendering")
-    (action_size,) = env.action_space.shape or (0,)
     with ExitStack() as ending:
         ending.callback(render, True)
         for watcher in reversed(watching):
             ending.push(partial(_end, watcher))
         observation, info = env.reset(seed=seed)
         hashed = policy_seed(base_of(env).task, seed, info.get(SPLIT) or EVAL)
-        waiting = _held(env, execution.latency)
         with busy():
             if expect := getattr(policy, "expect_latency", None):
                 expect(execution.latency)
@@ -124,18 +126,38 @@ def rollout(
             watcher.on_episode_start(env, observation, info)
         if needs_frames:
             render(True)
-        number, is_over = 0, False
-        while not is_over:
-            with busy():
-                answered = as_chunk(policy.act(observation), action_size)[: execution.execute]
-            queue = np.concatenate([waiting, answered])
-            chunk, waiting = queue[: len(answered)], queue[len(answered) :]
-            if (wanted := getattr(policy, "intended_action", None)) is not None:
-                optional_method(env, "intend")(wanted)
-            for step in execute(env, chunk, before=number, render_last=not needs_frames):
-                for watcher in watching:
-                    watcher.on_step(step)
-                observation, number, is_over = step.observation, step.number, step.is_last
+        steps = _steps(env, policy, observation, busy, execution, render_last=not needs_frames)
+        for step in steps:
+            for watcher in watching:
+                watcher.on_step(step)
+            if step.is_last:
+                break
+    return steps
+
+
+def _steps(
+    env: gym.Env,
+    policy: Policy,
+    observation: Observation,
+    busy: Callable[[], AbstractContextManager[Any]],
+    execution: ChunkExecution,
+    *,
+    render_last: bool,
+) -> Iterator[Step]:
+    """The steps of a policy without an end: when the episode is over, no more are to be taken."""
+    (action_size,) = env.action_space.shape or (0,)
+    waiting, number = _held(env, execution.latency), 0
+    while True:
+        with busy():
+            answered = as_chunk(policy.act(observation), action_size)[: execution.execute]
+        queue = np.concatenate([waiting, answered])
+        chunk, waiting = queue[: len(answered)], queue[len(answered) :]
+        if (wanted := getattr(policy, "intended_action", None)) is not None:
+            optional_method(env, "intend")(wanted)
+        while len(chunk):  # also after a step that was the last
+            for step in execute(env, chunk, before=number, render_last=render_last):
+                observation, number, chunk = step.observation, step.number, chunk[1:]
+                yield step
 
 
 def _held(env: gym.Env, steps: int) -> NDArray[np.float32]:

@@ -71,6 +71,8 @@ class Score:
     """How many reached the last stage."""
     errors: int
     """How many failed with an error."""
+    late_successes: int
+    """How many more did after their horizon, where they were played on."""
     mean_final_progress: float | None
     """Mean of last stage over the task's number of stages; None without episodes."""
 
@@ -78,6 +80,11 @@ class Score:
     def success_rate(self) -> float | None:
         """Share of successes; None without episodes."""
         return self.successes / self.episodes if self.episodes else None
+
+    @property
+    def late_rate(self) -> float | None:
+        """Share of episodes that succeeded, late ones included: no score. None without episodes."""
+        return (self.successes + self.late_successes) / self.episodes if self.episodes else None
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -123,6 +130,7 @@ def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
         episodes=len(records),
         successes=sum(record.success for record in records),
         errors=sum(record.error is not None for record in records),
+        late_successes=sum(record.late_success is not None for record in records),
         mean_final_progress=(
             math.fsum(record.progress for record in records) / len(records) if records else None
         ),

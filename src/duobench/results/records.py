@@ -23,7 +23,7 @@ from duobench.results.suite import CUSTOM
 from duobench.results.targets import unpack_targets
 from duobench.types import Array
 
-RECORD_SCHEMA = 6
+RECORD_SCHEMA = 7
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 OLDEST_RECORD_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
@@ -134,6 +134,9 @@ class EpisodeRecord:
     """Whether the environment ended the episode."""
     truncated: bool
     """Whether the horizon ended the episode, or arms that could not go on."""
+    late_success: int | None = None
+    """Control step at which an episode that was played on after its horizon reached the last stage;
+    None if it did not, or was not played on. Nothing else says what happened after the horizon."""
     error: str | None
     """Traceback of the error that the episode failed with."""
     layout: SampledLayout
@@ -176,6 +179,10 @@ class EpisodeRecord:
             "stages are reached within the executed steps": bool(when)
             and not 0 <= when[0] <= when[-1] <= self.steps,
             "steps must lie in 0..horizon": not 0 <= self.steps <= self.horizon,
+            "late_success must come after the horizon, without success or error": (
+                self.late_success is not None
+                and (self.success or self.error is not None or self.late_success <= self.horizon)
+            ),
             "error must say something": self.error is not None and not self.error.strip(),
             "domain must be sim or real": self.domain not in DOMAINS,
             "an episode on real arms has a rig and is judged by a person": (

@@ -28,7 +28,7 @@ from duobench.results.run import Run
 from duobench.results.suites.catalog import deviations, latency_text, suite_text
 from duobench.types import CONTROL_HZ
 
-SUMMARY_SCHEMA = 3
+SUMMARY_SCHEMA = 4
 """Version of the summary's fields."""
 _MOST_UNMET = 6
 """Constraints that did not hold of one stage that the page shows; others are folded away."""
@@ -101,6 +101,7 @@ def summary_json(run: Run, results: Results) -> str:
         "suite_deviations": deviations(run.suite),
         "execute": run.suite.execution.execute,
         "latency": run.suite.execution.latency,
+        "overtime": run.suite.overtime,
         "shift": run.suite.shift.name,
         "shard": run.shard and str(run.shard),
         "versions": run.versions,
@@ -129,6 +130,7 @@ def _score(score: Score) -> dict[str, Any]:
         "wilson_95": list(score.interval),
         "mean_final_progress": score.mean_final_progress,
         "errors": score.errors,
+        "late_successes": score.late_successes,
     }
 
 

@@ -20,7 +20,7 @@ from duobench.results.suite import Episode, Suite
 from duobench.results.suites.shard import Shard
 from duobench.shifts.shift import Shift
 
-RUN_SCHEMA = 6
+RUN_SCHEMA = 7
 """Version of the description's fields."""
 OLDEST_RUN_SCHEMA = 3
 """The first version that can still be read: what it lacks has a default."""
@@ -174,6 +174,7 @@ class Run:
             "suite": suite.label,
             "actions executed of a chunk": suite.execution.execute or "all",
             "latency": suite.execution.latency,
+            "overtime": suite.overtime,
             "shard": self.shard,
             "videos": self.videos,
             **_fields("time limit", self.limits),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -99,6 +100,9 @@ class Suite:
     """What is executed of the chunks of a policy, and when."""
     shift: Shift = NO_SHIFT
     """What differs from the usual episodes."""
+    overtime: float = 1.0
+    """Horizons after which an episode without success ends. What happens after the first one is no
+    part of its result; 1 plays none of it."""
 
     def __post_init__(self) -> None:
         """Reject an empty or impossible suite."""
@@ -106,6 +110,11 @@ class Suite:
             raise EvaluationError(
                 "A suite has at least one episode, counted from 0; got "
                 f"{self.episodes} from {self.first_episode}."
+            )
+        if not 1.0 <= self.overtime < math.inf:
+            raise EvaluationError(
+                "Overtime is a number of horizons, 1 (none) or more, such as 1.5; got "
+                f"{self.overtime}."
             )
         if not self.tasks:
             raise EvaluationError("A suite has at least one task, got none.")

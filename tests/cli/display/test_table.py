@@ -8,8 +8,10 @@ from duobench.results.metrics import summarize
 from tests.results.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
 
 
-def printed(run_records: list, expected: int, width: int = 130, policy: str = "mine") -> list[str]:
-    out, run = io.StringIO(), sample_run(episodes=expected, policy=policy)
+def printed(
+    run_records: list, expected: int, width: int = 130, policy: str = "mine", overtime: float = 1.0
+) -> list[str]:
+    out, run = io.StringIO(), sample_run(episodes=expected, policy=policy, overtime=overtime)
     Console(file=out, width=width).print(results_table(run, summarize(TASKS, run_records)))
     return [re.sub(r"\s{2,}", "|", line.strip()) for line in out.getvalue().splitlines()]
 
@@ -22,6 +24,15 @@ def test_row_has_rate_interval_progress_and_distribution() -> None:
     assert "lift|0/4|–|0.0–100.0|–|0:0|1:0|2:0" in lines
     assert "All tasks|4/12|75.0|30.1–95.4|0.833" in lines
     assert not any("Errors" in line for line in lines)
+
+
+def test_late_successes_have_a_column_where_episodes_were_played_on() -> None:
+    records = [sample_record(SORT, episode, (1, 2, 3)) for episode in range(2)]
+    records += [sample_record(SORT, 2, (5,), late_success=100), sample_record(SORT, 3, (5,))]
+    lines = printed(records, expected=4, overtime=1.5)
+    assert "sort|4|50.0|15.0–85.0|0.667|75.0|0:0|1:2|2:0|3:2" in lines
+    assert "Within 1.5 horizons is no score: scores end at the horizon." in lines
+    assert not any("ithin" in line for line in printed(records, expected=4))
 
 
 def test_category_of_several_tasks_has_a_row() -> None:

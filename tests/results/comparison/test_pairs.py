@@ -138,7 +138,7 @@ def test_scores_of_other_suites_are_shown_and_not_tested(good: str, tmp_path: Pa
     for file in (old / "run.json", *old.glob("records/*/*.json")):
         text = re.sub(r',\n  "sha256": "\w+"', "", file.read_text())  # schemas to 4 have none
         for now, then in (
-            ('"schema": 6', '"schema": 4'),
+            ('"schema": 7', '"schema": 4'),
             ('"version": "4"', '"version": "3"'),
             ('"suite_version": "4"', '"suite_version": "3"'),
         ):

@@ -11,6 +11,7 @@ def test_a_run_is_told_by_everything_that_was_chosen() -> None:
         tasks=(SORT, TURN),
         first_episode=3,
         look="dark",
+        overtime=1.5,
         metadata=PolicyMetadata(
             name="net", version="7", horizon=30, object_state=True, dtype="float16", device="cuda"
         ),
@@ -28,6 +29,7 @@ def test_a_run_is_told_by_everything_that_was_chosen() -> None:
     assert facts["Cameras"] == "head, 128 × 96 pixels"
     assert "privileged" in facts["Other observations"]
     assert facts["Action mode"] == "cartesian"
+    assert facts["Overtime"] == "up to 1.5 horizons"
     assert facts["Chunk"] == "30 actions"
     assert facts["Inference"] == "float16, cuda, dynamic batches of 4"
 
@@ -36,6 +38,7 @@ def test_what_is_not_known_is_said() -> None:
     facts = identity(sample_run(metadata=PolicyMetadata(name="mine")))
     assert facts["Its version"] == facts["Inference"] == "not known"
     assert facts["Cameras"] == "none"
+    assert "Overtime" not in facts
     assert "unknown" in facts["Chunk"]
 
 

@@ -31,31 +31,37 @@ def results_table(run: Run, results: Results) -> Table:
     table = Table(title=Text(run.title), box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
     table.add_column("Task", no_wrap=True)
     errors = ("Errors",) if results.overall.errors else ()
-    for heading in ("Episodes", *errors, "Success\n%", "95 %\ninterval", "Final\nprogress"):
+    overtime = run.suite.overtime
+    late = (f"Within {overtime:g}\nhorizons %",) if overtime > 1 else ()
+    if late:
+        table.caption = f"Within {overtime:g} horizons is no score: scores end at the horizon."
+    headings = ("Episodes", *errors, "Success\n%", "95 %\ninterval", "Final\nprogress", *late)
+    for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("Episodes by\nlast stage")
     for category in results.categories:
         members = [one for one in results.tasks if one.task.category == category.label]
         for one in members:
-            cells = _cells(one.task.id, one.score, counts[one.task.id], bool(errors))
+            cells = _cells(one.task.id, one.score, counts[one.task.id], bool(errors), bool(late))
             table.add_row(*cells, _stages(one))
         if len(members) > 1:
             expected = sum(counts[one.task.id] for one in members)
-            cells = _cells(category.label, category, expected, bool(errors))
+            cells = _cells(category.label, category, expected, bool(errors), bool(late))
             table.add_row(*cells, style="italic")
         table.add_section()
     expected = run.size
-    cells = _cells(results.overall.label, results.overall, expected, bool(errors))
+    cells = _cells(results.overall.label, results.overall, expected, bool(errors), bool(late))
     table.add_row(*cells, style="bold")
     return table
 
 
-def _cells(name: str, score: Score, expected: int, with_errors: bool) -> list[str]:
+def _cells(name: str, score: Score, expected: int, with_errors: bool, with_late: bool) -> list[str]:
     """The cells that every row has; a run that is not finished says how far it is."""
     episodes = str(score.episodes) if score.episodes == expected else f"{score.episodes}/{expected}"
     errors = [str(score.errors)] if with_errors else []
     rate = percent(score.success_rate)
-    return [name, episodes, *errors, rate, interval_percent(score), progress_text(score)]
+    late = [percent(score.late_rate)] if with_late else []
+    return [name, episodes, *errors, rate, interval_percent(score), progress_text(score), *late]
 
 
 def _stages(result: TaskResult) -> Text:

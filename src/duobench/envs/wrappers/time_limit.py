@@ -31,7 +31,7 @@ class TimeLimit(DuoWrapper):
         if horizon < 1:
             raise ValueError(f"A horizon is at least one control step, got {horizon}.")
         super().__init__(env, horizon=horizon)
-        self._horizon = horizon
+        self._horizon = self._limit = horizon
         self._steps = 0
         self._over = False
 
@@ -43,8 +43,12 @@ class TimeLimit(DuoWrapper):
     def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode and count from zero."""
         result = self.env.reset(seed=seed, options=options)
-        self._steps, self._over = 0, False
+        self._limit, self._steps, self._over = self._horizon, 0, False
         return result
+
+    def play_on(self, limit: int) -> None:
+        """Let an episode that the horizon has cut off go on, up to so many control steps in all."""
+        self._limit, self._over = limit, False
 
     def allow_step_after_end(self) -> None:
         """Allow one more step after the end, which says again that the episode is over.
@@ -65,7 +69,7 @@ class TimeLimit(DuoWrapper):
         """
         steps = required(state.steps, "time limit")
         result = super().restore_state(state)
-        self._steps, self._over = steps, state.over
+        self._limit, self._steps, self._over = self._horizon, steps, state.over
         return result
 
     def step(self, action: Any) -> Transition:
@@ -78,6 +82,6 @@ class TimeLimit(DuoWrapper):
             raise ResetNeededError("The episode is over; call reset to begin another one.")
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
-        truncated = truncated or self._steps >= self._horizon
+        truncated = truncated or self._steps >= self._limit
         self._over = terminated or truncated
         return observation, float(reward), terminated, truncated, info

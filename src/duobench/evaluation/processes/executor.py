@@ -79,6 +79,7 @@ class ProcessExecutor:
         self._most_failed_starts = MAX_FAILED_STARTS
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
+        self._at_horizon: dict[Episode, EpisodeRecord] = {}
 
     def _make_team(self) -> Team:
         """Who does the job, without a process yet."""
@@ -113,6 +114,9 @@ class ProcessExecutor:
         while self._schedule.left or self._team.playing:
             self._dispatch()
             yield from self._poll()
+        for episode in self._at_horizon.keys() & self.unplayed.keys():
+            del self.unplayed[episode]
+            yield EpisodeResult(record=self._at_horizon.pop(episode))
 
     def failures(self) -> Iterator[EpisodeResult]:
         """What is unplayed, as episodes that failed with an error."""
@@ -208,8 +212,7 @@ class ProcessExecutor:
             case Rehearsed():
                 self._rehearsing = worker.episode = None
             case Progress(record=record):
-                if worker.episode and self._run.objection(record, worker.episode) is None:
-                    worker.progress = record
+                self._note_progress(worker, record)
             case LiveScene() | LiveFrame():
                 if self._watch is not None and worker.episode is not None:
                     self._watch.show(worker.number, report)
@@ -219,6 +222,13 @@ class ProcessExecutor:
                 self._note_fault(worker, fault)
             case _:
                 _log.warning("A message that nobody asked for was dropped.")
+
+    def _note_progress(self, worker: Worker, record: EpisodeRecord) -> None:
+        """Note how far the episode of a worker is, and the end of one that is played on."""
+        if worker.episode and self._run.objection(record, worker.episode) is None:
+            worker.progress = record
+            if record.end is not None:
+                self._at_horizon.setdefault(worker.episode, record)
 
     def _check_same(self, first: Ready, other: Ready) -> None:
         """Check that two workers play the same.
@@ -236,7 +246,10 @@ class ProcessExecutor:
             return
         objection = result.objection(worker.episode, self._run, self._job.recording)
         if objection is None:
+            kept = self._at_horizon.pop(worker.episode, None)
             worker.episode = None
+            if kept and kept != replace(result.record, late_success=None):
+                result = EpisodeResult(record=kept)  # a second attempt cannot improve on it
             yield result
         else:
             self._lose(worker, f"its result was dropped: {objection}")
@@ -257,6 +270,11 @@ class ProcessExecutor:
         """Let go of a process that is of no more use, and have what it played be played again."""
         if not child.is_ready:
             self._note_failed_start(fault)
+        for worker in self._team.wait(0):  # what they said before their policy died
+            if isinstance(worker, Worker) and worker.policy is child:
+                for report in _read(worker, is_readable=True)[0]:
+                    if isinstance(report, Progress):
+                        self._note_progress(worker, report.record)
         played = self._remove(child)
         if len(played) > 1:
             self._schedule.suspect(played)
@@ -315,6 +333,8 @@ class ProcessExecutor:
         """The result of an episode whose policy was stopped."""
         if worker.episode is None:
             raise AssertionError("Only an episode that is played can fail.")
+        if record := self._at_horizon.pop(worker.episode, None):
+            return EpisodeResult(record=record)
         record = worker.progress or self._unknown(worker.episode)
         # The clock is shared memory, and nonsense in it must not end the run.
         steps = min(max(worker.clock.steps, record.steps), record.horizon)

@@ -42,7 +42,7 @@ class Rehearsed(msgspec.Struct, tag=True, frozen=True):
 
 
 class Progress(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the episode has begun, or reached a new stage."""
+    """From a worker: the episode has begun, reached a new stage, or is played on."""
 
     record: EpisodeRecord
     """Its record so far."""

@@ -44,6 +44,7 @@ def identity(run: Run) -> Facts:
         if policy.horizon is None
         else f"{policy.horizon} action{'s' if policy.horizon > 1 else ''}",
         "Executed": f"{execute_text(suite)}, {latency_text(suite)}",
+        **({"Overtime": f"up to {suite.overtime:g} horizons"} if suite.overtime > 1 else {}),
         "Instructions": config.instructions,
         "Inference": ", ".join(filter(None, inference)) or UNKNOWN,
         "Time limits": f"{run.limits.act_s:g} s an answer, {run.limits.episode_s:g} s an episode",

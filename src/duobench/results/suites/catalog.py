@@ -59,7 +59,7 @@ SUITES: Mapping[str, NamedSuite] = {
 """Every suite by its name."""
 
 
-def make_suite(
+def make_suite(  # noqa: PLR0913
     name: str | None = None,
     *,
     tasks: Sequence[str] = (),
@@ -69,6 +69,7 @@ def make_suite(
     execute: int | None = None,
     latency: int = 0,
     shift: Shift = NO_SHIFT,
+    overtime: float = 1.0,
 ) -> Suite:
     """A suite by its name, or one of one's own; what is given replaces what the name stands for.
 
@@ -81,6 +82,7 @@ def make_suite(
         execute: Actions of a chunk that are executed; None takes those of the name, or all.
         latency: Control steps from an observation to the chunk that answers it.
         shift: What differs from the usual episodes.
+        overtime: Horizons after which an episode without success ends; see `Suite`.
 
     Raises:
         UnknownNameError: There is no such suite, task or look.
@@ -97,6 +99,7 @@ def make_suite(
         first_episode=first_episode,
         look=look,
         shift=shift,
+        overtime=overtime,
         name=named.name if named else CUSTOM,
         revision=named.revision if named else 1,
         execution=ChunkExecution(
