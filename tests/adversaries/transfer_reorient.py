@@ -34,6 +34,8 @@ NEAR_BOARD = 3
 MIDDLE = (0.50, 0.0, ACROSS_FLATS / 2 + 0.002)
 ABOVE = 0.020
 """Height in metres above the hole from which a peg is dropped."""
+BESIDE = 0.020
+"""Distance in metres beside the hole's axis at which a peg is let go that does not find it."""
 GRIPPED_ABOVE = 0.028
 """Distance in metres from the peg's centre at which an arm holds it that inserts it from beside."""
 
@@ -143,6 +145,20 @@ def let_fall_and_pinch(arms: Arms) -> Script:
     yield from let_go(arms, LEFT)
 
 
+def ends_beside(sim: Simulation) -> bool:
+    """The peg is on the board, not in the hole, and nobody touches it."""
+    return sim.contacts.partners("peg") == {"board"} and not ends_in_hole(sim)
+
+
+def let_fall_beside(arms: Arms) -> Script:
+    """Let go of the peg two centimetres beside the hole and above the board."""
+    yield from hand_over(arms)
+    goal = upright(arms, LEFT, hole(arms)).moved(x=BESIDE)
+    for height in (0.16, 0.06, ABOVE):
+        yield from lead(arms, LEFT, goal.moved(z=height), speed=0.2)
+    yield from let_go(arms, LEFT)
+
+
 cheat = partial(Adversary, deed=ends_in_hole, seed=NEAR_BOARD)
 ADVERSARIES: tuple[Adversary, ...] = (
     cheat("one arm picks the peg up and inserts it", alone, 1, hands=Hands.ONE),
@@ -152,6 +168,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
     cheat(
         "the peg falls into the hole", let_fall, 3, lacks="when left let peg go: peg of peg is 2"
     ),
+    cheat("the peg falls beside the hole", let_fall_beside, 3, deed=ends_beside),
     cheat("the peg is drawn out again, and falls into the hole", draw_out_and_let_fall, 3),
     cheat("the peg falls into the hole, and is pinched there", let_fall_and_pinch, 3),
 )

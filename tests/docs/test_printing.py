@@ -62,6 +62,8 @@ def test_all_variants_of_an_object_print_as_the_table_says() -> None:
     ("name", "value"),
     [
         ("edge of the printer", shapes.PRINTER),
+        ("corner of the bed that stays free, width", shapes.KEPT_FREE[0]),
+        ("corner of the bed that stays free, depth", shapes.KEPT_FREE[1]),
         ("thinnest wall", shapes.THINNEST_WALL),
         ("play of a glued joint", shapes.JOINT_PLAY),
         ("overlap", shapes.OVERLAP),

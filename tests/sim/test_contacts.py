@@ -8,7 +8,7 @@ import pytest
 
 from duobench.errors import UnknownNameError
 from duobench.scene.naming import TABLE, tcp_name
-from duobench.sim.contacts import Contacts, Limb, limb_owner
+from duobench.sim.contacts import Contacts, HingeAxis, Limb, limb_owner
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
@@ -23,6 +23,7 @@ TOY = """
   <worldbody>
     <body name="table"><geom type="plane" size="1 1 1"/></body>
     <body name="ball" pos="0 0 0.0999"><freejoint/><geom size="0.1"/></body>
+    <body name="lid" pos="9 9 9"><freejoint/><geom type="box" size="0.1 0.1 0.005"/></body>
     <body name="hover" pos="0.5 0 0.101"><freejoint/><geom size="0.1" margin="0.02"/></body>
     {arms}
   </worldbody>
@@ -55,7 +56,7 @@ def look(model: mujoco.MjModel, data: mujoco.MjData, contacts: Contacts) -> None
 def test_every_part_has_its_owner() -> None:
     _, _, contacts = toy()
     limbs = {limb_owner(side, limb) for side in SIDES for limb in Limb}
-    assert set(contacts.owners) == {TABLE, "ball", "hover"} | limbs
+    assert set(contacts.owners) == {TABLE, "ball", "lid", "hover"} | limbs
 
 
 def test_a_margin_alone_is_no_contact() -> None:
@@ -126,18 +127,62 @@ QUESTIONS = {
 }
 
 
-@pytest.mark.parametrize(("gap", "is_near"), [(0.0, True), (0.029, True), (0.031, False)])
-def test_near_is_measured_from_surface_to_surface(gap: float, is_near: bool) -> None:
-    """And the link of an arm does not count, nor the other arm's hand."""
+def with_lid(
+    gap: float, *, above: bool = True, aside: float = 0.0, hinge: float = 0.1
+) -> tuple[Contacts, HingeAxis]:
+    """A level lid over a pad of the left hand, or below it.
+
+    Args:
+        gap: From surface to surface, in metres; a contact below 0.
+        above: Whether the lid is above the pad.
+        aside: How far the lid is moved along its hinge, in metres.
+        hinge: Distance of the hinge from the pad's middle, in metres; it opens upwards.
+    """
     model, data, contacts = toy()
-    x, y, z = data.xpos[model.body("left/gripper/left_pad").id]
-    data.joint(0).qpos[:3] = x, y + 0.2 + gap, z
+    x, y, z = data.xpos[model.body("left/gripper/left_pad").id].tolist()
+    lid = [x, y + aside, z + (gap + 0.105) * (1 if above else -1)]
+    start = model.joint(model.body("lid").jntadr[0]).qposadr[0]
+    data.qpos[start : start + 3] = lid
     look(model, data, contacts)
-    assert contacts.near(Side.LEFT, "ball", 0.030) is is_near
-    assert not contacts.near(Side.RIGHT, "ball", 0.030)
-    data.joint(0).qpos[:3] = data.xpos[model.body("left/link").id] - (0.2, 0.0, 0.0)
-    look(model, data, contacts)
-    assert not contacts.near(Side.LEFT, "ball", 0.030)
+    return contacts, HingeAxis([x + hinge, y, lid[2]], [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("gap", "above", "hinge", "pushes"),
+    [
+        (-1e-4, True, 0.1, True),
+        (-1e-4, False, 0.1, False),  # from outside: it presses the lid shut
+        (1e-4, True, 0.1, False),  # no contact
+        (-1e-4, True, 0.021, True),
+        (-1e-4, True, 0.019, False),  # next to the hinge it turns nothing
+        (-1e-4, True, -0.1, False),  # on the other side of the hinge it shuts
+    ],
+)
+def test_what_pushes_open_has_a_lever_about_the_hinge(
+    gap: float, above: bool, hinge: float, pushes: bool
+) -> None:
+    contacts, axis = with_lid(gap, above=above, hinge=hinge)
+    assert contacts.pushes(Side.LEFT, "lid", axis) is pushes
+    assert not contacts.pushes(Side.RIGHT, "lid", axis)
+
+
+@pytest.mark.parametrize(
+    ("gap", "above", "aside", "backs"),
+    [
+        (0.03, True, 0.0, True),
+        (0.059, True, 0.0, True),
+        (0.061, True, 0.0, False),
+        (0.03, True, 0.09, True),
+        (0.03, True, 0.15, False),  # beside it
+        (0.03, False, 0.0, False),  # on the outside
+    ],
+)
+def test_a_hand_backs_a_lid_that_would_turn_onto_it(
+    gap: float, above: bool, aside: float, backs: bool
+) -> None:
+    contacts, axis = with_lid(gap, above=above, aside=aside)
+    assert contacts.backs(Side.LEFT, "lid", axis, 0.060) is backs
+    assert not contacts.backs(Side.RIGHT, "lid", axis, 0.060)
 
 
 @pytest.mark.parametrize("question", QUESTIONS)

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from duobench.stages.logic import Predicate, since
+from duobench.stages.logic import Predicate, held_for, since
 from tests.predicate_probe import PredicateProbe
 
 STEPS = 5
@@ -83,3 +83,12 @@ def test_it_goes_on_without_end() -> None:
     question = since(given, reset=dropped)
     assert sequence.ask(tuple("gd" * 50 + "g-"), question)[-1]
     assert not sequence.ask(tuple("gd" * 50 + "-"), question)[-1]
+
+
+def test_time_is_summed_up_over_breaks_until_it_is_reset() -> None:
+    sequence = Sequence()
+    a, r = sequence.letter("a"), sequence.letter("r")
+    question = held_for(a, 0.1, reset=r)
+    assert sequence.ask(("a", "", "a", "", "a", ""), question) == [False] * 4 + [True] * 2
+    assert sequence.ask(("a", "a", "r", "a", "a", "a"), question) == [False] * 5 + [True]
+    assert sequence.ask(("ar", "a", "a", "a"), question) == [False] * 3 + [True], "not that step"

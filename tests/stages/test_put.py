@@ -1,12 +1,14 @@
 """Put down, not dropped: what hands do with a cube over the table."""
 
+import math
+
 import pytest
 
-from duobench.experts.handling import pick_cube
-from duobench.experts.motion import Arms, Script, down, move, release
+from duobench.experts.handling import pick, pick_cube
+from duobench.experts.motion import Arms, Script, down, move, nearest_turn, release, wait
 from duobench.scene.naming import TABLE
 from duobench.stages.logic import Predicate
-from duobench.stages.placing import low_over, put
+from duobench.stages.placing import lifted_off, low_over, put
 from duobench.tasks.bin_sort import TASK
 from duobench.types import Side
 from tests.predicate_probe import PredicateProbe
@@ -58,3 +60,27 @@ def test_what_is_let_go_low_is_put_and_what_is_let_go_higher_is_dropped(
 def test_only_the_sides_that_are_named_put_it_down(bench: TaskHarness) -> None:
     assert let_go(bench, put(CUBE, LOW, Side.LEFT), 0.0)
     assert not let_go(bench, put(CUBE, LOW, Side.RIGHT), 0.0)
+
+
+@pytest.mark.parametrize(("lift", "counts"), [(0.0, False), (0.006, False), (0.02, True)])
+def test_what_was_dropped_is_put_when_a_hand_has_lifted_it_again(
+    bench: TaskHarness, lift: float, counts: bool
+) -> None:
+    """Though it is all the time where it may be let go, as in a vessel."""
+    bench.start(0)
+    bench.act(pick_up)
+    near = low_over(CUBE, TABLE, 0.0, 0.05)
+    probe = PredicateProbe(put(CUBE, near, again=lifted_off(CUBE, TABLE, 0.0)))
+
+    def script(arms: Arms) -> Script:
+        yield from lower(arms, 0.08)
+        yield from release(arms, Side.LEFT)
+        x, y, _ = arms.sim.position(CUBE)
+        grasp = down(x, y, 0.028, yaw=nearest_turn(arms.sim.pose(CUBE).yaw, math.pi / 2))
+        yield from pick(arms, Side.LEFT, grasp, lift=lift)
+        yield from wait(10)
+        yield from release(arms, Side.LEFT)
+        yield from move(arms, {Side.LEFT: down(0.45, 0.3, 0.3)})
+
+    answers = [probe.ask(bench.sim) for _ in bench.steps(script)]
+    assert answers[-1] == counts

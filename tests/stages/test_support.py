@@ -100,6 +100,18 @@ def lower_onto_the_arm(sim: Simulation, case: Case) -> None:
         set_lid(sim, case.lid, angle)
 
 
+def press_it_shut(sim: Simulation, case: Case) -> None:
+    """Turn the lid to where the holding arm touches it and does not push it open."""
+    contacts = sim.contacts
+    for angle in np.arange(OPEN, sim.model.joint(case.lid).range[1], 0.005):
+        set_lid(sim, case.lid, angle)
+        pushes = contacts.pushes(case.holder, case.lid, sim.hinge_axis(case.lid))
+        grasps = contacts.grasped(case.holder, case.lid)
+        if contacts.arm(case.holder, case.lid) and not (pushes or grasps):
+            return
+    pytest.fail("no such angle")
+
+
 def send_home(bench: TaskHarness, start: np.ndarray, side: Side) -> None:
     """Put one arm where it was at the start."""
     sim = bench.sim
@@ -119,10 +131,10 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
 
     What two arms did: (t) at the start; the lid held open and the cube (h)eld, come (n)ear,
     (i)nside but pinched, (f)ree inside. What is made of that: as h, but (a)way from the lid is the
-    arm that holds it, the lid (s)huts, the cube lies (o)n the other arm's hand or on the lid (c);
-    as n, but the lid is down on the arm that brings the cube (g), and nobody else at it (G); S and
-    F are i and f with a lid that shuts, A is f with an open lid and nobody at it, and d is f with
-    the cube on the table.
+    arm that holds it, or it (p)resses the lid shut, the lid (s)huts, the cube lies (o)n the other
+    arm's hand or on the lid (c); as n, but the lid is down on the arm that brings the cube (g), and
+    nobody else at it (G); S and F are i and f with a lid that shuts, A is f with an open lid and
+    nobody at it, and d is f with the cube on the table.
     """
     sim, saved = bench.sim, dict[str, np.ndarray]()
 
@@ -164,6 +176,7 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     start = sim.pose("cube")
     bench.act(honest)
     edit("a", "h", lambda: send_home(bench, saved["t"], case.holder))
+    edit("p", "h", lambda: press_it_shut(sim, case))
     edit("s", "h", lambda: set_lid(sim, case.lid, HALF_OPEN))
     edit("g", "n", lambda: lower_onto_the_arm(sim, case))
     edit("G", "g", lambda: send_home(bench, saved["t"], case.holder))
@@ -229,6 +242,12 @@ def test_the_honest_way_counts(scene: Scene) -> None:
 def test_support_needs_the_other_arm_at_the_lid(scene: Scene) -> None:
     assert scene.stage_after("a" * 2 * LONG) == 1
     assert scene.stage_after("a" * 2 * LONG, LEFT_ALONE, HELD) == 1
+
+
+def test_a_touch_that_presses_the_lid_shut_is_no_support(scene: Scene) -> None:
+    assert scene.stage_after("p" * 2 * LONG) == 1
+    assert scene.stage_after("h" * LONG, "p" * (LONG - 1), "gi", LEFT_ALONE) == 3
+    assert scene.stage_after("h" * LONG, "p" * LONG, "gi", LEFT_ALONE) == 2
 
 
 def test_support_needs_the_arm_with_the_cube_to_leave_the_lid_alone(scene: Scene) -> None:

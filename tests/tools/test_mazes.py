@@ -11,7 +11,7 @@ from tools.mazes import TIME, Game, fewest_steps, most_solved, price
 
 MOST = {(3, 5, 6, 7, 8): 287, (2, 5, 6, 7, 8): 293}
 """The largest sets of boards that one sequence solves with the ball at rest, and its steps."""
-BLIND_BOARDS = (2, 6, 7, 8)
+BLIND_BOARDS = (3, 5, 6, 7, 8)
 
 
 def priced(mazes: list[Maze], tilts: tuple[Direction, ...]) -> int | None:
@@ -42,11 +42,10 @@ def test_the_blind_baseline_plays_a_cheapest_sequence_for_its_boards() -> None:
     mazes = [MAZES[number] for number in BLIND_BOARDS]
     tilts = tuple(tilt for tilt, _ in TILTS)
     cheapest = fewest_steps([Game.of(maze, rests=True) for maze in mazes])
-    assert priced(mazes, tilts) == cheapest == 254
+    assert priced(mazes, tilts) == cheapest == MOST[BLIND_BOARDS]
     won = [n for n, maze in enumerate(MAZES) if priced([maze], tilts) is not None]
     assert set(BLIND_BOARDS) <= set(won)
-    # Hands that move the board need a little more than the model's prices.
-    assert cheapest < sum(steps for _, steps in TILTS) < TIME
+    assert sum(steps for _, steps in TILTS) < TIME
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
