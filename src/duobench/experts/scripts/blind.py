@@ -15,40 +15,14 @@ from duobench.experts.scripts.ball_maze import TiltedBoard, grip_poses, lift
 from duobench.objects.mazes import Direction
 from duobench.types import SIDES
 
-E, N, W, S = Direction
+_TILTS = {tilt.name[0]: tilt for tilt in Direction}
 TILTS: tuple[tuple[Direction, int], ...] = tuple(
-    zip(
-        (N, E, N, E, S, W, N, E, N, W, N, W, N, S, E, S, W, S, W, S, E, S, E),
-        (
-            10,
-            12,
-            10,
-            10,
-            18,
-            18,
-            12,
-            12,
-            10,
-            18,
-            15,
-            10,
-            10,
-            15,
-            10,
-            10,
-            15,
-            10,
-            10,
-            10,
-            12,
-            10,
-            10,
-        ),
-        strict=True,
-    )
+    (_TILTS[word[0]], int(word[1:]))
+    for word in "N10 E12 N10 E10 S18 W18 N12 E12 N10 W18 N15 W10 N10 S15 E10 S10 W15 S10 W10 S10 "
+    "E12 S10 E10".split()
 )
-"""Where the board is tilted, and for how many control steps: a shortest sequence that brings the ball
-to rest in the goal of five boards, as many as any that `python -m tools.mazes` finds."""
+"""Where the board is tilted, and for how many control steps: a shortest sequence that brings the
+ball to rest in the goal of five boards, as many as any that `python -m tools.mazes` finds."""
 TILT, RATE, RAMP = (
     math.radians(14),
     math.radians(120) * CONTROL_STEP,
