@@ -19,6 +19,8 @@ LAST = "checkpoints/last/pretrained_model"
 """The last checkpoint, in the folder of a training."""
 STEP = "checkpoints/last/training_state/training_step.json"
 """How many steps it was trained for."""
+SUITE = "suite_version"
+"""Key of the suite's version, in what `duobench` writes beside a data set and a checkpoint."""
 FEATURE_NAMES = "duobench_names.json"
 """File beside a checkpoint that says what the numbers of its features are: names by feature.
 LeRobot keeps only how many there are."""

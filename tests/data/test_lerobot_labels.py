@@ -21,6 +21,7 @@ from duobench.errors import ActionError, DataError, PolicyError, SeveralTasksErr
 from duobench.evaluation import policies
 from duobench.evaluation.rollout import rollout
 from duobench.policy.lerobot import labels
+from duobench.randomness import SUITE_VERSION
 from duobench.spatial import SE3, product
 from tests.data.tools import HORIZON, TASK, play, recorder
 
@@ -215,3 +216,14 @@ def test_real_episodes_have_no_object_states(data: DataSet, tmp_path: Path) -> N
     options = ExportOptions(cameras=(), object_state=True)
     with pytest.raises(DataError, match="real table"):
         export_lerobot(DataSet.open(tmp_path / "real"), tmp_path / "out", options, workers=0)
+
+
+def test_episodes_of_another_suite_are_not_exported(data: DataSet, tmp_path: Path) -> None:
+    (recording,) = data.recordings()
+    info = replace(recording.info, suite_version="4")
+    path = DataSet.open(tmp_path / "old").episode(SHORT_TASK, "00000")
+    replace(recording, info=info).write(path)
+    with pytest.raises(
+        DataError, match=f"is of suite 4; this version exports suite {SUITE_VERSION}"
+    ):
+        export_lerobot(DataSet.open(tmp_path / "old"), tmp_path / "out", workers=0)

@@ -6,8 +6,11 @@ import pytest
 
 from duobench.cli import main
 from duobench.envs.action_labels import POSE_LABELS
-from duobench.errors import DataError, DuoBenchError, UnknownNameError
+from duobench.errors import DataError, DuoBenchError, PolicyError, UnknownNameError
+from duobench.lerobot_keys import FEATURE_NAMES
+from duobench.policy.lerobot import checkpoint
 from duobench.policy.lerobot.labels import labels_of
+from duobench.randomness import SUITE_VERSION
 from duobench.training import training
 from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL
 
@@ -298,3 +301,23 @@ def test_the_command_line_prints_the_command_and_the_reasons(
     assert command.rstrip().endswith("--batch_size=2")
     assert "paper: one ACT for each task" in reasons
     assert not (tmp_path / "out").exists()
+
+
+def test_an_export_and_a_checkpoint_of_another_suite_are_refused(tmp_path: Path) -> None:
+    data = export(tmp_path / "data", TASKS[:1])
+    about = json.loads((data / "meta/duobench.json").read_text())
+    write(data / "meta/duobench.json", {**about, "suite_version": SUITE_VERSION})
+    planned = training.plan("act", data, tmp_path / "out")
+    planned.checkpoint.mkdir(parents=True)
+    planned.name_features()
+    for name in ("config.json", "model.safetensors", *checkpoint.PROCESSORS):
+        (planned.checkpoint / name).touch()
+    assert checkpoint.find(str(planned.checkpoint)) == planned.checkpoint
+    names = planned.checkpoint / FEATURE_NAMES
+    assert json.loads(names.read_text())["suite_version"] == SUITE_VERSION
+    write(names, {"suite_version": "4"})
+    with pytest.raises(PolicyError, match=f"trained on suite 4; .* plays suite {SUITE_VERSION}"):
+        checkpoint.find(str(planned.checkpoint))
+    write(data / "meta/duobench.json", {**about, "suite_version": "4"})
+    with pytest.raises(DataError, match=f"is of suite 4; this version has suite {SUITE_VERSION}"):
+        training.plan("act", data, tmp_path / "out")

@@ -10,7 +10,16 @@ from typing import Any
 from duobench.envs import action_labels
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError
-from duobench.lerobot_keys import ACTION, DOMAIN, IMAGE_PREFIX, OBJECT_STATE, STATE, feature_names
+from duobench.lerobot_keys import (
+    ACTION,
+    DOMAIN,
+    IMAGE_PREFIX,
+    OBJECT_STATE,
+    STATE,
+    SUITE,
+    feature_names,
+)
+from duobench.randomness import SUITE_VERSION
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 FORMAT = "v3.0"
@@ -51,6 +60,13 @@ class LearningData:
         found = {key: feature_names(info, key) for key in (STATE, OBJECT_STATE, ACTION)}
         self.names = {key: list(map(str, names)) for key, names in found.items() if names}
         """What the numbers of its features are, where it says so."""
+        self.suite_version = (self._read("meta/duobench.json") or {}).get(SUITE)
+        """Version of the suite that its episodes are of, where it says so."""
+        if self.suite_version not in (None, SUITE_VERSION):
+            raise DataError(
+                f"{path} is of suite {self.suite_version}; this version has suite {SUITE_VERSION}, "
+                "whose episodes are others. Record or generate and export them again."
+            )
 
     def _read(self, name: str) -> dict[str, Any] | None:
         path = self.path / name

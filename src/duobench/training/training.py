@@ -15,7 +15,7 @@ from pathlib import Path
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
 from duobench.files import write
 from duobench.installing import install_extra
-from duobench.lerobot_keys import DOMAIN, FEATURE_NAMES, LAST, STEP
+from duobench.lerobot_keys import DOMAIN, FEATURE_NAMES, LAST, STEP, SUITE
 from duobench.tasks import catalog
 from duobench.training.dataset import LearningData
 from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL, Recipe, Setting
@@ -39,6 +39,8 @@ class Training:
     """Ids of the tasks that it learns, as far as the data set says."""
     names: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """What the numbers of its features are, as far as the data set says."""
+    suite_version: str | None = None
+    """Version of the suite that it learns from, as far as the data set says."""
 
     def command(self, more: Sequence[str] = ()) -> list[str]:
         """The command.
@@ -70,7 +72,7 @@ class Training:
         Raises:
             OutputError: A file cannot be written.
         """
-        text = json.dumps(self.names, indent=2) + "\n"
+        text = json.dumps({**self.names, SUITE: self.suite_version}, indent=2) + "\n"
         for folder in self.checkpoint.parent.parent.glob(f"*/{self.checkpoint.name}"):
             write(folder / FEATURE_NAMES, text)
 
@@ -184,7 +186,13 @@ def plan(
             Setting("output_dir", str(out), "given"),
         ]
     settings.append(recipe.steps if steps is None else Setting("steps", str(steps), "given"))
-    return Training(settings=tuple(settings), folder=out, tasks=learned, names=source.names)
+    return Training(
+        settings=tuple(settings),
+        folder=out,
+        tasks=learned,
+        names=source.names,
+        suite_version=source.suite_version,
+    )
 
 
 def program() -> Path:

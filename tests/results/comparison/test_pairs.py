@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from duobench.randomness import SUITE_VERSION
 from duobench.results.compare import compare
 from duobench.results.comparison.comparison import Comparison
 from duobench.results.comparison.pairs import Pair
@@ -139,14 +140,14 @@ def test_scores_of_other_suites_are_shown_and_not_tested(good: str, tmp_path: Pa
         text = re.sub(r',\n  "sha256": "\w+"', "", file.read_text())  # schemas to 4 have none
         for now, then in (
             ('"schema": 7', '"schema": 4'),
-            ('"version": "4"', '"version": "3"'),
-            ('"suite_version": "4"', '"suite_version": "3"'),
+            (f'"version": "{SUITE_VERSION}"', '"version": "3"'),
+            (f'"suite_version": "{SUITE_VERSION}"', '"suite_version": "3"'),
         ):
             text = text.replace(now, then)
         file.write_text(text)
     pair = pair_of(good, str(old))
     assert pair.tests == ()
-    assert "different suites (4 and 3)" in (pair.obstacle or "")
+    assert f"different suites ({SUITE_VERSION} and 3)" in (pair.obstacle or "")
 
 
 # --- who is the best -----------------------------------------------------------------------------

@@ -247,7 +247,13 @@ def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
 
 
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
-    """Reject now what would stop the export later."""
+    """Reject now what would stop the export later, and what is of another suite."""
+    suite = recording.info.suite_version
+    if suite != SUITE_VERSION and not recording.info.is_real:
+        raise DataError(
+            f"{path} is of suite {suite}; this version exports suite {SUITE_VERSION}, whose "
+            "layouts and objects are others."
+        )
     mode = action_mode(recording.info)
     is_target = mode in (JOINT, CARTESIAN) or mode.name == options.action
     if options.action_source is ActionSource.GIVEN and not is_target:

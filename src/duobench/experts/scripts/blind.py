@@ -15,11 +15,12 @@ from duobench.experts.scripts.ball_maze import TiltedBoard, grip_poses, lift
 from duobench.objects.mazes import Direction
 from duobench.types import SIDES
 
+_WORDS = (
+    "N10 E12 N10 E10 S18 W18 N12 E12 N10 W18 N15 W10 N10 S15 E10 S10 W15 S10 W10 S10 E12 S10 E10"
+)
 _TILTS = {tilt.name[0]: tilt for tilt in Direction}
 TILTS: tuple[tuple[Direction, int], ...] = tuple(
-    (_TILTS[word[0]], int(word[1:]))
-    for word in "N10 E12 N10 E10 S18 W18 N12 E12 N10 W18 N15 W10 N10 S15 E10 S10 W15 S10 W10 S10 "
-    "E12 S10 E10".split()
+    (_TILTS[word[0]], int(word[1:])) for word in _WORDS.split()
 )
 """Where the board is tilted, and for how many control steps: a shortest sequence that brings the
 ball to rest in the goal of five boards, as many as any that `python -m tools.mazes` finds."""

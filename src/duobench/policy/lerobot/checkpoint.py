@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from duobench.errors import PolicyError
-from duobench.lerobot_keys import LAST
+from duobench.lerobot_keys import FEATURE_NAMES, LAST, SUITE
+from duobench.randomness import SUITE_VERSION
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")
@@ -55,6 +59,21 @@ def content_hash(folder: Path) -> str:
     return digest.hexdigest()
 
 
+def read(path: Path) -> Mapping[str, Any]:
+    """A JSON object from a file; an empty one where there is none.
+
+    Raises:
+        PolicyError: It cannot be read.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise PolicyError(f"Cannot read {path}: {error}") from error
+    return content if isinstance(content, Mapping) else {}
+
+
 def _checked(folder: Path, checkpoint: str) -> Path:
     if (folder / ADAPTER).exists():
         raise PolicyError(
@@ -66,6 +85,12 @@ def _checked(folder: Path, checkpoint: str) -> Path:
         last = folder / LAST
         hint = f" Did you mean {Path(checkpoint) / LAST}?" if last.is_dir() else ""
         raise PolicyError(f"{checkpoint} is no LeRobot policy: no {', '.join(missing)}.{hint}")
+    suite = read(folder / FEATURE_NAMES).get(SUITE)
+    if suite not in (None, SUITE_VERSION):
+        raise PolicyError(
+            f"{checkpoint} was trained on suite {suite}; this version plays suite {SUITE_VERSION}, "
+            "whose episodes and scores are others. Train it again."
+        )
     missing = [name for name in PROCESSORS if not (folder / name).exists()]
     if missing:
         raise PolicyError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from duobench.envs.action_labels import LABELS, ActionLabels
 from duobench.envs.action_modes import JOINT
 from duobench.errors import PolicyError, check_known
 from duobench.lerobot_keys import ACTION, FEATURE_NAMES, feature_names
+from duobench.policy.lerobot.checkpoint import read
 
 _TRAINING = "train_config.json"
 """What LeRobot's trainer saves with a checkpoint; it says where the data set was."""
@@ -64,22 +64,11 @@ def _checked(labels: ActionLabels, size: int, source: str) -> ActionLabels:
 
 
 def _names(folder: Path) -> list[Any] | None:
-    beside = _read(folder / FEATURE_NAMES)
+    beside = read(folder / FEATURE_NAMES)
     if beside:
         return beside.get(ACTION)
-    dataset = _read(folder / _TRAINING).get("dataset")
+    dataset = read(folder / _TRAINING).get("dataset")
     root = dataset.get("root") if isinstance(dataset, Mapping) else None
     if not isinstance(root, str):
         return None
-    return feature_names(_read(Path(root) / "meta/info.json"), ACTION)
-
-
-def _read(path: Path) -> Mapping[str, Any]:
-    """A JSON object from a file; an empty one where there is none."""
-    try:
-        content = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as error:
-        raise PolicyError(f"Cannot read {path}: {error}") from error
-    return content if isinstance(content, Mapping) else {}
+    return feature_names(read(Path(root) / "meta/info.json"), ACTION)
