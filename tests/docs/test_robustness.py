@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.bounds import EPISODES, Job, Outcome, missing, play, read, run, table
+from duobench.randomness import SUITE_VERSION
 from duobench.results.suites.catalog import SUITES
 from duobench.shifts import levels
 from duobench.shifts.shift import AXES, LEVELS
@@ -89,7 +90,8 @@ def test_bounds_are_measured_and_go_on_where_they_were(tmp_path: Path) -> None:
     assert first.steps > 100
     out = tmp_path / "bounds.jsonl"
     run([], out, 1)
-    line = '{"suite": "4", "task": "bin_sort", "axis": "latency", "level": 1, "episode": 0, '
+    line = f'{{"suite": "{SUITE_VERSION}", "task": "bin_sort", "axis": "latency", "level": 1, '
+    line += '"episode": 0, '
     out.write_text(line + '"stage": 4, "success": true, "steps": 150}\n' + line)
     done = read(out)
     assert len(done) == 1
