@@ -41,7 +41,7 @@ long, as fingers do that slip along it."""
 RELIEVED_SECONDS, BACKED_SECONDS = 1.0, 4.5
 """For how long in all the other arm may bear the lid in the supporting one's stead, in seconds,
 since the latter was last seen to hold it alone: with that one away, and with it right behind the
-lid. Sincere hands that lean on a lid, slowly, bear it for up to 4.1 s (measured)."""
+lid. Sincere hands that lean on a lid, slowly, bear it for up to 4.0 s (measured)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

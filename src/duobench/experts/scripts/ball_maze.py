@@ -17,7 +17,7 @@ from duobench.types import SIDES, Array, Side
 
 _APPROACH = 0.08
 """Height in metres above the grips from which the tools come straight down."""
-_OPENING = 0.32
+OPENING = 0.32
 """Opening on the way down: wide enough for the bar, narrow enough for the gap to the rim."""
 TILT_RATE = math.radians(75) * CONTROL_STEP
 """Largest change of the expert's tilt in one control step, in radians."""
@@ -87,7 +87,7 @@ def grip_poses(arms: Arms, *sides: Side, way: Handling = PLAIN) -> dict[Side, SE
 def grasp(arms: Arms, *sides: Side, way: Handling = PLAIN) -> Script:
     """Close grippers around grips of the board."""
     poses = grip_poses(arms, *sides, way=way)
-    yield from come_down(arms, poses, opening=_OPENING, above=_APPROACH)
+    yield from come_down(arms, poses, opening=OPENING, above=_APPROACH)
     # One after the other: the first grip brings the board into line with its gripper.
     for side in arms.variety.ordered(sides):
         yield from grip(arms, side)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from duobench.experts.motion import CONTROL_STEP, NEAR, Arms, Script, grip, move
-from duobench.experts.scripts.ball_maze import TiltedBoard, grip_poses, lift
+from duobench.experts.scripts.ball_maze import OPENING, TiltedBoard, grip_poses, lift
 from duobench.objects.mazes import Direction
 from duobench.types import SIDES
 
@@ -33,8 +33,6 @@ TILT, RATE, RAMP = (
 much that changes."""
 ABOVE = 0.05
 """Height in metres above the grips from which the tools come straight down."""
-OPENING = 0.32
-"""Opening on the way down, as the expert's."""
 
 
 def ball_maze(arms: Arms) -> Script:
