@@ -45,7 +45,7 @@ test: check  ## Check format, lint and types, then run the tests.
 	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope
 
 fuzz: setup-test  ## Drive the arms violently in every task, and say what breaks; a minute.
-	OMP_NUM_THREADS=1 $(BIN)/python -m tools.fuzz
+	OMP_NUM_THREADS=1 $(BIN)/python -m dev.tools.fuzz
 
 # An environment of its own, of several gigabytes, with the versions that LeRobot asks for.
 test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policies, its programs.
@@ -75,7 +75,7 @@ test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER)  ## Test pages in
 screenshots: demo  ## Show a report and a comparison on a desktop, a phone and paper, in renders/.
 	$(BIN)/duobench eval --policy random --episodes 3 --workers 2 --videos 0 --out renders/random --fresh
 	$(BIN)/duobench compare demo=$(DEMO_RUN) random=renders/random paper:ACT --out renders/comparison
-	$(BIN)/python -m tools.pages $(DEMO_RUN)/index.html renders/comparison/index.html --out renders/pages
+	$(BIN)/python -m dev.tools.pages $(DEMO_RUN)/index.html renders/comparison/index.html --out renders/pages
 
 check: setup-test  ## Check format, lint and types.
 	$(BIN)/ruff format --check .
@@ -87,7 +87,7 @@ format: setup-test  ## Format the code and fix what the linter can fix.
 	$(BIN)/ruff check --fix .
 
 bench: setup-test  ## Measure speed, as ratios and against the bars.
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m dev.benchmarks
 
 docs: setup-test  ## Draw the gallery, replays, looks and printed parts, and write the tables of tasks.
 	$(BIN)/python docs/gallery.py
@@ -180,5 +180,5 @@ $(IWER):
 	npm install --no-save --no-audit --no-fund --prefix .iwer iwer@2.5.0
 
 # Their types are those of the installed version, which only the two files above can change.
-$(STUBS): $(VENV)/.installed-test tools/mujoco_stubs.py
-	$(BIN)/python -m tools.mujoco_stubs
+$(STUBS): $(VENV)/.installed-test dev/tools/mujoco_stubs.py
+	$(BIN)/python -m dev.tools.mujoco_stubs

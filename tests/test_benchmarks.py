@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.measure import Measurement, Work, seconds
-from benchmarks.variety import Paths, compare, figure_of, resampled, table_of
+from dev.benchmarks.measure import Measurement, Work, seconds
+from dev.benchmarks.variety import Paths, compare, figure_of, resampled, table_of
 
 ROOT = Path(__file__).parents[1]
 
@@ -43,7 +43,7 @@ def test_works_take_turns_after_their_preparation() -> None:
 
 
 def test_the_command_prints_what_it_measured() -> None:
-    command = [sys.executable, "-m", "benchmarks"]
+    command = [sys.executable, "-m", "dev.benchmarks"]
     result = subprocess.run(
         [*command, "resets", "--tasks", "transfer_cube"],
         cwd=ROOT,
@@ -55,7 +55,7 @@ def test_the_command_prints_what_it_measured() -> None:
 
 
 def test_an_unknown_kind_is_refused() -> None:
-    command = [sys.executable, "-m", "benchmarks", "colour"]
+    command = [sys.executable, "-m", "dev.benchmarks", "colour"]
     result = subprocess.run(command, cwd=ROOT, check=False, capture_output=True, text=True)
     assert result.returncode == 2
     assert "known: imports" in result.stderr

@@ -1,8 +1,9 @@
-"""What knows nothing gets nothing. `python -m benchmarks.sweep` plays the same on many seeds."""
+"""What knows nothing gets nothing. `python -m dev.benchmarks.sweep` plays the same on many
+seeds."""
 
 import pytest
 
-from benchmarks.sweep import OPEN_CLOSE, Job, play
+from dev.benchmarks.sweep import OPEN_CLOSE, Job, play
 from duobench.tasks import catalog
 
 SEEDS = (0,)

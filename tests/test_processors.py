@@ -1,13 +1,13 @@
 """Models, resets and replays have the same bits whatever kernels the processor's type chooses.
 
-`python -m benchmarks.sweep --kernels` compares more variants, more seeds, and the experts.
+`python -m dev.benchmarks.sweep --kernels` compares more variants, more seeds, and the experts.
 """
 
 from __future__ import annotations
 
 import pytest
 
-from benchmarks import kernels
+from dev.benchmarks import kernels
 from duobench.tasks import catalog
 
 SEED = 3

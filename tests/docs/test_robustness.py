@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.bounds import EPISODES, Job, Outcome, missing, play, read, run, table
+from dev.benchmarks.bounds import EPISODES, Job, Outcome, missing, play, read, run, table
 from duobench.randomness import SUITE_VERSION
 from duobench.results.suites.catalog import SUITES
 from duobench.shifts import levels
@@ -80,7 +80,7 @@ def test_commands_run(tmp_path: Path) -> None:
     assert "5 of 5 episodes" in said[0]
     assert said[1].count("Verified.") == 5
     assert "Report: runs/robust/index.html" in said[2]
-    assert bounds.startswith("nice python -m benchmarks.bounds --out ")
+    assert bounds.startswith("nice python -m dev.benchmarks.bounds --out ")
 
 
 def test_bounds_are_measured_and_go_on_where_they_were(tmp_path: Path) -> None:

@@ -1,10 +1,10 @@
-"""A run that is killed at random moments, in part or whole; `benchmarks.kills` does it more."""
+"""A run that is killed at random moments, in part or whole; `dev.benchmarks.kills` does it more."""
 
 import socket
 from collections import Counter
 from pathlib import Path
 
-from benchmarks.kills import disturb
+from dev.benchmarks.kills import disturb
 
 
 def test_results_are_the_same_after_ten_kills(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.steps import Steps
+from dev.benchmarks.steps import Steps
 from duobench.errors import UnknownNameError
 from duobench.evaluation.policies import BlindPolicy, source
 from duobench.evaluation.rollout import rollout

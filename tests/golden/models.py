@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from benchmarks.kernels import model_digests
+from dev.benchmarks.kernels import model_digests
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import ShapeKind
 from duobench.objects.solid import Solid

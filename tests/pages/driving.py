@@ -18,7 +18,7 @@ from websockets import Headers, Request, Response
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
-from tools.pages import browser
+from dev.tools.pages import browser
 
 ASSETS = resources.files("duobench.web") / "assets"
 STAND = Path(__file__).with_name("driving.html")

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
+from dev.tools.pages import DESKTOP, PHONE, View
 from duobench.teleop.cameras import CameraFeed
 from duobench.teleop.real import RealLiveSession
 from duobench.types import POLICY_CAMERAS
@@ -17,7 +18,6 @@ from duobench.web.server import PageServer
 from tests.hardware.rigs import camera, wait
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
 from tests.teleop.test_real import Bench
-from tools.pages import DESKTOP, PHONE, View
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
+from dev.tools.pages import PHONE, VIEWS, View, measure, violations
 from duobench.results.compare import compare, write_comparison
 from tests.results.comparison.runs import play
-from tools.pages import PHONE, VIEWS, View, measure, violations
 
 
 @pytest.fixture(scope="module")

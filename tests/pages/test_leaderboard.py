@@ -3,11 +3,11 @@ from pathlib import Path
 
 import pytest
 
+from dev.tools.pages import PHONE, VIEWS, View, measure, violations
 from duobench.results.leaderboard.board import Board, Refused
 from duobench.results.leaderboard.site import begin_site, write_site
 from duobench.results.suite import find_tasks
 from tests.results.leaderboard.boards import entry
-from tools.pages import PHONE, VIEWS, View, measure, violations
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
+from dev.tools.pages import PHONE, View
 from duobench.sim import placement
 from duobench.sim.simulation import Simulation
 from duobench.tasks import get
@@ -15,7 +16,6 @@ from duobench.web.page import assets
 from duobench.web.server import PageServer
 from duobench.web.track import decode, encode
 from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, started, until
-from tools.pages import PHONE, View
 
 FIRST_LOAD = 150_000
 STATUS = {

@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
+from dev.tools.pages import PHONE, View
 from duobench.sim import placement
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
@@ -15,7 +16,6 @@ from duobench.web.geometry import Geometry
 from duobench.web.page import Replay, replay_page
 from duobench.web.track import encode
 from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, started, until
-from tools.pages import PHONE, View
 
 TASKS = ("bin_sort", "pour_marbles", "spring_door")
 STEPS = 40

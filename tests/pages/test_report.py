@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dev.tools.pages import DESKTOP, PHONE, VIEWS, View, measure, paper, screenshot, violations
 from duobench.policy import PolicyMetadata
 from duobench.results.report import write_report
 from duobench.results.reporting.times import PARTS, EpisodeTimes
 from duobench.video import VP9, write_video
 from tests.results.samples import SORT, TURN, sample_folder, sample_record, sample_run
-from tools.pages import DESKTOP, PHONE, VIEWS, View, measure, paper, screenshot, violations
 
 AXE = Path(os.environ["DUOBENCH_AXE"])
 FRAMES = [np.full((96, 128, 3), shade, np.uint8) for shade in (20, 80, 140)]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
+from dev.tools.pages import DESKTOP, PHONE, View
 from duobench.evaluation.trials.log import Kind, read_entries
 from duobench.evaluation.trials.rating import RatingSession, rated
 from duobench.evaluation.trials.session import HELD_BY_OPERATOR
@@ -17,7 +18,6 @@ from duobench.web.server import PageServer
 from tests.evaluation.trials import toys
 from tests.evaluation.trials.operator import STEPS, Stand, contenders
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
-from tools.pages import DESKTOP, PHONE, View
 
 LAST = 5
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from tools.pages import DARK, DESKTOP, PHONE, View, browser
+from dev.tools.pages import DARK, DESKTOP, PHONE, View, browser
 
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 TRIES = 300

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.ray_cluster import LocalCluster, local_cluster, set_environment
+from dev.benchmarks.ray_cluster import LocalCluster, local_cluster, set_environment
 
 set_environment()  # before a test module imports Ray
 

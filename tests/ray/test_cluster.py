@@ -15,14 +15,14 @@ import pytest
 
 pytest.importorskip("ray", reason="Ray is not installed here: make test-ray")
 
-from benchmarks.kills import contents
-from benchmarks.ray_cluster import LocalCluster
-from benchmarks.ray_kills import ROOT, disturb, start
+from dev.benchmarks.kills import contents
+from dev.benchmarks.ray_cluster import LocalCluster
+from dev.benchmarks.ray_kills import ROOT, disturb, start
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import is_running, wait_until
 
 SEARCHES = "tests.evaluation.toy_batches:Searches"
-WANDERS = "benchmarks.kills:Wanders"
+WANDERS = "dev.benchmarks.kills:Wanders"
 TIMEOUT_S = 900
 
 

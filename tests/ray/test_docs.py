@@ -7,8 +7,8 @@ import pytest
 
 pytest.importorskip("ray", reason="Ray is not installed here: make test-ray")
 
-from benchmarks.kills import contents
-from benchmarks.ray_cluster import LocalCluster
+from dev.benchmarks.kills import contents
+from dev.benchmarks.ray_cluster import LocalCluster
 from tests.docs.markdown import DOCS, blocks
 from tests.ray.test_cluster import duobench
 

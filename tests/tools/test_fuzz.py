@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dev.tools.fuzz import KEPT, MAX_DEPTH, Episode, Job, Limits, Violation, Watch, play, replay
 from duobench.envs.sim_env import sim_of
 from duobench.robot.workcell import TABLE_X, TABLE_Y
 from duobench.sim import stepper
 from duobench.spatial import SE3
-from tools.fuzz import KEPT, MAX_DEPTH, Episode, Job, Limits, Violation, Watch, play, replay
 
 JOB = Job(task="transfer_gate", seed=0, branches=8, limits=Limits(link_speed=3.0))
 """Slow enough a limit that some branches break it, and the expert does not."""
@@ -75,7 +75,7 @@ def test_the_exit_code_says_whether_a_replay_broke(
     actions[-1, -1] = value
     file = replace(broken[0], actions=actions).save(tmp_path)
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "tools.fuzz", "--replay", str(file), "--out", str(out)]
+    command = [sys.executable, "-m", "dev.tools.fuzz", "--replay", str(file), "--out", str(out)]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     assert "1/1 " + file.name in done.stdout, done.stderr
     if np.isfinite(value):

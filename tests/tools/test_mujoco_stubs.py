@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.mujoco_stubs import PACKAGE, generate, widen
+from dev.tools.mujoco_stubs import PACKAGE, generate, widen
 
 # Each line is right by what the bindings take and return, except where the comment says otherwise.
 USE = """

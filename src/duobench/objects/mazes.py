@@ -8,8 +8,8 @@ random trees for these properties, which the tests check:
 - from every cell, tilts along the board's axes bring the ball to the goal;
 - the shortest way from the start takes eight runs, and one of them leads away from the goal, so
   that a single diagonal tilt does not solve the maze;
-- no fixed sequence of tilts that `tools/mazes.py` finds, with prices in control steps, brings the
-  ball to rest in the goal of more than five boards in the 301 steps that an episode leaves.
+- no fixed sequence of tilts that `dev/tools/mazes.py` finds, with prices in control steps, brings
+  the ball to rest in the goal of more than five boards in the 301 steps that an episode leaves.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ class ArmLink(Link):
 
 
 # The published model has eleven more images: buttons, plugs and lettering, less than a pixel in
-# any camera. `tools/meshes` leaves them out.
+# any camera. `dev/tools/meshes` leaves them out.
 LINKS = (
     ArmLink(visuals=(("link0_3", WHITE), ("link0_5", RED), ("link0_6", BLACK))),
     ArmLink(

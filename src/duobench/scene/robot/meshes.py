@@ -1,8 +1,8 @@
 """Links of the arms and grippers in a model: bodies with their mass, and meshes.
 
 All 38 meshes, reduced for images and convex hulls for contacts, are in one file beside this module,
-made from the published models by the recipes of `tools/meshes.py`. Their names end in ":visual" or
-":hull", such as "fr3/link1:hull".
+made from the published models by the recipes of `dev/tools/meshes.py`. Their names end in ":visual"
+or ":hull", such as "fr3/link1:hull".
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Count how often what is done is refused, over sincere ways of doing it that are not the experts'.
 
-`python -m benchmarks.sincere --episodes 30` takes, for every task, ways at random from
+`python -m dev.benchmarks.sincere --episodes 30` takes, for every task, ways at random from
 `tests.sincere` (height, tilt and depth of grasps, places, heights of release, order, arms, slow
 motion and trembling), plays each in a layout of its own without a time limit, and compares the
 stage that was reached with what a person would call done.
@@ -70,7 +70,7 @@ def run(job: Job) -> list[Outcome]:
 
 def main() -> int:
     """Play what the arguments name, and print one row a task."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.sincere", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.sincere", description=__doc__)
     parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
     parser.add_argument("--episodes", type=int, default=30)
     parser.add_argument("--first", type=int, default=0, help="first seed")

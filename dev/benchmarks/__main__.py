@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from benchmarks import (
+from dev.benchmarks import (
     environments,
     images,
     imports,
@@ -22,7 +22,7 @@ from benchmarks import (
     serving,
     teleoperation,
 )
-from benchmarks.measure import Measurement
+from dev.benchmarks.measure import Measurement
 from duobench.sim import rendering
 from duobench.tasks import catalog
 
@@ -70,7 +70,7 @@ def machine() -> str:
 
 def main() -> int:
     """Measure what the arguments name, or everything."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks", description=__doc__)
     parser.add_argument("kinds", nargs="*", metavar="kind", help=f"some of: {', '.join(KINDS)}")
     parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
     arguments = parser.parse_args()

@@ -3,7 +3,7 @@
 It drives Chromium without a window, which the machine must have as `chromium`, `chromium-browser`
 or `google-chrome`. Accessibility is checked by axe-core, which `make test-pages` installs.
 
-    python -m tools.pages RUN/index.html --out FOLDER
+    python -m dev.tools.pages RUN/index.html --out FOLDER
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def _run(*arguments: str) -> str:
 
 def main() -> None:
     """Write a page as it looks on a desktop, a phone and paper."""
-    parser = argparse.ArgumentParser(prog="python -m tools.pages", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m dev.tools.pages", description=__doc__)
     parser.add_argument("page", type=Path, nargs="+", help="HTML files")
     parser.add_argument("--out", type=Path, required=True, help="folder for images and PDF files")
     arguments = parser.parse_args()

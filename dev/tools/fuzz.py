@@ -1,13 +1,13 @@
 """Drive the arms violently in every task, and say what breaks.
 
-    python -m tools.fuzz [--first SEED] [--seeds N] [--tasks NAME ...] [--workers N]
-    python -m tools.fuzz --replay FILE
+    python -m dev.tools.fuzz [--first SEED] [--seeds N] [--tasks NAME ...] [--workers N]
+    python -m dev.tools.fuzz --replay FILE
 
 The scripted expert of every task plays an episode of each seed. From states along it the arms
 branch into control steps that no sane policy would send, through the action space of the
 environment. After each step the engine must not have warned, nothing may be faster than it can
 become, no object inside the table, and the stage no lower than before. Kept episodes, in
-`tools/fuzzed`, are played first: they broke an earlier version.
+`dev/tools/fuzzed`, are played first: they broke an earlier version.
 
 The same seeds play the same branches. What breaks is written with all actions from the reset on,
 for `--replay`, and the exit code is 1.
@@ -482,7 +482,7 @@ def play_all(jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Outcome]]
 def main() -> None:
     """Play what the arguments name, say what breaks, and exit with 1 if anything does."""
     parser = argparse.ArgumentParser(
-        prog="python -m tools.fuzz",
+        prog="python -m dev.tools.fuzz",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -518,7 +518,7 @@ def _report(jobs: Sequence[Job], workers: int, out: Path) -> bool:
             is_sound &= not outcome.violations
             print(f"{number}/{len(jobs)} {job}: {outcome}", flush=True)
             for violation in outcome.violations:
-                print(f"  {violation}\n  python -m tools.fuzz --replay {violation.save(out)}")
+                print(f"  {violation}\n  python -m dev.tools.fuzz --replay {violation.save(out)}")
     except BrokenProcessPool:
         print(f"A process died while these were played or waited: {', '.join(map(str, waiting))}")
         return False

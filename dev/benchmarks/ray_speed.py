@@ -1,6 +1,6 @@
 """How much longer a run takes on a local Ray cluster than with as many workers and without it.
 
-    python -m benchmarks.ray_speed
+    python -m dev.benchmarks.ray_speed
 
 Two simulator actors play against two workers, in turn, the same episodes; starting is left aside:
 counted is the time from the first finished episode to the last one. The exit status says whether
@@ -18,7 +18,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.ray_cluster import LocalCluster, local_cluster
+from dev.benchmarks.ray_cluster import LocalCluster, local_cluster
 from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.ray.cluster import Cluster
 from duobench.results.folder import RunFolder

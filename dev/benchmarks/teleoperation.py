@@ -24,7 +24,7 @@ from urllib.parse import urlsplit
 from websockets import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from benchmarks.measure import Measurement
+from dev.benchmarks.measure import Measurement
 from duobench.data import Actor, ActorKind
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.live import LiveSession

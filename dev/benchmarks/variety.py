@@ -1,6 +1,7 @@
 """Measure how far a variety spreads the paths of the tools, beside the spread of layouts alone.
 
-`python -m benchmarks.variety --variety human --figure docs/variety.png` plays each task's expert in
+`python -m dev.benchmarks.variety --variety human --figure docs/variety.png` plays each task's
+expert in
 one layout with ten seeds of the variety, and without variety in ten layouts. In one layout an
 expert without variety always takes the same path, so layouts explain nothing of the first spread.
 """
@@ -205,7 +206,7 @@ def save(figure: Figure, path: Path) -> None:
 
 def main() -> None:
     """Compare the tasks that the arguments name; print a table, draw a figure if asked for."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.variety", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.variety", description=__doc__)
     parser.add_argument("--variety", choices=tuple(VARIETIES), default=HUMAN.name)
     parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
     parser.add_argument("--workers", type=int, default=2)

@@ -1,6 +1,7 @@
 """What experts solve on the axes layout, physics and latency: the bound of the suite `robust`.
 
-`nice python -m benchmarks.bounds --out bounds.jsonl` plays 20 episodes of each task at each level
+`nice python -m dev.benchmarks.bounds --out bounds.jsonl` plays 20 episodes of each task at each
+level
 and prints one table an axis. Each finished episode is a line of the file: the same command goes on
 where it was stopped, `--table` prints what is there and plays nothing, and files of several
 machines may be put together. `--ignore-lowered` plays every level as it is for tasks whose bounds
@@ -18,7 +19,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import duobench
-from benchmarks.steps import Steps
+from dev.benchmarks.steps import Steps
 from duobench.envs.execution import ChunkExecution
 from duobench.evaluation import policies
 from duobench.evaluation.rollout import rollout
@@ -130,7 +131,7 @@ def _cell(won: Sequence[bool]) -> str:
 
 def main() -> None:
     """Play what the arguments name, and print one table an axis."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.bounds", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.bounds", description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--axes", nargs="+", choices=(*BOUNDED, ALL_AXES), default=BOUNDED)
     parser.add_argument("--levels", nargs="+", type=int, default=range(1, LEVELS + 1))

@@ -16,7 +16,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-TYPINGS = Path(__file__).parents[1] / "typings"
+TYPINGS = Path(__file__).parents[2] / "typings"
 PACKAGE = "mujoco"
 UNUSED = ("glfw", "rendering")
 """Parts that need packages without types, and that DuoBench does not import."""
@@ -48,7 +48,9 @@ def widen(stub: str) -> str:
 
 def main() -> None:
     """Replace the stubs in `typings/`."""
-    argparse.ArgumentParser(prog="python -m tools.mujoco_stubs", description=__doc__).parse_args()
+    argparse.ArgumentParser(
+        prog="python -m dev.tools.mujoco_stubs", description=__doc__
+    ).parse_args()
     with tempfile.TemporaryDirectory() as folder:
         generate(Path(folder))
         shutil.rmtree(TYPINGS / PACKAGE, ignore_errors=True)

@@ -1,6 +1,7 @@
 """Find how many boards of ball_maze can be won blindly, in control steps.
 
-`python -m tools.mazes` prints the most boards that one sequence of tilts solves in the time that an
+`python -m dev.tools.mazes` prints the most boards that one sequence of tilts solves in the time
+that an
 episode has, where the ball must rest in the goal, as the task asks, and where any stop counts.
 
 A blind player sends the same tilts to every board. Its positions on some boards together are the

@@ -1,6 +1,6 @@
 """Record a rig's three cameras in real time, kill the process, and count what is lost.
 
-    python -m benchmarks.real_recording --seconds 60
+    python -m dev.benchmarks.real_recording --seconds 60
 
 The arms are the simulated drivers, the cameras give generated frames of 1280x720 at 30 Hz with
 noise in them. Where a rig would hold its arms, because the machine is too busy to lead them, this
@@ -34,7 +34,7 @@ from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 TASK = "bin_sort"
 DIFFERENT = 15
 """Frames that a camera shows in turn."""
@@ -136,7 +136,7 @@ def kill_after(steps: int, folder: Path) -> Killed:
     """
     paths = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     process = subprocess.Popen(
-        [sys.executable, "-m", "benchmarks.real_recording", "--record", str(folder)],
+        [sys.executable, "-m", "dev.benchmarks.real_recording", "--record", str(folder)],
         env={**os.environ, "PYTHONPATH": paths},
         stdout=subprocess.PIPE,
         text=True,

@@ -61,7 +61,7 @@ def play(variant: str, job: Mapping[str, Any]) -> Found:
     """What a process of a variant finds; see `report`."""
     kept = {name: value for name, value in os.environ.items() if name not in (BLAS, LOOPS)}
     result = subprocess.run(
-        [sys.executable, "-m", "benchmarks.kernels"],
+        [sys.executable, "-m", "dev.benchmarks.kernels"],
         input=json.dumps(dict(job)),
         env={**kept, **VARIANTS[variant]},
         check=False,

@@ -1,6 +1,6 @@
 """Kill an evaluation on a Ray cluster at random moments: what comes out must be what comes out.
 
-    python -m benchmarks.ray_kills --kills 30 --seed 0
+    python -m dev.benchmarks.ray_kills --kills 30 --seed 0
 
 Killed are actors, the processes of simulators and policies, whole nodes, and the process that
 writes, which is started again. It needs the extra ray.
@@ -21,11 +21,11 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from benchmarks.kills import ROOT, contents
-from benchmarks.ray_cluster import LocalCluster, local_cluster
+from dev.benchmarks.kills import ROOT, contents
+from dev.benchmarks.ray_cluster import LocalCluster, local_cluster
 
 TASKS, EPISODES, WORKERS = ("carry_pot", "bin_sort"), 3, 2
-POLICIES = ("random", "benchmarks.kills:Wanders")
+POLICIES = ("random", "dev.benchmarks.kills:Wanders")
 LONGEST_PAUSE_S = 6.0
 """Seconds from one kill to the next, at most."""
 TIMEOUT_S = 600.0

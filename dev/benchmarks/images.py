@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 import duobench
-from benchmarks.environments import begin
-from benchmarks.measure import Measurement, Work, seconds
+from dev.benchmarks.environments import begin
+from dev.benchmarks.measure import Measurement, Work, seconds
 from duobench.envs.sim_env import sim_of
 from duobench.envs.wrappers.cameras import IMAGE_SIZE
 from duobench.sim import rendering

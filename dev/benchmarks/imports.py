@@ -5,7 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 
-from benchmarks.measure import Measurement
+from dev.benchmarks.measure import Measurement
 
 PROBE = """
 import time

@@ -1,6 +1,7 @@
 """Replay what an export makes of demonstrations, without looking, and count what succeeds again.
 
-`python -m benchmarks.labels demos --episodes 5` plays the labels of the first successful episodes
+`python -m dev.benchmarks.labels demos --episodes 5` plays the labels of the first successful
+episodes
 of each task in the action mode that they are meant for: joint targets as a reference, tool poses,
 and changes of tool poses, each as the actor intended them and as they were sent. So it says which
 tasks survive that the elbows are no part of an action, and which the noise of a demonstration.
@@ -77,7 +78,7 @@ def _held(last: np.ndarray, mode: str) -> list[np.ndarray]:
 
 def main() -> None:
     """Replay what the arguments name, and print one row a task."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.labels", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.labels", description=__doc__)
     parser.add_argument("data", type=Path, help="folder of a data set")
     parser.add_argument("--episodes", type=int, default=5, help="episodes of each task")
     parser.add_argument("--workers", type=int, default=2)

@@ -1,6 +1,6 @@
 """Kill an evaluation at random moments, again and again: what comes out must be what comes out.
 
-    python -m benchmarks.kills --kills 100 --seed 0
+    python -m dev.benchmarks.kills --kills 100 --seed 0
 
 Killed are the process that writes, the workers, the processes of policies, and a server. A run
 whose parent was killed is started again. In the end all files that results are in must have the
@@ -28,7 +28,7 @@ import numpy as np
 
 from duobench.policy import PolicyMetadata, Session, noise
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 TASKS, EPISODES, WORKERS = ("carry_pot", "bin_sort"), 3, 2
 LONGEST_PAUSE_S = 3.0
 """Seconds from one kill to the next, at most."""
@@ -40,7 +40,7 @@ RESULTS = ("run.json", "summary.json", "index.html", "records/*/*.json")
 """Files that must be the same."""
 TIMES = re.compile(rb'<section id="times">.*?</section>', re.DOTALL)
 """What of the report may differ."""
-POLICIES = ("random", "benchmarks.kills:Wanders", "openpi")
+POLICIES = ("random", "dev.benchmarks.kills:Wanders", "openpi")
 
 
 class Wanders:

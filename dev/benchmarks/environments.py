@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import duobench
-from benchmarks.measure import Measurement, Work, seconds
-from benchmarks.steps import Steps
+from dev.benchmarks.measure import Measurement, Work, seconds
+from dev.benchmarks.steps import Steps
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import rollout

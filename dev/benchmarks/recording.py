@@ -4,8 +4,8 @@ import tempfile
 from collections.abc import Iterator
 
 import duobench
-from benchmarks.environments import expert_actions, wrapped_physics
-from benchmarks.measure import Measurement, seconds
+from dev.benchmarks.environments import expert_actions, wrapped_physics
+from dev.benchmarks.measure import Measurement, seconds
 from duobench.data.recorder import Recorder
 
 

@@ -1,0 +1,1 @@
+"""What maintainers run: benchmarks, and tools that make or check parts of the product."""
