@@ -7,9 +7,9 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from duobench.rig_sessions.film import FILM_RATE
-from duobench.rig_sessions.trial_plan import Plan
-from duobench.rig_sessions.trial_session import SILENCE_S
+from duobench.rig_sessions.cameras import FILM_RATE
+from duobench.rig_sessions.status_page import SILENCE_S
+from duobench.rig_sessions.trials_plan import Plan
 from tests.docs.markdown import DOCS, blocks, text_of
 from tests.rig_sessions.operator import Operator
 from tests.web.pages import Page, open_page

@@ -15,7 +15,7 @@ from duobench.errors import BackendError, OptionError, UnknownNameError
 from duobench.evaluation import rollout
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.env import RealEnv, make_real_env
-from duobench.hardware.judge import DeclaredJudge
+from duobench.hardware.judge import HumanJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.supervisor import State
 from duobench.policy import PolicyMetadata
@@ -151,38 +151,40 @@ def test_a_declared_stage_counts_from_the_next_step_on() -> None:
     judge.declare(2)
     assert env.step(action)[-1]["stage"] == 2
     judge.declare(5)
-    judge.undo()
+    judge.declare(None)
     assert env.step(action)[-1]["stage"] == 2
     judge.declare(5)
     _, reward, terminated, _, info = env.step(action)
     assert (reward, terminated, info["success"], info["success_at_end"]) == (1.0, True, True, True)
-    assert [(said.stage, said.step, said.is_undo) for said in judge.log] == [
-        (2, 0, False),
-        (5, 1, False),
-        (2, 1, True),
-        (5, 2, False),
-    ]
+    labels = [(label.stage, label.step) for label in judge.labels.all]
+    assert labels == [(2, 0), (5, 1), (None, 1), (5, 2)]
+    assert judge.labels.changes() == ((0, 2), (2, 5))
     env.reset(seed=1)
-    assert (judge.stage, judge.log) == (0, ())
+    assert (judge.stage, judge.labels.all) == (0, ())
     env.close()
 
 
 def test_a_judge_keeps_the_highest_stage_and_refuses_what_is_none() -> None:
-    judge = DeclaredJudge(3)
-    assert judge.declare(2)
-    assert not judge.declare(1)
-    assert not judge.declare(2)
+    judge = HumanJudge(3)
+    judge.declare(2)
+    judge.declare(1)
+    assert judge.labels.stage == 2
+    noted = []
     for wrong in (0, 4):
         with pytest.raises(OptionError, match="1 to 3"):
-            judge.declare(wrong)
-    assert judge.undo()
-    assert not judge.undo()
-    judge.declare(3)
+            judge.declare(wrong, note=noted.append)
+    judge.declare(None)
+    assert judge.labels.stage == 2
+    judge.declare(None)
+    with pytest.raises(OptionError, match="no press"):
+        judge.declare(None, note=noted.append)
+    assert noted == []
+    assert judge.declare(3, note=noted.append) in noted
+    assert judge.stage == 0
     judge.judge()
-    judge.declare_end(False)
-    assert (judge.stage, judge.final_holds) == (3, False)
+    assert (judge.stage, judge.final_holds) == (3, True)
     state = judge.get_state()
-    other = DeclaredJudge(3)
+    other = HumanJudge(3)
     other.set_state(state)
     assert other.stage == 3
 

@@ -10,11 +10,11 @@ from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
 from duobench.results.source import read_source
-from duobench.rig_sessions.trial_log import Kind
-from duobench.rig_sessions.trial_session import HELD_BY_OPERATOR
+from duobench.rig_sessions.session import HELD_BY_OPERATOR
+from duobench.rig_sessions.trials_log import Kind
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import STEPS, Stand, contenders
+from tests.rig_sessions.operator import POLICIES, STEPS, Stand
 
 LAST = 5
 
@@ -30,7 +30,7 @@ class Led:
 
     def __init__(self, path: Path) -> None:
         # A browser on a busy machine may be busy for long.
-        self.stand = Stand(path, contenders()[:1], episodes=1, blind=True, silence_s=600.0)
+        self.stand = Stand(path, POLICIES[:1], episodes=1, blind=True, silence_s=600.0)
         self.results: list[bool] = []
         self.thread = threading.Thread(target=self.run)
         self.thread.start()
@@ -39,7 +39,7 @@ class Led:
         self.results.append(self.stand.session.run())
         row = {"letter": "A", "policy": "mine", "trained_on": "sim", "episodes": 1}
         row |= {"successes": 1, "rate": 1.0, "low": 0.2065, "high": 1.0, "progress": 1.0}
-        self.stand.session.tell(results=[row], files="Report: index.html")
+        self.stand.session.publish(results=[row], files="Report: index.html")
 
     def close(self) -> None:
         self.stand.session.stop()

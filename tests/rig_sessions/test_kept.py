@@ -9,10 +9,10 @@ from duobench.hardware.doctor import Check, Outcome, write_checks
 from duobench.hardware.rig import Rig
 from duobench.results.records import EpisodeRecord
 from duobench.results.source import read_source
-from duobench.rig_sessions.trial_folder import TrialsFolder
-from duobench.rig_sessions.trial_report import write_trials_report
+from duobench.rig_sessions.trials_folder import TrialsFolder
+from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import POLICY_CAMERAS
-from tests.rig_sessions.operator import STEPS, Operator, Stand, contenders, run
+from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, run
 
 EPISODES = 2
 JUDGED = [2, 0, 3, 1]
@@ -36,7 +36,7 @@ def records(folder: TrialsFolder) -> list[EpisodeRecord]:
 
 def test_trials_that_count_are_recorded_as_they_were_judged(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path / "data")
-    stand = Stand(tmp_path / "trials", contenders(), episodes=EPISODES, data=data)
+    stand = Stand(tmp_path / "trials", POLICIES, episodes=EPISODES, data=data)
     with stand.ending:
         assert run(stand, script)
     assert find_problems(data) == []
@@ -78,7 +78,7 @@ def test_page_says_what_the_doctor_found(
         check = Check(name="holding", outcome=outcome, value="both arms")
         rig_hash = known.hash if rig == "same" else "0" * 64
         write_checks(tmp_path / "trials", known.name, rig_hash, [check])
-    stand = Stand(tmp_path / "trials", contenders(), episodes=1)
+    stand = Stand(tmp_path / "trials", POLICIES, episodes=1)
     stand.ending.close()
     write_trials_report(stand.folder)
     page = stand.folder.page.read_text()

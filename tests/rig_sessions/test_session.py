@@ -6,23 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import EvaluationError, LockedError, OtherRunError
+from duobench.errors import EvaluationError, LockedError, OtherRunError, PolicyError
 from duobench.files import locked
 from duobench.hardware.devices import FaultKind
 from duobench.results.records import EpisodeRecord
 from duobench.results.source import read_source
-from duobench.rig_sessions.trial_folder import CUT, Standing, TrialsFolder
-from duobench.rig_sessions.trial_log import Entry, Kind
-from duobench.rig_sessions.trial_opening import Contender
-from duobench.rig_sessions.trial_report import write_trials_report
-from duobench.rig_sessions.trial_session import HELD_BY_OPERATOR
+from duobench.rig_sessions.session import HELD_BY_OPERATOR
+from duobench.rig_sessions.trials_folder import CUT, Progress, TrialsFolder
+from duobench.rig_sessions.trials_log import Entry, Kind
+from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import Side
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import STEPS, Operator, Stand, contenders, run
+from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, run
 from tests.web.pages import open_page
 
 LAST = 5
-ONE = [Contender(spec=f"{toys.MODULE}:Patient")]
+ONE = [(f"{toys.MODULE}:Patient", "")]
 
 
 def only_record(stand: Stand) -> EpisodeRecord:
@@ -31,7 +30,7 @@ def only_record(stand: Stand) -> EpisodeRecord:
 
 
 def reasons(folder: TrialsFolder) -> list[str]:
-    invalid = Standing.of(folder.read_log()).invalid
+    invalid = Progress.of(folder.read_log()).invalid
     return [reason for each in invalid.values() for reason in each]
 
 
@@ -180,7 +179,7 @@ def test_success_that_was_taken_back_does_not_count(tmp_path: Path) -> None:
 
 
 def test_late_press_counts_and_policy_that_raises_has_failed(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", [*ONE, Contender(spec=f"{toys.MODULE}:Broken")], episodes=1)
+    stand = Stand(tmp_path / "t", [*ONE, (f"{toys.MODULE}:Broken", "")], episodes=1)
 
     def script(operator: Operator) -> None:
         for _ in range(2):
@@ -269,7 +268,7 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
         again.play([[2]])
         again.finish()
 
-    stand = Stand(path, contenders(), episodes=1)
+    stand = Stand(path, POLICIES, episodes=1)
     with stand.ending:
         assert run(stand, script)
     assert reasons(stand.folder) == [CUT]
@@ -281,12 +280,14 @@ def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
     stand = Stand(tmp_path / "t", ONE, episodes=1)
     stand.ending.close()
     with pytest.raises(OtherRunError, match="policies"):
-        Stand(tmp_path / "t", contenders(), episodes=1)
+        Stand(tmp_path / "t", POLICIES, episodes=1)
     Stand(tmp_path / "t", ONE, episodes=2).ending.close()
     with pytest.raises(OtherRunError, match="episodes 1 instead of 2"):
         Stand(tmp_path / "t", ONE, episodes=1)
-    with pytest.raises(EvaluationError, match="reads the simulation"):
-        Stand(tmp_path / "u", [Contender(spec="expert")])
+    with pytest.raises(PolicyError, match="reads the simulation"):
+        Stand(tmp_path / "u", [("expert", "")])
+    with pytest.raises(EvaluationError, match="Named more than once"):
+        Stand(tmp_path / "u", [*ONE, *ONE])
     (tmp_path / "v").mkdir()
     (tmp_path / "v" / "thesis.txt").write_text("mine")
     with pytest.raises(OtherRunError, match="not empty"):
@@ -306,7 +307,7 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
         with stand.ending:
             assert run(stand, script)
         stand.folder.run("A").record("bin_sort", 0).unlink()
-    assert Standing.of(stand.folder.read_log()).attempts == {0: 2}
+    assert Progress.of(stand.folder.read_log()).attempts == {0: 2}
 
 
 def test_entry_says_only_what_there_is_to_say(tmp_path: Path) -> None:

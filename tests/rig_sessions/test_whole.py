@@ -13,12 +13,12 @@ from duobench.results.comparison.mixed import read_mixed, write_mixed
 from duobench.results.metrics import wilson_interval
 from duobench.results.records import EpisodeRecord
 from duobench.results.source import open_source, read_source
-from duobench.rig_sessions.trial_folder import TrialsFolder
-from duobench.rig_sessions.trial_log import Kind
-from duobench.rig_sessions.trial_report import TrialsReport, write_trials_report
+from duobench.rig_sessions.trials_folder import TrialsFolder
+from duobench.rig_sessions.trials_log import Kind
+from duobench.rig_sessions.trials_report import TrialsReport, write_trials_report
 from tests.results.samples import LIFT, sample_folder, sample_record, sample_run
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import Operator, Stand, contenders, run
+from tests.rig_sessions.operator import POLICIES, Operator, Stand, run
 
 EPISODES = 15
 LAST = 5
@@ -69,7 +69,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrialsFolder, Trial
     """All trials played and reported."""
     script = Scripted()
     stand = Stand(
-        tmp_path_factory.mktemp("whole") / "trials", contenders(), episodes=EPISODES, blind=True
+        tmp_path_factory.mktemp("whole") / "trials", POLICIES, episodes=EPISODES, blind=True
     )
 
     def report() -> dict[str, object]:

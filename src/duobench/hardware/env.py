@@ -26,7 +26,7 @@ from duobench.envs.wrappers.base import DuoWrapper
 from duobench.envs.wrappers.task_stages import Judge, TaskStages
 from duobench.errors import OptionError, check_known
 from duobench.hardware.duo import HardwareDuo
-from duobench.hardware.judge import DeclaredJudge
+from duobench.hardware.judge import HumanJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import Rig
 from duobench.randomness import EVAL, SPLITS
@@ -157,7 +157,7 @@ def make_real_env(
     Args:
         rig: A rig, or what `open_rig` takes.
         task: A task, its id, or its import path "module:ATTRIBUTE".
-        judge: Who says which stage is reached; a `DeclaredJudge` where none is given, which is
+        judge: Who says which stage is reached; a `HumanJudge` where none is given, which is
             `env.get_wrapper_attr("judge")`.
         prepare: Called with a reset's options before the arms go home; see `RealEnv`.
         options: The fields of `EnvConfig` as `EnvConfig.from_options` takes them, such as
@@ -180,5 +180,5 @@ def make_real_env(
         definition = replace(definition, horizon=horizon)
     base = RealEnv(duo, definition, prepare=prepare)
     base.config = config
-    judge = judge or DeclaredJudge(definition.max_stage, duo.clock.now)
+    judge = judge or HumanJudge(definition.max_stage, duo.clock.now)
     return stack_on(TaskStages(base, judge), config, horizon)

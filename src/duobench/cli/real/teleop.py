@@ -63,7 +63,7 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     load_engine()
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import Actor, ActorKind
-    from duobench.rig_sessions.page_cameras import CameraFeed
+    from duobench.rig_sessions.cameras import CameraFeed
     from duobench.rig_sessions.rig_teleoperation import (
         EndedError,
         RealLiveSession,

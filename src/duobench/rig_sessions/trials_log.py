@@ -18,7 +18,6 @@ import msgspec
 
 from duobench.errors import FileError
 from duobench.files import make_folder, writing
-from duobench.results.records import Press
 
 
 class Kind(StrEnum):
@@ -73,29 +72,17 @@ class Entry:
     """Date and time of day in UTC, for people; nothing depends on it."""
 
 
-def press_entry(press: Press, trial: int, attempt: int, at: str) -> Entry:
-    """The line of a press."""
-    return Entry(
-        kind=Kind.PRESS,
-        trial=trial,
-        attempt=attempt,
-        stage=press.stage,
-        step=press.step,
-        time_s=press.time_s,
-        at=at,
-    )
-
-
 class TrialLog:
-    """A log that is written by one process, from any of its threads."""
+    """A log that is written by one process, from any of its threads.
+
+    Opening it begins the file if there is none; half a line, left by a killed process, is removed.
+
+    Raises:
+        FileError: A line is damaged that is not the last one.
+        OutputError: The file cannot be written.
+    """
 
     def __init__(self, path: Path) -> None:
-        """Open a log, or begin one; half a line, left by a killed process, is removed.
-
-        Raises:
-            FileError: A line is damaged that is not the last one.
-            OutputError: The file cannot be written.
-        """
         self.path = path
         self._lock = threading.Lock()
         make_folder(path.parent)

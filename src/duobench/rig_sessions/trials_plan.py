@@ -24,7 +24,7 @@ PLAN_SCHEMA = 1
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class TrialPolicy:
+class Candidate:
     """One of the policies."""
 
     spec: str
@@ -35,7 +35,6 @@ class TrialPolicy:
     """What it was trained on: "sim", "real" or "mixed"; empty if nobody said."""
 
     def __post_init__(self) -> None:
-        """Reject an unknown training."""
         if self.trained_on not in ("", *TRAININGS):
             raise EvaluationError(
                 f"A policy is trained on {', '.join(TRAININGS)}; got {self.trained_on!r}."
@@ -43,7 +42,7 @@ class TrialPolicy:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Trial:
+class RigEpisode:
     """One policy in one episode."""
 
     number: int
@@ -61,7 +60,7 @@ class Plan:
     CHECKED_FROM: ClassVar[int] = 1
     task: TaskInfo
     """What is to be done."""
-    policies: tuple[TrialPolicy, ...]
+    policies: tuple[Candidate, ...]
     """The policies, in the order of their letters A, B, ..."""
     rig: str
     """SHA-256 of the rig."""
@@ -79,7 +78,6 @@ class Plan:
     """Versions of the packages that scores depend on."""
 
     def __post_init__(self) -> None:
-        """Reject a plan that nobody can play."""
         if self.episodes < 1 or self.first_episode < 0:
             raise EvaluationError(
                 "A plan has at least one episode, counted from 0; got "
@@ -97,13 +95,13 @@ class Plan:
         if not self.rater.strip():
             raise EvaluationError("Whoever judges has a name, or a pseudonym.")
 
-    def trials(self) -> list[Trial]:
+    def trials(self) -> list[RigEpisode]:
         """Every trial in the order in which they are played, episode by episode."""
-        trials: list[Trial] = []
+        trials: list[RigEpisode] = []
         for episode in range(self.first_episode, self.first_episode + self.episodes):
             rng = np.random.default_rng((self.order_seed, episode))
             for policy in rng.permutation(len(self.policies)).tolist():
-                trials.append(Trial(number=len(trials), policy=policy, episode=episode))
+                trials.append(RigEpisode(number=len(trials), policy=policy, episode=episode))
         return trials
 
     def letter(self, policy: int) -> str:
@@ -144,7 +142,7 @@ class Plan:
         }
 
 
-def shuffled(policies: tuple[TrialPolicy, ...], seed: int) -> tuple[TrialPolicy, ...]:
+def shuffled(policies: tuple[Candidate, ...], seed: int) -> tuple[Candidate, ...]:
     """Policies in another order, so that letters do not tell who was named first.
 
     Args:

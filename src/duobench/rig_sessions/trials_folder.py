@@ -10,8 +10,8 @@ from duobench.errors import EvaluationError, OtherRunError
 from duobench.files import begin_or_continue, encode, read, write
 from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
 from duobench.results.folder import RunFolder
-from duobench.rig_sessions.trial_log import Entry, Kind, TrialLog, read_entries
-from duobench.rig_sessions.trial_plan import PLAN_SCHEMA, Plan, Trial
+from duobench.rig_sessions.trials_log import Entry, Kind, TrialLog, read_entries
+from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, Plan, RigEpisode
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
@@ -20,7 +20,7 @@ CUT = "The program ended during the trial."
 
 
 @dataclass(kw_only=True, slots=True)
-class Standing:
+class Progress:
     """How far an evaluation is, by its log."""
 
     valid: dict[int, int] = field(default_factory=dict[int, int])
@@ -33,29 +33,28 @@ class Standing:
     """Trial and attempt that was being played when the log ended; None if none was."""
 
     @staticmethod
-    def of(entries: Iterable[Entry]) -> Standing:
+    def of(entries: Iterable[Entry]) -> Progress:
         """What a log adds up to."""
-        standing = Standing()
+        progress = Progress()
         for entry in entries:
             if entry.kind is Kind.BEGIN:
-                standing.attempts[entry.trial] = entry.attempt
+                progress.attempts[entry.trial] = entry.attempt
             elif entry.kind is Kind.START:
-                standing.cut = entry.trial, entry.attempt
+                progress.cut = entry.trial, entry.attempt
             elif entry.kind is Kind.VALID:
-                standing.valid[entry.trial] = entry.attempt
-                standing.cut = None
+                progress.valid[entry.trial] = entry.attempt
+                progress.cut = None
             elif entry.kind is Kind.INVALID:
-                standing.invalid.setdefault(entry.trial, []).append(entry.text)
-                standing.cut = None
-        return standing
+                progress.invalid.setdefault(entry.trial, []).append(entry.text)
+                progress.cut = None
+        return progress
 
 
 class TrialsFolder:
     """Names in the folder, and how it is begun, continued and read."""
 
     def __init__(self, path: Path) -> None:
-        """Find the folder now: a policy may change the working folder."""
-        self.path = path.absolute()
+        self.path = path.absolute()  # now: a policy may change the working folder
         self.description = self.path / DESCRIPTION
         """The plan."""
         self.log_file = self.path / "log.jsonl"
@@ -146,7 +145,7 @@ class TrialsFolder:
             OutputError: It cannot be written.
         """
         log = TrialLog(self.log_file)
-        if (cut := Standing.of(log.entries).cut) is not None:
+        if (cut := Progress.of(log.entries).cut) is not None:
             trial, attempt = cut
             log.add(
                 Entry(kind=Kind.INVALID, trial=trial, attempt=attempt, text=CUT, yes=True, at=at)
@@ -161,13 +160,13 @@ class TrialsFolder:
         """
         return list(read_entries(self.log_file)) if self.log_file.exists() else []
 
-    def remaining(self, plan: Plan, standing: Standing) -> list[Trial]:
+    def remaining(self, plan: Plan, progress: Progress) -> list[RigEpisode]:
         """Trials that are still to be played, in the order of the plan."""
         return [
             trial
             for trial in plan.trials()
-            if trial.number not in standing.valid or not self._record(plan, trial).exists()
+            if trial.number not in progress.valid or not self._record(plan, trial).exists()
         ]
 
-    def _record(self, plan: Plan, trial: Trial) -> Path:
+    def _record(self, plan: Plan, trial: RigEpisode) -> Path:
         return self.run(plan.letter(trial.policy)).record(plan.task.id, trial.episode)

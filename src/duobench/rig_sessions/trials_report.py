@@ -14,8 +14,8 @@ from duobench.results.compare import compare, write_comparison
 from duobench.results.comparison import words
 from duobench.results.metrics import Score
 from duobench.results.report import write_report
-from duobench.rig_sessions.trial_folder import Standing, TrialsFolder
-from duobench.rig_sessions.trial_plan import Plan
+from duobench.rig_sessions.trials_folder import Progress, TrialsFolder
+from duobench.rig_sessions.trials_plan import Plan
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -84,8 +84,8 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         OutputError: Something cannot be written.
     """
     plan = folder.read_plan()
-    standing = Standing.of(folder.read_log())
-    missing = len(folder.remaining(plan, standing))
+    progress = Progress.of(folder.read_log())
+    missing = len(folder.remaining(plan, progress))
     is_shown = not (plan.blind and missing)
     policies: list[PolicyResult] = []
     for number, policy in enumerate(plan.policies):
@@ -108,7 +108,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         comparison = compare([str(folder.run(one.letter).path) for one in policies])
         write_comparison(comparison, folder.comparison)
         verdicts = [words.verdict(pair) for pair in comparison.pairs]
-    reasons = Counter(reason for each in standing.invalid.values() for reason in each)
+    reasons = Counter(reason for each in progress.invalid.values() for reason in each)
     report = TrialsReport(
         plan=plan,
         policies=tuple(policies),

@@ -1,0 +1,358 @@
+"""Evaluating policies on real arms: trials of a plan, which an operator places and judges.
+
+Every press is written down at once, and a trial that counts becomes a record like that of an
+episode in simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, cast
+
+from duobench.data import Actor, ActorKind, DataSet
+from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.reset_options import LAYOUT
+from duobench.evaluation.policies import PolicySource
+from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.fabrication.sheet import layout_sheet
+from duobench.files import write
+from duobench.hardware.devices import FaultKind
+from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.env import make_real_env
+from duobench.hardware.judge import HumanJudge
+from duobench.results.limits import TimeLimits
+from duobench.results.records import REAL, EpisodeRecord, Judged
+from duobench.results.run import Run
+from duobench.results.suite import Suite, TaskInfo
+from duobench.rig_sessions.cameras import Film, jpeg
+from duobench.rig_sessions.overlay import Overlay
+from duobench.rig_sessions.policy_runner import (
+    PlayedEpisode,
+    PolicyRunner,
+    find_rig_policy,
+    make_rig_recorder,
+)
+from duobench.rig_sessions.session import Phase, RigSession, Stopped
+from duobench.rig_sessions.status_page import SILENCE_S, StatusPage
+from duobench.rig_sessions.trials_folder import Progress, TrialsFolder
+from duobench.rig_sessions.trials_log import Entry, Kind, TrialLog
+from duobench.rig_sessions.trials_plan import Candidate, Plan, RigEpisode, shuffled
+from duobench.sim.layout import Layout
+from duobench.tasks import catalog
+from duobench.versions import package_versions, record_versions
+from duobench.web.server import PageServer
+
+if TYPE_CHECKING:
+    from duobench.tasks.task import Task
+
+
+class TrialsSession(RigSession):
+    """Leads an operator through the trials of a plan, on one page; nothing moves before `run`.
+
+    Args:
+        folder: Where everything is written.
+        plan: The plan that the folder holds.
+        sources: The policies, in the order of the plan.
+        duo: The arms, started.
+        overlay: Layouts and their images.
+        server: The page, which takes its messages here from now on.
+        data: Where trials that count are recorded; None records none.
+        command: The command that started it, if there is one.
+        silence_s: Seconds without a sign of the page after which the arms are held.
+        wall: Date and time of day, for the log.
+
+    Raises:
+        DuoBenchError: A policy does not fit the rig, or the log is damaged.
+    """
+
+    def __init__(  # noqa: PLR0913 - its parts
+        self,
+        folder: TrialsFolder,
+        plan: Plan,
+        sources: Sequence[PolicySource],
+        duo: HardwareDuo,
+        overlay: Overlay,
+        server: PageServer,
+        *,
+        data: DataSet | None = None,
+        command: str = "",
+        silence_s: float = SILENCE_S,
+        wall: Callable[[], str] = lambda: datetime.now(UTC).isoformat(timespec="seconds"),
+    ) -> None:
+        super().__init__(duo, HumanJudge(plan.task.max_stage, duo.clock.now))
+        self._folder, self._plan, self._overlay, self._wall = folder, plan, overlay, wall
+        self._runs = [
+            _run_of(plan, candidate, source, command)
+            for candidate, source in zip(plan.policies, sources, strict=True)
+        ]
+        self._runners = [
+            self._runner(run, source, data) for run, source in zip(self._runs, sources, strict=True)
+        ]
+        self._log: TrialLog = folder.open_log(wall())
+        self._progress = Progress.of(self._log.entries)
+        self._trial: RigEpisode | None = None
+        self._attempt = 0
+        self._begun: set[int] = set()
+        self.view = self._page = StatusPage(self, server, overlay, silence_s)
+
+    def run(self) -> bool:
+        """Play what is missing; whether nothing is missing at the end.
+
+        Raises:
+            OutputError: Something cannot be written.
+        """
+        try:
+            for trial in self._folder.remaining(self._plan, self._progress):
+                while not self._play_once(trial):
+                    self._progress = Progress.of(self._log.entries)
+        except Stopped:
+            return False
+        finally:
+            self.duo.hold("The session is over.")
+        self.phase = Phase.OVER
+        self._page.publish()
+        return True
+
+    def close(self) -> None:
+        """Let go of the log; closing twice is harmless."""
+        self._log.close()
+
+    def publish(self, **more: object) -> None:
+        """Show the state on the page, with what else is to be said."""
+        self._page.more = more
+        self._page.publish()
+
+    def write(self, kind: Kind, **more: Any) -> None:
+        """Write a line about the trial into the log."""
+        if self._trial is not None:
+            number, attempt = self._trial.number, self._attempt
+            self._log.add(Entry(kind=kind, trial=number, attempt=attempt, at=self._wall(), **more))
+
+    def on_step(self, number: int) -> None:
+        """Hold where nobody is at the page, and show how it goes."""
+        self._page.on_step(number)
+
+    def keep_placed(self) -> None:
+        """Store what the head camera sees."""
+        image = self._page.native_image()
+        if image is not None and self._trial is not None:
+            write(self._folder.placed(self._trial.number, self._attempt), jpeg(image))
+
+    def _play_once(self, trial: RigEpisode) -> bool:
+        """Play a trial once; whether it counts."""
+        self._trial = trial
+        self._attempt = self._progress.attempts.get(trial.number, 0) + 1
+        self.begin()
+        episode = self._plan.episode(trial.episode)
+        layout = self._overlay.layout(episode.seed, episode.split)
+        self._page.begin(layout, self._about(trial, layout))
+        name = f"episode {trial.episode}"
+        self._page.offer_sheet(
+            f"sheet-{trial.episode}", layout_sheet(self._overlay.task, layout, name)
+        )
+        self.write(Kind.BEGIN, text=self._plan.letter(trial.policy))
+        self.place()
+        recorder = EpisodeRecorder(episode)
+        film = Film(self._page.head.image, self._page.show_frame)
+        runner = self._runners[trial.policy]
+        played = self.play(runner, episode.seed, {LAYOUT: layout}, recorder, film)
+        name = f"{trial.number}.{self._attempt}"
+        if (video := film.video()) is not None:
+            self._page.offer_film(f"film-{name}", video)
+        automatic = self.lost or played.invalid
+        if reason := automatic or self.decide(played, played.ending):
+            if video is not None:
+                write(self._folder.invalid_film(trial.number, self._attempt), video)
+            runner.settle(counts=False)
+            self.write(Kind.INVALID, text=reason, yes=bool(automatic))
+            self.message = f"The trial is invalid and comes again: {reason}"
+            return False
+        self._keep(trial, self._record(trial, recorder, played), video)
+        return True
+
+    def _about(self, trial: RigEpisode, layout: Layout) -> dict[str, Any]:
+        """What the page is told about a trial."""
+        plan, task = self._plan, self._overlay.task
+        return {
+            "title": plan.task.title,
+            "task": plan.task.id,
+            "blind": plan.blind,
+            "stages": list(plan.task.stages),
+            "horizon": plan.task.horizon,
+            "sheet": "",
+            "trial": {
+                "number": trial.number + 1,
+                "of": len(plan.trials()),
+                "attempt": self._attempt,
+                "episode": trial.episode,
+                "policy": plan.shown_name(trial.policy),
+                "invalid": sum(map(len, self._progress.invalid.values())),
+                "instruction": task.instruct(layout),
+                "variants": dict(layout.variants),
+            },
+        }
+
+    def _record(
+        self, trial: RigEpisode, recorder: EpisodeRecorder, played: PlayedEpisode
+    ) -> EpisodeRecord:
+        """The record of a trial, as it was judged."""
+        run, labels = self._runs[trial.policy], self.judge.labels
+        plain = recorder.record(run, record_versions(None))
+        success = labels.stage == plain.max_stage
+        record = replace(
+            plain,
+            stage_changes=labels.changes(),
+            final_stage=labels.stage,
+            success=success,
+            success_at_end=success and self.at_end is not False,
+            unmet=None,
+            domain=REAL,
+            rig=run.rig,
+            judged=Judged(
+                rater=self._plan.rater,
+                presses=labels.all,
+                note=self.note,
+                repeated=tuple(self._progress.invalid.get(trial.number, ())),
+                stopped=played.stopped,
+                reflex=played.fault is FaultKind.REFLEX,
+            ),
+        )
+        return record if played.error is None else record.broken(played.error, played.steps)
+
+    def _keep(self, trial: RigEpisode, record: EpisodeRecord, video: bytes | None) -> None:
+        """Write the record, then say in the log that the trial counts."""
+        run_folder = self._folder.run(self._plan.letter(trial.policy))
+        if not run_folder.description.exists() or trial.policy not in self._begun:
+            run_folder.begin(self._runs[trial.policy])
+            self._begun.add(trial.policy)
+        run_folder.write(record, video)
+        self._runners[trial.policy].settle(counts=True)
+        self.write(Kind.VALID)
+        self._progress = Progress.of(self._log.entries)
+        self.message = ""
+
+    def _runner(self, run: Run, source: PolicySource, data: DataSet | None) -> PolicyRunner:
+        """A policy on the arms, so that one that does not fit is known before all trials."""
+        config, metadata = run.config, source.metadata
+        env = make_real_env(
+            self.duo,
+            self._plan.task.reference,
+            judge=self.judge,
+            cameras=config.cameras,
+            image_size=config.image_size,
+            action_mode=config.action_mode,
+            horizon=config.horizon,
+        )
+        if data is not None:
+            actor = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
+            env = make_rig_recorder(env, self.duo, data, actor)
+        return PolicyRunner(env, source)
+
+
+def _run_of(plan: Plan, candidate: Candidate, source: PolicySource, command: str) -> Run:
+    """The description of a policy's run."""
+    metadata = candidate.metadata
+    usual = catalog.get(plan.task.reference).horizon
+    return Run(
+        policy=candidate.spec,
+        suite=Suite(tasks=(plan.task,), episodes=plan.episodes, first_episode=plan.first_episode),
+        videos=plan.episodes,
+        limits=TimeLimits(),
+        metadata=metadata,
+        config=EnvConfig(
+            cameras=metadata.cameras,
+            object_state=metadata.object_state,
+            action_mode=metadata.action_mode,
+            control_rate_hz=metadata.control_rate_hz,
+            image_size=metadata.image_size or IMAGE_SIZE,
+            horizon=None if plan.task.horizon == usual else plan.task.horizon,
+        ),
+        versions=package_versions(),
+        batching=source.batching,
+        command=command,
+        domain=REAL,
+        rig=plan.rig,
+        trained_on=candidate.trained_on,
+    )
+
+
+def open_session(  # noqa: PLR0913 - everything that can be chosen
+    folder: TrialsFolder,
+    duo: HardwareDuo,
+    task: TaskInfo,
+    policies: Sequence[tuple[str, str]],
+    server: PageServer,
+    ending: ExitStack,
+    *,
+    rater: str,
+    episodes: int = 15,
+    first_episode: int = 0,
+    order_seed: int = 0,
+    blind: bool = False,
+    data: DataSet | None = None,
+    command: str = "",
+    silence_s: float = SILENCE_S,
+) -> TrialsSession:
+    """Begin an evaluation, or continue the one in the folder; nothing moves.
+
+    Args:
+        folder: Where everything is written.
+        duo: The arms; they are started, and belong to the caller.
+        task: What is to be done.
+        policies: Of each policy its name, as `find_rig_policy` takes it, and what it was trained
+            on: "sim", "real", "mixed", or "" if nobody said.
+        server: The operator's page.
+        ending: Frees policies, renderer and log when it ends.
+        rater: Who judges, by a pseudonym.
+        episodes: Episodes of each policy.
+        first_episode: Index of the first one.
+        order_seed: Decides the order in which policies take turns, and blind ones get letters.
+        blind: Whether the page hides their names until the end.
+        data: Where trials that count are recorded, with all cameras of the rig; None records none.
+        command: The command that started it, if there is one.
+        silence_s: Seconds without a sign of the page after which the arms are held.
+
+    Raises:
+        DuoBenchError: A policy cannot be made or does not fit, the rig cannot be reached, or the
+            folder holds another evaluation.
+    """
+    sources: dict[str, PolicySource] = {}
+    candidates: list[Candidate] = []
+    for name, trained_on in policies:
+        sources[name] = source = find_rig_policy(name, (task,))
+        ending.callback(source.close)
+        candidates.append(Candidate(spec=name, metadata=source.metadata, trained_on=trained_on))
+    plan = folder.begin(
+        Plan(
+            task=task,
+            policies=shuffled(tuple(candidates), order_seed) if blind else tuple(candidates),
+            rig=duo.rig.hash,
+            rater=rater,
+            episodes=episodes,
+            first_episode=first_episode,
+            order_seed=order_seed,
+            blind=blind,
+            versions=package_versions(),
+        )
+    )
+    duo.start()
+    duo.rig.write(folder.rig)
+    definition = cast("Task", catalog.get(task.reference))
+    overlay = Overlay(replace(definition, horizon=task.horizon), duo.rig)
+    ending.callback(overlay.close)
+    session = TrialsSession(
+        folder,
+        plan,
+        [sources[candidate.spec] for candidate in plan.policies],
+        duo,
+        overlay,
+        server,
+        data=data,
+        command=command,
+        silence_s=silence_s,
+    )
+    ending.callback(session.close)
+    return session
