@@ -19,8 +19,7 @@ from duobench.hardware.judge import HumanJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.supervisor import State
 from duobench.policy import PolicyMetadata
-from duobench.rig_sessions.teleoperation import Session
-from duobench.rig_sessions.teleoperation import State as SessionState
+from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
 from duobench.robot.joints import HOME_JOINTS
 from duobench.robot.kinematics import tcp_poses
 from duobench.teleop.hands import HandDevice
@@ -258,7 +257,7 @@ def test_relative_actions_start_from_what_was_really_sent() -> None:
 def test_a_session_leads_records_and_keeps_an_episode(tmp_path: Path) -> None:
     duo, env = confirmed(cameras=False, action_mode="cartesian", horizon=300)
     device = HandDevice()
-    session = Session(
+    session = Teleoperation(
         Recorder(env, tmp_path, is_reviewed=True, has_clutch=True), device, episodes=1
     )
     homes = {side: env.get_wrapper_attr("kinematics").forward(HOME_JOINTS)[side] for side in SIDES}
@@ -273,14 +272,14 @@ def test_a_session_leads_records_and_keeps_an_episode(tmp_path: Path) -> None:
 
     send(0.0, 0.0)
     send(1.0, 0.0)
-    assert session.state is SessionState.RECORDING
+    assert session.state is TeleopState.RECORDING
     for number in range(60):
         send(1.0, min(0.05, 0.001 * number))
     heights = duo.read().tcp_poses[:, 2] - tcp_poses(HOME_JOINTS)[:, 2]
     assert heights == pytest.approx([0.05, 0.05], abs=2e-3)
     env.get_wrapper_attr("judge").declare(5)
     send(1.0, 0.05)
-    assert session.state is SessionState.DECIDE
+    assert session.state is TeleopState.DECIDE
     session._keep()
     session.close()
     (recording,) = DataSet.open(tmp_path).recordings()

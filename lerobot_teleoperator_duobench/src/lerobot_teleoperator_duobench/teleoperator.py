@@ -20,7 +20,7 @@ from duobench.looks.look import Look
 from duobench.robot.joints import JOINT_RANGES
 from duobench.sim.simulation import Simulation
 from duobench.teleop.hand_arms import OPEN_HOME, HandArms
-from duobench.teleop.presses import DISCARD, KEEP
+from duobench.teleop.hands import DISCARD, KEEP
 from duobench.types import SIDES, DuoCommand, DuoState
 from lerobot_teleoperator_duobench.config import DuoBenchTeleoperatorConfig
 from lerobot_teleoperator_duobench.page import LivePage, Shadow

@@ -15,7 +15,7 @@ from duobench.cli.interrupt import stopping
 from duobench.cli.view import serve_page
 
 if TYPE_CHECKING:
-    from duobench.rig_sessions.pacing import Timings
+    from duobench.rig_sessions.teleop_page import Timings
     from duobench.teleop.intent import Device
     from duobench.teleop.leaders.device import JointSource
 
@@ -64,37 +64,49 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         raise AdvisedError("Leader arms send no messages to step by: leave out --lockstep.")
     load_engine()
     from duobench.data import Actor, ActorKind
-    from duobench.rig_sessions.teleop_page import LiveSession
-    from duobench.rig_sessions.teleop_recorder import make_recorder
-    from duobench.rig_sessions.teleoperation import Session
-    from duobench.teleop.hands import HandDevice
-    from duobench.teleop.leaders.device import LeaderDevice
+    from duobench.rig_sessions.teleop_page import TeleopPage
+    from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
 
     with ExitStack() as ending:
-        source = None if leader is None else joint_source(leader)
-        led_by: Device
-        if source is None:
-            led_by = HandDevice(lockstep=lockstep)
-        else:
-            source.connect()
-            ending.callback(source.close)
-            led_by = LeaderDevice(source)
+        led_by, name = opened_device(leader, device, lockstep, ending)
         kind = ActorKind.SCRIPTED_OPERATOR if scripted else ActorKind.PERSON
-        actor = Actor(kind=kind, name=operator, device=source.device if source else device)
+        actor = Actor(kind=kind, name=operator, device=name)
         recorder = make_recorder(task, out, actor, action_mode=led_by.action_mode, look=look)
-        session = Session(
+        session = Teleoperation(
             recorder, led_by, episodes=episodes, instruction=instruction, lockstep=lockstep
         )
         ending.callback(session.close)
         server = serve_page(port, lan)
         ending.callback(server.close)
-        live = LiveSession(session, server)
+        live = TeleopPage(session, server)
         screen = console()
         screen.print(f"Open {server.url}\nCtrl-C ends the session.")
         with stopping(live.stop):
             timings = live.run()
         kept = counted(session.kept, "episode")
         screen.print(f"{kept} of {task} in {out}{times_of(timings)}")
+
+
+def opened_device(
+    leader: str | None, device: str, lockstep: bool, ending: ExitStack
+) -> tuple[Device, str]:
+    """What the operator leads with, and what it is called in recordings.
+
+    Args:
+        leader: Leader arms, as the option names them; None for the hands of a page.
+        device: What those hands come from.
+        lockstep: Whether each message of hands is one control step.
+        ending: Lets go of leader arms when it ends.
+    """
+    from duobench.teleop.hands import HandDevice
+    from duobench.teleop.leaders.device import LeaderDevice
+
+    if leader is None:
+        return HandDevice(lockstep=lockstep), device
+    source = joint_source(leader)
+    source.connect()
+    ending.callback(source.close)
+    return LeaderDevice(source), source.device
 
 
 def joint_source(leader: str) -> JointSource:

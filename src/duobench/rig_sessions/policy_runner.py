@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -63,7 +64,7 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
 
 
 def make_rig_recorder(
-    env: gym.Env, duo: HardwareDuo, data: DataSet | str, actor: Actor, **options: Any
+    env: gym.Env, duo: HardwareDuo, data: DataSet | str | Path, actor: Actor, **options: Any
 ) -> Recorder:
     """Record an environment on a rig with all its cameras; every episode waits for a decision.
 
