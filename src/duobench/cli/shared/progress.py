@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from duobench.cli.display.console import counted
+from duobench.cli.shared.console import counted
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.runners.demonstrations import Attempt

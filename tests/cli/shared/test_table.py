@@ -3,7 +3,7 @@ import re
 
 from rich.console import Console
 
-from duobench.cli.display.table import results_table
+from duobench.cli.shared.table import results_table
 from duobench.results.metrics import summarize
 from tests.results.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
 

@@ -3,7 +3,7 @@ import io
 import pytest
 from rich.console import Console
 
-from duobench.cli.display.progress import EpisodesPlayed, display
+from duobench.cli.shared.progress import EpisodesPlayed, display
 from tests.results.samples import SORT, sample_record, sample_records, sample_run
 
 
