@@ -19,8 +19,8 @@ from duobench.hardware.judge import DeclaredJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.supervisor import State
 from duobench.policy import PolicyMetadata
+from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.kinematics import tcp_poses
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.session import Session
 from duobench.teleop.session import State as SessionState

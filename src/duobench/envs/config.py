@@ -13,7 +13,7 @@ from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
-from duobench.robot.limits import check_speed_fraction
+from duobench.robot.joints import check_speed_fraction
 from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 

@@ -29,7 +29,6 @@ from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL
 from duobench.robot.cameras import OVERVIEW
-from duobench.shifts.layout import shifted_task
 from duobench.shifts.samples import (
     UNSCALED,
     EpisodeKey,
@@ -37,6 +36,7 @@ from duobench.shifts.samples import (
     kept_paraphrase,
     physics_scale,
     shifted_look,
+    shifted_task,
 )
 from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.sim import placement
