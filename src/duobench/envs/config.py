@@ -6,7 +6,6 @@ from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from duobench import checks
 from duobench.envs import action_modes
 from duobench.errors import OptionError, check_known
 from duobench.looks.catalog import DEFAULT, as_look
@@ -15,7 +14,7 @@ from duobench.randomness import EVAL, SPLITS
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.robot.joints import check_speed_fraction
 from duobench.shifts.shift import NO_SHIFT, Shift
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_size, as_whole
 
 RENDER_MODES = ("rgb_array",)
 FIXED, VARIED = "fixed", "varied"
@@ -130,11 +129,11 @@ def _cameras(value: Any) -> Any:
 
 
 def _size(value: Any) -> Any:
-    return checks.size(value) or value
+    return as_size(value) or value
 
 
 def _number(value: Any) -> Any:
-    number = checks.whole(value)
+    number = as_whole(value)
     return value if number is None else number
 
 
@@ -170,7 +169,7 @@ _FORMS: Mapping[str, Callable[[Any], Any]] = {
 
 def _check_size(name: str, value: Any) -> None:
     is_size = isinstance(value, tuple) and all(isinstance(part, int) for part in value)
-    if not (is_size and checks.size(value)) or value[0] > NATIVE_HEIGHT or value[1] > NATIVE_WIDTH:
+    if not (is_size and as_size(value)) or value[0] > NATIVE_HEIGHT or value[1] > NATIVE_WIDTH:
         raise OptionError(
             f"{name} is (height, width) in pixels, at most {(NATIVE_HEIGHT, NATIVE_WIDTH)}, or one "
             f"number for a square; got {value!r}."
@@ -178,5 +177,5 @@ def _check_size(name: str, value: Any) -> None:
 
 
 def _check_count(name: str, value: Any) -> None:
-    if value is not None and not (isinstance(value, int) and checks.count(value)):
+    if value is not None and not (isinstance(value, int) and as_count(value)):
         raise OptionError(f"{name} is a positive whole number, got {value!r}.")

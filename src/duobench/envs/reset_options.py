@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from difflib import get_close_matches
 from typing import Any
 
-from duobench.checks import whole
 from duobench.errors import OptionError, check_known, escaped
+from duobench.types import as_whole
 
 LAYOUT, LAYOUT_SEED, SPLIT, LOOK = "layout", "layout_seed", "split", "look"
 INSTRUCTION = "instruction"
@@ -23,7 +23,7 @@ def checked_seed(seed: Any) -> int | None:
     """
     if seed is None:
         return None
-    number = whole(seed)
+    number = as_whole(seed)
     if number is None or number < 0:
         raise OptionError(f"A seed is a whole number from 0 on, got {seed!r}.")
     return number
@@ -64,7 +64,7 @@ def checked_instruction(value: Any, count: int) -> int | str:
         if value.strip() and value == escaped(value):
             return value
         raise OptionError(f"An instruction is text that can be printed, got {value!a}.")
-    number = 0 if value is None else whole(value)
+    number = 0 if value is None else as_whole(value)
     if number is None or not 0 <= number < count:
         raise OptionError(
             f"An instruction is text, or a number from 0 to {count - 1}: the task's own and its "
