@@ -171,7 +171,7 @@ def test_imports_of_the_package_point_down() -> None:
         ("sim/a.py", "from duobench.tasks import catalog", "duobench.tasks.catalog lies above sim"),
         ("sim/a.py", "from ..envs.spaces import x", "duobench.envs.spaces.x lies above sim"),
         ("sim/__init__.py", "from ..envs import x", "duobench.envs.x lies above sim"),
-        ("envs/wrappers/a.py", "from ...cli import x", "duobench.cli.x lies above envs"),
+        ("envs/deep/a.py", "from ...cli import x", "duobench.cli.x lies above envs"),
         ("errors.py", "import duobench.spatial", "duobench.spatial lies above errors"),
         ("spatial.py", "from duobench import objects", "duobench.objects lies above spatial"),
         ("experts/a.py", "import duobench.policy", "duobench.policy is a sibling of experts"),

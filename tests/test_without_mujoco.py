@@ -22,7 +22,7 @@ ROOMS = (
     *("lerobot_keys", "machine", "video", "training"),
     *("fabrication", "hardware"),
 )
-NEEDS_AN_ENGINE = ("duobench.envs.make", "duobench.envs.sim_env", "duobench.envs.sim_judge")
+NEEDS_AN_ENGINE = ("duobench.envs.sim_env",)
 
 IMPORT_ALL = """
 import importlib

@@ -10,7 +10,7 @@ import pytest
 
 from duobench.data import DataSet, Recorder
 from duobench.envs import RelativeJointActions, base_of
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import BackendError, OptionError, UnknownNameError
 from duobench.evaluation import rollout
 from duobench.hardware.clock import VirtualClock

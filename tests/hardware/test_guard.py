@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import BackendError
 from duobench.evaluation import rollout
 from duobench.evaluation.policies import ExpertPolicy

@@ -10,20 +10,20 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.envs.config import RENDER_SIZE
-from duobench.envs.duo_env import DuoEnv, Info, ResetNeededError, Start, base_of
-from duobench.envs.episode_state import EpisodeState
-from duobench.envs.reset_options import (
+from duobench.envs.config import (
     INSTRUCTION,
     LAYOUT,
     LAYOUT_SEED,
     LOOK,
     OF_SIMULATION,
+    RENDER_SIZE,
     SPLIT,
     checked_instruction,
     checked_reset_options,
     checked_seed,
 )
+from duobench.envs.duo_env import DuoEnv, Info, ResetNeededError, Start, base_of
+from duobench.envs.episode_state import EpisodeState
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
