@@ -24,7 +24,7 @@ from duobench.envs import action_labels, spaces
 from duobench.envs.action_modes import ACTION_MODES
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import base_of
-from duobench.envs.ids import VERSION
+from duobench.envs.registration import VERSION
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
 from duobench.results.limits import TimeLimits
