@@ -52,7 +52,7 @@ AT_HOME = {
     "duobench.hardware": ("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
     "duobench.evaluation.ray": ("ray",),
     "duobench.interop.vla_eval": ("vla_eval",),
-    "duobench.interop.vlagents": ("vlagents", "rpyc"),
+    "duobench.interop.vlagents_bridge": ("vlagents",),
 }
 GYMNASIUM = ("gymnasium", "gym")
 FORBIDDEN = {
@@ -216,7 +216,7 @@ def test_a_violation_is_found(tmp_path: Path, path: str, source: str, complaint:
         ("stages/a.py", "import numpy as np\nnp.randomly"),
         ("policy/lerobot/a.py", "import torch\nfrom lerobot import policies"),
         ("interop/vla_eval.py", "from vla_eval.specs import x\nfrom duobench.policy import y"),
-        ("interop/vlagents/a.py", "import rpyc\nfrom duobench.policy import y"),
+        ("interop/vlagents_bridge.py", "import vlagents\nfrom duobench.policy import y"),
     ],
 )
 def test_what_is_allowed_is_not_reported(tmp_path: Path, path: str, source: str) -> None:
