@@ -15,7 +15,6 @@ from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceb
 from duobench.installing import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.batch import Batching, BatchPolicy, SessionPolicy
-from duobench.policy.lerobot.address import SCHEME as LEROBOT
 from duobench.policy.policy import Policy, PolicyMetadata
 from duobench.references import load
 
@@ -84,7 +83,7 @@ class PolicyName:
         kind, reference, variety = words.get(text), text, None
         if is_divided and words.get(first) is PolicyKind.EXPERT:
             kind, reference, variety = PolicyKind.EXPERT, first, rest
-        elif is_divided and first == LEROBOT:
+        elif is_divided and first == PolicyKind.LEROBOT:
             kind, reference = PolicyKind.LEROBOT, rest
         elif is_divided:
             kind = PolicyKind.MODULE
@@ -111,8 +110,8 @@ def make(name: str) -> Policy:
 
     Args:
         name: A baseline's name; `lerobot:PATH_OR_ID`, a checkpoint of LeRobot, see
-            `duobench.policy.lerobot.address`; or `module:attribute` where the attribute is a class
-            or a function that gives a `Policy` or a `BatchPolicy` when called without arguments.
+            `lerobot_checkpoint.Address`; or `module:attribute` where the attribute is a class or a
+            function that gives a `Policy` or a `BatchPolicy` when called without arguments.
 
     Returns:
         A policy that has not been reset yet.
@@ -223,7 +222,7 @@ def _factory(path: str) -> Callable[[], object]:
 
 def _lerobot_class() -> Callable[[str], object]:
     try:
-        from duobench.policy.lerobot.policy import LeRobotPolicy
+        from duobench.policy.lerobot_model import LeRobotPolicy
     except ImportError as error:
         raise PolicyError(
             f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. "
