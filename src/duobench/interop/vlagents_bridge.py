@@ -15,6 +15,7 @@ from dataclasses import asdict
 from typing import Any
 
 import json_numpy  # pyright: ignore[reportMissingImports]
+import numpy as np
 from vlagents.client import (  # pyright: ignore[reportMissingImports]
     RemoteAgent,
     dataclass_from_dict,
@@ -22,15 +23,16 @@ from vlagents.client import (  # pyright: ignore[reportMissingImports]
 from vlagents.policies.interface import (  # pyright: ignore[reportMissingImports]
     Act,
     Obs,
+    SingleAct,
     SingleObs,
 )
 
 from duobench.errors import MachineryError, PolicyError, ServingError
-from duobench.interop.vlagents.messages import as_action
 from duobench.policy.batch import Chunk, Observation
 from duobench.policy.serving.address import WAIT_S
 from duobench.policy.serving.limits import HEALTH_S
 from duobench.policy.serving.message_format import ActionFormat, MessageFormat, read_format
+from duobench.types import SIDES, Array, real_array
 
 AGENT_VARIABLE = "DUOBENCH_VLAGENTS_AGENT"
 """Environment variable with the agent's name and server, AGENT@HOST:PORT."""
@@ -52,19 +54,14 @@ class VLAgentsPolicy:
     on with it. An observation is sent once: VLAgents' client would send it again after any error.
     """
 
-    def __init__(self, agent: str | None = None, message_format: MessageFormat | None = None):
+    def __init__(self) -> None:
         """Connect, and wait until the agent is loaded.
-
-        Args:
-            agent: Its name and server, AGENT@HOST:PORT; None reads `AGENT_VARIABLE`.
-            message_format: Its keys are the fields of VLAgents' observations; None reads
-                `FORMAT_VARIABLE`, or takes the format `vlagents`.
 
         Raises:
             DuoBenchError: If there is no such server or agent, or the format is one for others.
         """
-        self._address = _address(agent or os.environ.get(AGENT_VARIABLE, ""))
-        self._format = message_format or read_format(os.environ.get(FORMAT_VARIABLE, _FORMAT))
+        self._address = _address(os.environ.get(AGENT_VARIABLE, ""))
+        self._format = read_format(os.environ.get(FORMAT_VARIABLE, _FORMAT))
         _check(self._format)
         self._instruction = ""
         self._client = self._connected(_LOADING_S)
@@ -113,7 +110,7 @@ class VLAgentsPolicy:
         act = dataclass_from_dict(Act, json_numpy.loads(answer))
         if not act.acts:
             raise PolicyError("The agent answers without any `acts`.")
-        return self._format.chunk([as_action(one) for one in act.acts])
+        return self._format.chunk([_action(one) for one in act.acts])
 
     def close(self) -> None:
         """Close the connection."""
@@ -172,3 +169,34 @@ def _check(message_format: MessageFormat) -> None:
             f"{_PROMPT!r}, and it says nothing of actions but their mode. The format {_FORMAT!r} "
             "is one of them."
         )
+
+
+def _action(act: Mapping[str, SingleAct]) -> Array:
+    """The numbers of both arms, each with the opening of its gripper at its end."""
+    parts = [_arm(act, str(side)) for side in SIDES]
+    left, right = map(len, parts)
+    if left != right:
+        raise PolicyError(
+            f"The agent gives the left arm {left} numbers and the right one {right}, the opening "
+            "included."
+        )
+    return np.concatenate(parts)
+
+
+def _arm(act: Mapping[str, SingleAct], side: str) -> Array:
+    arm = act.get(side)
+    if arm is None or arm.action is None or arm.gripper is None:
+        raise PolicyError(
+            "An act has the arms `left` and `right`, each with an `action` and the opening of its "
+            f"`gripper`; {side} has not. There is: {', '.join(act)[:200] or 'nothing'}."
+        )
+    try:
+        action, gripper = (real_array(part, np.float64) for part in (arm.action, arm.gripper))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise PolicyError(f"The agent gives no numbers: {arm!r:.80}.") from error
+    if action.ndim != 1 or gripper.size != 1:
+        raise PolicyError(
+            "An `action` is a list of numbers and a `gripper` is one number, got arrays of shape "
+            f"{action.shape} and {gripper.shape}."
+        )
+    return np.append(action, gripper)

@@ -1,4 +1,4 @@
-"""A LeRobot checkpoint as a policy, with its own processors."""
+"""A LeRobot checkpoint as a policy, with its own processors; it needs LeRobot and torch."""
 
 from __future__ import annotations
 
@@ -20,21 +20,23 @@ from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports
     auto_select_torch_device,
     is_torch_device_available,
 )
+from safetensors import safe_open  # pyright: ignore[reportMissingImports]
+from torch.overrides import TorchFunctionMode  # pyright: ignore[reportMissingImports]
 
 from duobench.errors import PolicyError
 from duobench.lerobot_keys import EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
-from duobench.policy.batch import Chunk, Observation, Session
-from duobench.policy.lerobot import checkpoint
-from duobench.policy.lerobot.address import SCHEME, parse
-from duobench.policy.lerobot.features import DIFFUSION, horizon, inputs, object_numbers
-from duobench.policy.lerobot.labels import labels_of
-from duobench.policy.lerobot.noise import EpisodeNoise
-from duobench.policy.lerobot.weights import check_loaded
+from duobench.policy import lerobot_checkpoint as checkpoint
+from duobench.policy.batch import NOISE_STREAM, Chunk, Observation, Session
+from duobench.policy.lerobot_checkpoint import DIFFUSION, horizon, inputs, labels_of, object_numbers
 from duobench.policy.policy import PolicyMetadata
 from duobench.tasks.object_state import ENVIRONMENT_STATE
 
 _RENAMING = "rename_observations_processor"
 _DTYPES = ("bfloat16", "float32")
+_NORMAL = (torch.randn, torch.randn_like, torch.normal)
+_PREFIX = "model."
+"""What published weights leave out of their names."""
+_MOST_NAMED = 3
 
 
 @dataclass(kw_only=True, slots=True)
@@ -61,13 +63,13 @@ class LeRobotPolicy:
         """Load a checkpoint.
 
         Args:
-            text: What stands after `lerobot:` in its name; see `duobench.policy.lerobot.address`.
+            text: What stands after `lerobot:` in its name; see `lerobot_checkpoint.Address`.
 
         Raises:
             PolicyError: It cannot be loaded, or does not fit this benchmark.
             UnknownNameError: There is no such option.
         """
-        address = parse(text)
+        address = checkpoint.parse(text)
         folder = checkpoint.find(address.checkpoint)
         device = _device(address.device)
         config = PreTrainedConfig.from_pretrained(folder)
@@ -88,7 +90,7 @@ class LeRobotPolicy:
         self._model = get_policy_class(config.type).from_pretrained(
             folder, config=config, strict=True
         )
-        check_loaded(self._model, folder / checkpoint.WEIGHTS)
+        _check_loaded(self._model, folder / checkpoint.WEIGHTS)
         self._before, self._after = make_pre_post_processors(
             config,
             pretrained_path=str(folder),
@@ -103,7 +105,7 @@ class LeRobotPolicy:
         self._object_numbers = object_numbers(config)
         mode = self._labels.mode.name
         self.metadata = PolicyMetadata(
-            name=f"{SCHEME} {config.type}",
+            name=f"lerobot {config.type}",
             cameras=self._cameras,
             object_state=self._object_numbers > 0,
             image_size=image_size,
@@ -256,3 +258,89 @@ def _version(folder: Path, steps: int, mode: str, model: Any, device: str, amp: 
         f"{_dtype(model)}{' with autocast' if amp else ''} on {where.type}{card}, "
         f"lerobot {version('lerobot')}, torch {torch.__version__}"
     )
+
+
+class EpisodeNoise(TorchFunctionMode):
+    """While active, normal noise for a batch is made row by row, each from its own generator.
+
+    Models differ in whether they take noise as an argument and how often they sample: diffusion
+    does in every denoising step, X-VLA takes none. All of them sample with torch and put the batch
+    first, so noise is replaced there. It is made on the processor by NumPy, so that it is the same
+    on every device.
+    """
+
+    def __init__(self, keys: Sequence[tuple[int, int]]) -> None:
+        """Begin a call of the model.
+
+        Args:
+            keys: Seed of the episode and number of the call in it, for each row of the batch.
+        """
+        super().__init__()
+        self._generators = [np.random.default_rng((NOISE_STREAM, *key)) for key in keys]
+        # Whatever else a model samples follows from the whole batch, at least.
+        seeds = np.random.SeedSequence([number for key in keys for number in key])
+        torch.manual_seed(int(seeds.generate_state(1)[0]))
+
+    def __torch_function__(
+        self, func: Any, types: Any, args: tuple[Any, ...] = (), kwargs: Any = None
+    ) -> Any:
+        """Call a function of torch, and replace the noise that it returns."""
+        kwargs = kwargs or {}
+        result = func(*args, **kwargs)
+        if func not in _NORMAL or not result.ndim or len(result) != len(self._generators):
+            return result
+        rows = [
+            generator.standard_normal(result.shape[1:], dtype=np.float32)
+            for generator in self._generators
+        ]
+        noise = torch.from_numpy(np.stack(rows)).to(result)
+        if func is torch.normal:
+            mean, std = _parameters(args, kwargs)
+            return noise * std + mean
+        return noise
+
+
+def _parameters(args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[Any, Any]:
+    """Mean and standard deviation of a call of `torch.normal`."""
+    named = dict(zip(("mean", "std"), args, strict=False)) | kwargs
+    return named.get("mean", 0.0), named.get("std", 1.0)
+
+
+def _check_loaded(model: Any, file: Path) -> None:
+    """Compare a model with the file of its weights, by the first row of every tensor.
+
+    LeRobot's π0 and π0.5 go on with random weights where loading fails, and only print a warning.
+
+    Args:
+        model: A policy of LeRobot.
+        file: The safetensors file that it was loaded from.
+
+    Raises:
+        PolicyError: Weights of the model are not in the file, or have other values.
+    """
+    state = model.state_dict()
+    with safe_open(file, framework="pt") as weights:
+        names = {name if name in state else _PREFIX + name: name for name in weights.keys()}  # noqa: SIM118 - no mapping
+        wrong = [
+            own
+            for own, name in names.items()
+            if own in state and not _is_equal(state[own], weights.get_slice(name))
+        ]
+    there = {state[name].data_ptr() for name in names if name in state}  # some share memory
+    wrong += [
+        name for name, value in state.items() if name not in names and value.data_ptr() not in there
+    ]
+    if wrong:
+        listed = ", ".join(wrong[:_MOST_NAMED]) + (" …" if len(wrong) > _MOST_NAMED else "")
+        raise PolicyError(
+            f"{len(wrong)} of {len(state)} weights of the model are not those of {file}: {listed}. "
+            "The file belongs to another configuration or another version of LeRobot."
+        )
+
+
+def _is_equal(own: Any, saved: Any) -> bool:
+    if list(own.shape) != saved.get_shape():
+        return False
+    first = saved[:1] if own.ndim else saved[...]
+    row = own[:1] if own.ndim else own
+    return torch.equal(row.cpu(), first.to(row.dtype))

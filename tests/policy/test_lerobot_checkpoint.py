@@ -1,11 +1,62 @@
 import sys
+from pathlib import Path
 
 import pytest
 
 from duobench import policy
 from duobench.errors import DuoBenchError, PolicyError, UnknownNameError
 from duobench.evaluation import policies
-from duobench.policy.lerobot.address import Address, parse
+from duobench.policy import lerobot_checkpoint as checkpoint
+from duobench.policy.lerobot_checkpoint import Address, parse
+
+FILES = (
+    "config.json",
+    "model.safetensors",
+    "policy_preprocessor.json",
+    "policy_postprocessor.json",
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    folder = tmp_path / "policy"
+    folder.mkdir()
+    for name in FILES:
+        (folder / name).write_text(name)
+    return folder
+
+
+def test_a_whole_checkpoint_is_found(folder: Path) -> None:
+    assert checkpoint.find(str(folder)) == folder
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_hash_is_that_of_every_file_that_decides(folder: Path, name: str) -> None:
+    before = checkpoint.content_hash(folder)
+    (folder / "README.md").write_text("words")
+    (folder / "train_config.json").write_text("{}")
+    assert checkpoint.content_hash(folder) == before
+    (folder / name).write_text("other")
+    assert checkpoint.content_hash(folder) != before
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_missing_file_is_named(folder: Path, name: str) -> None:
+    (folder / name).unlink()
+    with pytest.raises(PolicyError, match=name):
+        checkpoint.find(str(folder))
+
+
+def test_adapters_alone_are_no_policy(folder: Path) -> None:
+    (folder / "adapter_config.json").write_text("{}")
+    with pytest.raises(PolicyError, match="merge them"):
+        checkpoint.find(str(folder))
+
+
+@pytest.mark.parametrize("name", ["nowhere", "./nowhere/there", "/nowhere/there", "a/b/c"])
+def test_what_is_neither_folder_nor_id_is_never_looked_for_on_the_hub(name: str) -> None:
+    with pytest.raises(PolicyError, match="There is no folder"):
+        checkpoint.find(name)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +96,7 @@ def test_a_name_that_says_nothing_clear_is_rejected(
 
 def test_without_lerobot_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [*sys.modules]:
-        if name.startswith("duobench.policy.lerobot.policy"):
+        if name.startswith("duobench.policy.lerobot_model"):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)  # as if it were not installed
     policies.PolicyChoice.parse("lerobot:runs/act")
