@@ -264,7 +264,7 @@ def _check_plugin() -> None:
         raise PolicyError(
             "The data set has simulated and real episodes. LeRobot 0.6 tells X-VLA which is which "
             f"only with {PLUGIN}, the second distribution of this repository. In a clone of it: "
-            f"pip install ./{PLUGIN}"
+            "pip install ./plugins/lerobot"
         ) from error
 
 
