@@ -7,19 +7,15 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from duobench.data import stream
 from duobench.data.recording import Recording
-from duobench.data.schema import OLDEST_SCHEMA, SCHEMA, VIDEO_SUFFIX, EpisodeInfo
+from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo, video_path
 from duobench.errors import DataError, check_known
 from duobench.files import begin_or_continue, differences, lock, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
-
-if TYPE_CHECKING:
-    from duobench.data.real.robot import Robot
 
 DESCRIPTION = "dataset.json"
 """What makes a folder a data set."""
@@ -72,9 +68,7 @@ class DataSet:
         if not create and not data.description.exists():
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
         about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)
-        begin_or_continue(
-            data.path, data.description, about, SCHEMA, oldest=OLDEST_SCHEMA, what="data set"
-        )
+        begin_or_continue(data.path, data.description, about, SCHEMA, what="data set")
         return data
 
     @property
@@ -88,7 +82,7 @@ class DataSet:
         Raises:
             FileError: It cannot be read, or is of another version.
         """
-        return read(self.description, Description, SCHEMA, OLDEST_SCHEMA)
+        return read(self.description, Description, SCHEMA)
 
     def episode(self, task: str, name: str) -> Path:
         """File of an episode."""
@@ -120,11 +114,7 @@ class DataSet:
             DataError: The episode cannot be read.
         """
         found = Recording.read_info(episode).videos
-        return {
-            camera: episode.with_name(f"{episode.stem}.{camera}{VIDEO_SUFFIX}")
-            for camera, facts in found.items()
-            if facts.frames
-        }
+        return {camera: video_path(episode, camera) for camera in found if found[camera].frames}
 
     def partials(self) -> list[Path]:
         """Files of episodes that are being recorded, or whose recording was killed."""
@@ -148,11 +138,7 @@ class DataSet:
         return sorted((self.path / EPISODES).glob(f"*/*{VIDEO_SUFFIX}"))
 
     def new_stream(
-        self,
-        info: EpisodeInfo,
-        sizes: Mapping[str, int],
-        name: str | None = None,
-        robot: Robot | None = None,
+        self, info: EpisodeInfo, sizes: Mapping[str, int], name: str | None = None
     ) -> stream.EpisodeStream:
         """Begin the recording of an episode.
 
@@ -160,7 +146,6 @@ class DataSet:
             info: What is known about it at its start.
             sizes: Numbers of an action and of a state.
             name: Name of its file; without one it is the next free number.
-            robot: The rig whose cameras are recorded in the videos that `info` names.
 
         Raises:
             DataError: There is an episode of that name, somebody is recording one, or it is no
@@ -173,11 +158,11 @@ class DataSet:
                     f"An episode cannot be named {name!r}. A name is letters, digits, '_', '-' and "
                     "'.', and begins with a letter, a digit or '_'."
                 )
-            return stream.EpisodeStream(self.episode(info.task, name), info, sizes, robot)
+            return stream.EpisodeStream(self.episode(info.task, name), info, sizes)
         number = self.next_number(info.task)
         while True:
             with suppress(DataError):  # another process has just taken the name
-                return self.new_stream(info, sizes, f"{number:05d}", robot)
+                return self.new_stream(info, sizes, f"{number:05d}")
             number += 1
 
     def kept(self, task: str) -> int:

@@ -8,10 +8,10 @@ from statistics import median
 
 import numpy as np
 
-from duobench.data.chatter import JOINTS, Chatter, at_limit, measure
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
+from duobench.data.smoothness import JOINTS, Smoothness, at_limit, measure
 from duobench.errors import DataError
 from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
@@ -53,7 +53,7 @@ class TaskSummary:
     """Episodes whose layout an earlier one has too."""
     eval_layouts: int
     """Episodes with a layout of the evaluation's split."""
-    chatter: Chatter
+    smoothness: Smoothness
     """What their joint targets do that is hard to learn."""
     led: float | None
     """Share of steps in which a hand of an operator led an arm; None where nothing says it."""
@@ -182,7 +182,7 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
         repeated_layouts=len(simulated) - len({repr(info.layout) for info in simulated}),
         eval_layouts=sum(info.split == "eval" for info in infos),
-        chatter=measure(recordings),
+        smoothness=measure(recordings),
         led=_led(recordings),
         real=len(infos) - len(simulated),
         rigs=tuple(dict.fromkeys(map(_rig, (info for info in infos if info.is_real)))),

@@ -16,8 +16,16 @@ from numpy.typing import NDArray
 
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual
-from duobench.data.lerobot.features import FPS, columns, describe, image_key
-from duobench.data.lerobot.folder import CHUNK_SIZE, Export, ExportFolder, location
+from duobench.data.lerobot.folder import (
+    CHUNK_SIZE,
+    FPS,
+    Export,
+    ExportFolder,
+    columns,
+    describe,
+    image_key,
+    location,
+)
 from duobench.data.recording import to_bytes, to_numpy
 from duobench.errors import DataError
 from duobench.files import write

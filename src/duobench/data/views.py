@@ -1,18 +1,19 @@
-"""Images of recorded cameras, as the simulation's cameras would have seen the same."""
+"""Images of recorded videos, as the simulation's cameras would have seen the same."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
+from av.error import FFmpegError
 
 from duobench.backend import Image
-from duobench.data.real.frames import VideoFrames
-from duobench.data.real.videos import video_path
 from duobench.data.recording import Recording
+from duobench.data.schema import video_path
 from duobench.errors import DataError
 
 View = Callable[[Image, tuple[int, int]], Image]
@@ -55,6 +56,56 @@ def raw_view(_camera: str, _about: Mapping[str, Any]) -> View:
     return resized
 
 
+class VideoFrames:
+    """Reads frames of one video; fast where their places ascend."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a video.
+
+        Raises:
+            DataError: It cannot be read.
+        """
+        self._path = path
+        self._open()
+
+    def _open(self) -> None:
+        try:
+            self._container = av.open(self._path)
+        except (FFmpegError, OSError) as error:
+            raise DataError(f"{self._path} cannot be read: {error}.") from error
+        self._frames: Iterator[av.VideoFrame] = self._container.decode(video=0)
+        self._place = -1
+        self._image: av.VideoFrame | None = None
+
+    def read(self, place: int) -> Image:
+        """A frame (height, width, 3).
+
+        Args:
+            place: Its place in the video, from 0 on.
+
+        Raises:
+            DataError: There is no such frame, or it cannot be decoded.
+        """
+        if place < self._place:
+            self.close()
+            self._open()
+        try:
+            while self._place < place:
+                self._image = next(self._frames)
+                self._place += 1
+        except (StopIteration, FFmpegError, OSError) as error:
+            raise DataError(
+                f"{self._path} has no frame {place} that can be read; it has {self._place + 1}."
+            ) from error
+        if self._image is None:
+            raise DataError(f"{self._path}: places of frames begin with 0, got {place}.")
+        return np.asarray(self._image.to_ndarray(format="rgb24"), dtype=np.uint8)
+
+    def close(self) -> None:
+        """Close the video; closing twice is harmless."""
+        self._container.close()
+
+
 class RecordedImages:
     """Reads the images that belong to rows of an episode; fast where rows ascend."""
 
@@ -85,7 +136,8 @@ class RecordedImages:
         self._views = {name: view_of(name, info.cameras.get(name, {})) for name in cameras}
         with ExitStack() as opening:
             self._videos = {
-                name: opening.enter_context(VideoFrames(video_path(path, name))) for name in cameras
+                name: opening.enter_context(closing(VideoFrames(video_path(path, name))))
+                for name in cameras
             }
             self._opened = opening.pop_all()
 
