@@ -47,7 +47,6 @@ class DataSet:
     """Names in the folder of a data set."""
 
     path: Path
-    """The folder."""
 
     @staticmethod
     def open(path: str | Path, *, create: bool = True, how: str = "") -> DataSet:
@@ -77,11 +76,7 @@ class DataSet:
         return self.path / DESCRIPTION
 
     def read_description(self) -> Description:
-        """What is said about the whole.
-
-        Raises:
-            FileError: It cannot be read, or is of another version.
-        """
+        """What is said about the whole; a `FileError` if it cannot be read."""
         return read(self.description, Description, SCHEMA)
 
     def episode(self, task: str, name: str) -> Path:
@@ -108,11 +103,7 @@ class DataSet:
         return [path for path in self.episodes() if not wanted or path.parent.name in wanted]
 
     def videos_of(self, episode: Path) -> dict[str, Path]:
-        """Videos that a finished episode says it has, by camera; those without a frame are none.
-
-        Raises:
-            DataError: The episode cannot be read.
-        """
+        """Videos that a finished episode says it has, by camera; those without a frame are none."""
         found = Recording.read_info(episode).videos
         return {camera: video_path(episode, camera) for camera in found if found[camera].frames}
 
@@ -126,11 +117,7 @@ class DataSet:
         return sorted({path.parent.name for path in self.episodes()})
 
     def recordings(self, task: str | None = None) -> Iterator[Recording]:
-        """Read one episode after the other.
-
-        Raises:
-            DataError: One cannot be read; the message names its file.
-        """
+        """Read one episode after the other; a `DataError` names the file that cannot be read."""
         return map(Recording.read, self.episodes(task))
 
     def videos(self) -> list[Path]:
@@ -166,11 +153,7 @@ class DataSet:
             number += 1
 
     def kept(self, task: str) -> int:
-        """How many finished episodes of a task are kept.
-
-        Raises:
-            DataError: One cannot be read.
-        """
+        """How many finished episodes of a task are kept."""
         outcomes = (Recording.read_info(path).outcome for path in self.episodes(task))
         return sum(outcome is not None and outcome.kept for outcome in outcomes)
 
@@ -188,12 +171,6 @@ class DataSet:
             task: Id of the task.
             name: Name of its file.
             content: The content of its file, see `Recording.to_bytes`.
-
-        Returns:
-            The file.
-
-        Raises:
-            OutputError: It cannot be written.
         """
         path, partial = self.episode(task, name), self.partial(task, name)
         write(path, content)

@@ -57,16 +57,15 @@ class RigState(Protocol):
 
 
 class RigRecorder:
-    """Adds to the episodes of a `Recorder` what a rig alone knows: videos and full states."""
+    """Adds to the episodes of a `Recorder` what a rig alone knows: videos and full states.
+
+    Args:
+        duo: Its arms and cameras.
+        waits: Whether cameras wait for the encoder of their videos, as only those on a virtual
+            clock may; otherwise frames are left out that come while it is too far behind.
+    """
 
     def __init__(self, duo: RigState, *, waits: bool = False) -> None:
-        """Ask the rig what every episode says about it.
-
-        Args:
-            duo: Its arms and cameras.
-            waits: Whether cameras wait for the encoder of their videos, as only those on a virtual
-                clock may; otherwise frames are left out that come while it is too far behind.
-        """
         self._duo, self._waits = duo, waits
         rig = duo.rig
         self._facts = RigFacts(name=rig.name, hash=rig.hash, drivers=drivers_of(rig))
@@ -85,11 +84,7 @@ class RigRecorder:
         }
 
     def begin(self, episode: EpisodeStream) -> None:
-        """Begin the videos that an episode says it has, with the one frame of its first row.
-
-        Raises:
-            OutputError: One cannot be made.
-        """
+        """Begin the videos that an episode says it has."""
         if episode.info.videos:
             from duobench.data.videos import Videos
 
@@ -101,9 +96,6 @@ class RigRecorder:
         """Before the first step, see the first row again, and record every frame from now on.
 
         A person may take long to begin, after the environment has looked.
-
-        Raises:
-            OutputError: A video cannot be written.
         """
         videos = episode.videos
         if videos is not None and not videos.is_listening:
@@ -120,9 +112,6 @@ class RigRecorder:
         Args:
             episode: The episode.
             time_s: Time of the row, on the clock of the rig.
-
-        Raises:
-            OutputError: A video cannot be written.
         """
         row: dict[str, Any] = {}
         readings = self._duo.readings()
@@ -157,11 +146,7 @@ def drivers_of(rig: Any) -> tuple[str, ...]:
 
 
 def placement(layout: Layout) -> str:
-    """Where people put the objects of a layout, one a line: in mm in the table frame, in degrees.
-
-    Args:
-        layout: The layout.
-    """
+    """Where people put a layout's objects, one a line: in mm in the table frame, and in degrees."""
     lines = []
     for name, pose in sorted(layout.poses.items()):
         x, y, z = 1000.0 * pose.translation

@@ -70,9 +70,7 @@ class Column:
     """One column of a recording."""
 
     name: str
-    """Its name in the file."""
     dtype: DTypeLike
-    """Type of its numbers."""
     shape: tuple[int, ...]
     """Shape of one row: () for a number, (n,) for n of them, (0,) for as many as there are."""
     of_action: bool = False
@@ -98,12 +96,7 @@ class Column:
         return not self.of_robot or bool(info.robot_state_names.get(self.of_robot))
 
     def row_shape(self, info: EpisodeInfo, size: int) -> tuple[int, ...]:
-        """Shape of one row in an episode.
-
-        Args:
-            info: What is said about the episode.
-            size: How many numbers there are, where nothing says it.
-        """
+        """Shape of one row in an episode; `size` numbers where nothing says how many."""
         if self.of_videos:
             return (len(info.videos),)
         if self.of_robot:
@@ -184,7 +177,6 @@ class Actor:
     """Who or what acted."""
 
     kind: ActorKind = ActorKind.PROGRAM
-    """What sort of actor it is."""
     name: str = ""
     """Name of the policy, or a person's pseudonym."""
     version: str | None = None
@@ -218,7 +210,6 @@ class EpisodeInfo:
     """What is said about an episode as a whole."""
 
     task: str
-    """Id of the task."""
     instruction: str
     """Instruction of the policy, or what an operator typed."""
     subinstructions: tuple[str, ...]
@@ -236,7 +227,6 @@ class EpisodeInfo:
     versions: dict[str, str]
     """Versions of the packages that the episode depends on."""
     actor: Actor
-    """Who or what acted."""
     outcome: Outcome | None = None
     """How it ended; None while it is being recorded."""
     first_hash: str | None = None

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.data.recording import Recording, first_success
-from duobench.data.schema import COLUMNS, SCHEMA, Column, EpisodeInfo, Outcome, video_path
+from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
 
@@ -48,23 +48,22 @@ class _Head:
 
     def row_type(self) -> np.dtype[Any]:
         """How a row lies in memory and in the file."""
-        fields = [(column.name, column.dtype, self._row_shape(column)) for column in COLUMNS]
-        return np.dtype(fields, align=True)
-
-    def _row_shape(self, column: Column) -> tuple[int, ...]:
-        return column.row_shape(self.info, self.sizes.get(column.name, 0))
+        shapes = {
+            column: column.row_shape(self.info, self.sizes.get(column.name, 0))
+            for column in COLUMNS
+        }
+        return np.dtype([(c.name, c.dtype, shape) for c, shape in shapes.items()], align=True)
 
 
 class EpisodeRows:
-    """Takes the rows of one episode, in memory."""
+    """Takes the rows of one episode, in memory.
+
+    Args:
+        info: What is known about the episode at its start.
+        sizes: Numbers in one row of `action` and `state`.
+    """
 
     def __init__(self, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
-        """Begin without rows.
-
-        Args:
-            info: What is known about the episode at its start.
-            sizes: Numbers in one row of `action` and `state`.
-        """
         self.info = info
         """What is known about it: at first what is known at its start."""
         self.videos: Videos | None = None
@@ -79,14 +78,7 @@ class EpisodeRows:
         return self._rows[: self._count]
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Append what was seen; its action follows with `complete`.
-
-        Args:
-            row: Values by the name of the column, of those that do not belong to the action.
-
-        Raises:
-            OutputError: The row cannot be written.
-        """
+        """Append what was seen, by the names of columns; its action follows with `complete`."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         for name, value in row.items():
@@ -110,21 +102,20 @@ class EpisodeRows:
 
 
 class EpisodeStream(EpisodeRows):
-    """Takes the rows of one episode, in a file."""
+    """Takes the rows of one episode, in a file, which is locked for as long as it is open.
+
+    Args:
+        path: Where the finished episode will be.
+        info: What is known about it at its start.
+        sizes: Numbers in one row of `action` and `state`.
+
+    Raises:
+        OutputError: The file cannot be made or written.
+        DataError: There is an episode of that name, or one is being recorded, or was left by a
+            crash.
+    """
 
     def __init__(self, path: Path, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
-        """Begin a file, which is locked for as long as it is open.
-
-        Args:
-            path: Where the finished episode will be.
-            info: What is known about it at its start.
-            sizes: Numbers in one row of `action` and `state`.
-
-        Raises:
-            OutputError: The file cannot be made.
-            DataError: There is an episode of that name, or one is being recorded, or was left by a
-                crash.
-        """
         super().__init__(info, sizes)
         self.path = path
         """Where the finished episode will be."""
@@ -152,11 +143,7 @@ class EpisodeStream(EpisodeRows):
             self._flush(self._count - 1)  # all but the last row, whose action is still to come
 
     def flush(self) -> None:
-        """Write every row, the last one too, and all that waits for the videos.
-
-        Raises:
-            OutputError: They cannot be written.
-        """
+        """Write every row, the last one too, and all that waits for the videos."""
         if self.videos is not None:
             self.videos.close()
         self._flush(self._count)
@@ -257,7 +244,7 @@ def recover(partial: Path) -> Recording:
 def outcome_of(
     info: EpisodeInfo, rows: NDArray[Any], *, kept: bool, reason: str | None, cut: bool
 ) -> Outcome:
-    """How an episode of some rows, one at least, ended."""
+    """How an episode of some rows, at least one, ended."""
     return Outcome(
         success=bool(rows["success"][-1]),
         stage=int(rows["stage"][-1]),

@@ -72,11 +72,7 @@ class Camera(Protocol):
 
 
 def count_frames(path: Path) -> int:
-    """Whole frames of a video, which may end anywhere.
-
-    Raises:
-        DataError: There is none.
-    """
+    """Whole frames of a video, which may end anywhere; a `DataError` if there is none."""
     try:
         with path.open("rb") as file, av.open(file, "r") as container:
             count = 0
@@ -95,11 +91,7 @@ def count_frames(path: Path) -> int:
 
 
 def describe(path: Path, left_out: int = 0) -> VideoFacts:
-    """What an episode says about a finished video.
-
-    Raises:
-        DataError: There is none.
-    """
+    """What an episode says about a finished video; a `DataError` if there is none."""
     frames = count_frames(path)
     with path.open("rb") as file:
         return VideoFacts(
@@ -114,17 +106,12 @@ def recovered(
 ) -> tuple[NDArray[Any], dict[str, VideoFacts]]:
     """Rows of a killed recording that name frames which are there, and what is in its videos.
 
+    Where a frame was not encoded yet, a row names the newest one before it, with its age.
+
     Args:
         partial: The stream that was left.
         info: What was known about the episode when it began.
         rows: Its rows, with a field for each column.
-
-    Returns:
-        The rows; where a frame was not encoded yet, the newest one before it, with its age. And the
-        videos by camera.
-
-    Raises:
-        DataError: A video is missing.
     """
     rows, videos = rows.copy(), {}
     for place, camera in enumerate(info.videos):
@@ -157,7 +144,7 @@ class _Encoder:
 
     def __init__(self, path: Path, camera: Camera, rate: int, waits: bool) -> None:
         self.path, self.camera = path, camera
-        self.error: DuoBenchError | None = None
+        self._error: DuoBenchError | None = None
         self._waits = waits
         self._missed: set[int] = set()
         self._pace_s = 0.0  # what a frame takes, as of late
@@ -174,11 +161,16 @@ class _Encoder:
         """Frames that are not in the video, because the encoder was too far behind."""
         return len(self._missed)
 
+    def check(self) -> None:
+        """Raise what ended the encoder, if anything did."""
+        if self._error is not None:
+            raise self._error
+
     def take(self, frame: CameraFrame) -> None:
         """Have a frame encoded, unless it was taken already, or is older than the last one."""
         with self._lock:
             last = self._accepted[-1]
-            if self._is_closed or self.error is not None or frame.time_s <= last.time_s:
+            if self._is_closed or self._error is not None or frame.time_s <= last.time_s:
                 return
             try:
                 if not self._waits and self._queue.qsize() * self._pace_s > LONGEST_BACKLOG_S:
@@ -217,7 +209,7 @@ class _Encoder:
                 self._pace_s += _SMOOTHING * (time.monotonic() - begun - self._pace_s)
             self._writer.close()
         except DuoBenchError as error:
-            self.error = error
+            self._error = error
             self._drain()
 
     def _drain(self) -> None:
@@ -239,20 +231,18 @@ class Videos:
     """The videos of an episode while it is recorded.
 
     At first they hold the one frame that `see` takes. After `listen` every frame is encoded, until
-    `close`.
+    `close`. What cannot be encoded or written is an `OutputError` or a `VideoError`.
+
+    Args:
+        episode: The episode's file, beside which they are.
+        cameras: The cameras by name.
+        rates: Their frames a second.
+        waits: Whether cameras wait for the encoder.
     """
 
     def __init__(
         self, episode: Path, cameras: Mapping[str, Camera], rates: Mapping[str, int], waits: bool
     ) -> None:
-        """Begin videos beside an episode's file.
-
-        Args:
-            episode: The file.
-            cameras: The cameras by name.
-            rates: Their frames a second.
-            waits: Whether cameras wait for the encoder.
-        """
         self._encoders = {
             name: _Encoder(
                 video_path(episode, name), camera, rates.get(name, round(CONTROL_HZ)), waits
@@ -277,15 +267,10 @@ class Videos:
 
         Returns:
             The columns of frames: places in the videos, numbers, and ages in seconds.
-
-        Raises:
-            OutputError: A video cannot be written.
-            VideoError: A frame cannot be encoded.
         """
         seen = []
         for name, encoder in self._encoders.items():
-            if encoder.error is not None:
-                raise encoder.error
+            encoder.check()
             if (frame := frames.get(name)) is None:
                 seen.append(encoder.at(time_s))
             else:
@@ -304,16 +289,10 @@ class Videos:
             encoder.close()
 
     def finish(self) -> dict[str, VideoFacts]:
-        """What the finished videos hold, by camera.
-
-        Raises:
-            OutputError: One could not be written.
-            VideoError: A frame could not be encoded.
-        """
+        """What the finished videos hold, by camera."""
         self.close()
         for encoder in self._encoders.values():
-            if encoder.error is not None:
-                raise encoder.error
+            encoder.check()
         try:
             return {
                 name: describe(encoder.path, encoder.left_out)

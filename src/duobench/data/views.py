@@ -23,12 +23,7 @@ ViewOf = Callable[[str, Mapping[str, Any]], View]
 
 
 def resized(image: Image, size: tuple[int, int]) -> Image:
-    """An image of another size: each pixel is the mean of those that it covers.
-
-    Args:
-        image: The image (height, width, 3).
-        size: Height and width in pixels.
-    """
+    """An image (height, width, 3) of another size: each pixel is the mean of those it covers."""
     if image.shape[:2] == size:
         return image
     from PIL import Image as Pillow
@@ -39,11 +34,7 @@ def resized(image: Image, size: tuple[int, int]) -> Image:
 
 
 def plain_view(camera: str, about: Mapping[str, Any]) -> View:
-    """The view of a camera that has the simulation's lens: its image resized.
-
-    Raises:
-        DataError: The camera has a lens of its own, which was measured.
-    """
+    """The view of a camera that has the simulation's lens, not one of its own: resized."""
     if about.get("calibration") is not None:
         raise DataError(
             f"The camera {camera} has a lens of its own; its images need the view of the rig."
@@ -57,14 +48,9 @@ def raw_view(_camera: str, _about: Mapping[str, Any]) -> View:
 
 
 class VideoFrames:
-    """Reads frames of one video; fast where their places ascend."""
+    """Reads frames of one video, or raises a `DataError`; fast where their places ascend."""
 
     def __init__(self, path: Path) -> None:
-        """Open a video.
-
-        Raises:
-            DataError: It cannot be read.
-        """
         self._path = path
         self._open()
 
@@ -78,14 +64,7 @@ class VideoFrames:
         self._image: av.VideoFrame | None = None
 
     def read(self, place: int) -> Image:
-        """A frame (height, width, 3).
-
-        Args:
-            place: Its place in the video, from 0 on.
-
-        Raises:
-            DataError: There is no such frame, or it cannot be decoded.
-        """
+        """The frame (height, width, 3) at a place from 0 on."""
         if place < self._place:
             self.close()
             self._open()
@@ -107,7 +86,18 @@ class VideoFrames:
 
 
 class RecordedImages:
-    """Reads the images that belong to rows of an episode; fast where rows ascend."""
+    """Reads the images that belong to rows of an episode; fast where rows ascend.
+
+    Args:
+        recording: The episode.
+        path: Its file.
+        cameras: Which cameras to show.
+        size: Height and width of the images in pixels.
+        view_of: Gives the view of each camera.
+
+    Raises:
+        DataError: There is no video of a camera, or it cannot be read.
+    """
 
     def __init__(
         self,
@@ -117,18 +107,6 @@ class RecordedImages:
         size: tuple[int, int],
         view_of: ViewOf = plain_view,
     ) -> None:
-        """Open the videos.
-
-        Args:
-            recording: The episode.
-            path: Its file.
-            cameras: Which cameras to show.
-            size: Height and width of the images in pixels.
-            view_of: Gives the view of each camera.
-
-        Raises:
-            DataError: There is no video of a camera, or it cannot be read.
-        """
         info = recording.info
         check_cameras(recording, path, cameras)
         self._size = size
@@ -142,11 +120,7 @@ class RecordedImages:
             self._opened = opening.pop_all()
 
     def images(self, row: int) -> dict[str, Image]:
-        """The images (height, width, 3) of a row, by camera.
-
-        Raises:
-            DataError: There is none, or it cannot be decoded.
-        """
+        """The images (height, width, 3) of a row, by camera."""
         return {
             name: self._views[name](video.read(int(self._places[name][row])), self._size)
             for name, video in self._videos.items()
@@ -158,11 +132,7 @@ class RecordedImages:
 
 
 def check_cameras(recording: Recording, path: Path, cameras: Sequence[str]) -> None:
-    """Reject an episode that has no image of a camera.
-
-    Raises:
-        DataError: The message names the camera.
-    """
+    """Reject an episode that has no image of a camera."""
     videos = recording.info.videos
     for name in cameras:
         if name not in videos:

@@ -28,18 +28,17 @@ from duobench.types import (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Residual:
-    """How far the tools at the solved joint targets are from the tool poses that were given."""
+    """How far the tools at the solved joint targets are from the tool poses that were given.
+
+    Distances are in metres, angles in radians.
+    """
 
     targets: int = 0
     """How many poses were solved for, two a row."""
     sum_position: float = 0.0
-    """Sum of the distances in metres."""
     sum_rotation: float = 0.0
-    """Sum of the angles in radians."""
     max_position: float = 0.0
-    """Largest distance in metres."""
     max_rotation: float = 0.0
-    """Largest angle in radians."""
 
     def __add__(self, other: Residual) -> Residual:
         """The residual of both together."""

@@ -66,11 +66,9 @@ class _Plan:
     """One data set of LeRobot that is written."""
 
     folder: ExportFolder
-    """Where."""
     export: Export
-    """What is in it."""
     left_out: int
-    """Episodes that are not."""
+    """Episodes that are not in it."""
 
 
 def export_lerobot(
@@ -224,19 +222,16 @@ def _export_all(
     total = sum(plan.export.frames for plan in plans)
     done = total - sum(lengths.values())
     progress(done, total)
-    rendered = [
-        plan.export.episodes[index].domain is Domain.SIM for plan, index in _of(plans, jobs)
-    ]
-    if any(rendered) and any(plan.export.options.cameras for plan in plans):
+    if any(
+        plans[number].export.options.cameras
+        and plans[number].export.episodes[index].domain is Domain.SIM
+        for number, index in jobs
+    ):
         rendering.choose(processes=max(1, workers))
     with closing(run_all(make, jobs, workers)) as finished:
         for job in finished:
             done += lengths[job]
             progress(done, total)
-
-
-def _of(plans: Sequence[_Plan], jobs: Iterable[tuple[int, int]]) -> Iterator[tuple[_Plan, int]]:
-    return ((plans[number], index) for number, index in jobs)
 
 
 def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
@@ -335,10 +330,6 @@ def write_videos(frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path
     Args:
         frames: Images (height, width, 3), both even, by camera, frame by frame.
         paths: Where the video of each camera will be.
-
-    Raises:
-        VideoError: The images cannot be encoded.
-        OutputError: A file cannot be written.
     """
     with ExitStack() as stack:
         writers = {}

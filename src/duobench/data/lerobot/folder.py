@@ -169,11 +169,7 @@ class ExportFolder:
         return all(path.exists() for path in (self.facts(index), self.data(index), *videos))
 
     def begin(self, export: Export) -> None:
-        """Begin an export in this folder, or continue the one that is there.
-
-        Raises:
-            OtherRunError: The folder holds another export or something else.
-        """
+        """Begin an export in this folder, or continue the one that is there."""
         begin_or_continue(
             self.path,
             self.description,
@@ -185,11 +181,7 @@ class ExportFolder:
         remove_temporary(self.path)
 
     def read_facts(self, index: int) -> EpisodeFacts:
-        """What was noted about a finished episode.
-
-        Raises:
-            FileError: It cannot be read.
-        """
+        """What was noted about a finished episode."""
         advice = "Delete the file and export again."
         return read(self.facts(index), EpisodeFacts, SCHEMA, advice=advice)
 
@@ -217,13 +209,7 @@ def image_key(camera: str) -> str:
 def describe(
     vectors: Vectors, cameras: Sequence[str], size: tuple[int, int]
 ) -> dict[str, dict[str, Any]]:
-    """All features, as `meta/info.json` lists them.
-
-    Args:
-        vectors: Columns of several numbers a row.
-        cameras: Cameras whose images are in the data set.
-        size: Height and width of their images in pixels.
-    """
+    """All features, as `meta/info.json` lists them; `size` is height and width in pixels."""
     numbers = {
         column: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
         for column, names in vectors.items()
@@ -244,11 +230,7 @@ def describe(
 
 
 def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
-    """What `meta/info.json` says about a video, under the keys that LeRobot's own writer uses.
-
-    Args:
-        size: Height and width in pixels.
-    """
+    """What `meta/info.json` says about a video, under the keys that LeRobot's own writer uses."""
     return {
         "video.height": size[0],
         "video.width": size[1],

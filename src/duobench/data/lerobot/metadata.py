@@ -40,18 +40,10 @@ _Statistics = dict[str, dict[str, list[Any]]]
 
 
 def finish(folder: ExportFolder, export: Export) -> Residual | None:
-    """Write everything that describes the data set as a whole.
-
-    Args:
-        folder: The folder, in which every episode is finished.
-        export: What was exported.
+    """Write everything that describes the data set as a whole, whose episodes are all finished.
 
     Returns:
         What inverse kinematics left in all episodes, if it was used.
-
-    Raises:
-        DataError: A file of an episode cannot be read.
-        OutputError: A file cannot be written.
     """
     cameras = export.options.cameras
     names = columns(export.vectors)
