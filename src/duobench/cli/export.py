@@ -7,10 +7,10 @@ from typing import Literal
 
 import tyro
 
-from duobench.cli.advice import AdvisedError
 from duobench.cli.data import opened
-from duobench.cli.display.console import console, counted
-from duobench.cli.interrupt import raising
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.interrupt import raising
 from duobench.errors import DuoBenchError, SeveralTasksError
 
 
@@ -63,11 +63,11 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     if not data:
         raise AdvisedError("Name the folder of a data set, such as duobench record makes.")
     sources = [opened(each) for each in data]
-    from duobench.cli.advice import advising
-    from duobench.cli.display.progress import display
+    from duobench.cli.shared.advice import advising
+    from duobench.cli.shared.progress import display
     from duobench.data import ActionSource, ExportOptions, Pairing, export_lerobot
     from duobench.data.schema import Domain
-    from duobench.evaluation.real.views import view_of
+    from duobench.rig_sessions.views import view_of
 
     screen = console()
     options = ExportOptions(

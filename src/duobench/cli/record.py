@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from duobench.cli.display.console import command_line, console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import raising
+from duobench.cli.shared.console import command_line, console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import raising
 
 if TYPE_CHECKING:
-    from duobench.evaluation.demonstrations import Attempt
+    from duobench.runners.demonstrations import Attempt
 
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -53,12 +53,12 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     """
     command = command_line("record", record, locals())
     load_engine()
-    from duobench.cli.advice import advising, for_recording
-    from duobench.cli.display.progress import EpisodesKept, display
+    from duobench.cli.shared.advice import advising, for_recording
+    from duobench.cli.shared.progress import EpisodesKept, display
     from duobench.data import DataSet
-    from duobench.evaluation import demonstrations
     from duobench.results.limits import TimeLimits
     from duobench.results.suite import find_tasks
+    from duobench.runners import demonstrations
 
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     chosen = find_tasks(tasks)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.display.console import console
-from duobench.cli.doctor import load_engine
+from duobench.cli.shared.console import console
+from duobench.cli.shared.engine import load_engine
 
 SAMPLES = 16
 """Images averaged into the one for people; what policies see has one."""

@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 from duobench.data.dataset import DataSet
+from duobench.data.images import ImageSource
 from duobench.data.recording import Recording
-from duobench.data.replay import ImageSource
 from duobench.data.smoothness import JUMP, REVERSAL
 from duobench.data.summary import Summary
 from duobench.data.views import RecordedImages, raw_view

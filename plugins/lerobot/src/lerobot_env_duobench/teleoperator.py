@@ -13,12 +13,12 @@ from lerobot.teleoperators import Teleoperator
 from lerobot.teleoperators.utils import TeleopEvents
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
-from duobench.cli.view import serve_page
+from duobench.cli.shared.page import serve_page
 from duobench.errors import LeaderError, check_known
 from duobench.looks.look import Look
+from duobench.rig_sessions.teleop_page import WATCHING
 from duobench.robot.joints import JOINT_RANGES
 from duobench.sim.simulation import Simulation
-from duobench.teleop.live import WATCHING
 from duobench.teleop.presses import DISCARD, KEEP
 from duobench.types import SIDES, DuoCommand, DuoState
 from duobench.web.geometry import Geometry

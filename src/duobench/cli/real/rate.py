@@ -7,11 +7,11 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import find_folder
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
-from duobench.cli.view import serve_page
+from duobench.cli.shared.advice import find_folder
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.page import serve_page
 
 
 def rate(trials: tyro.conf.Positional[Path], rater: str, port: int = 0, lan: bool = False) -> None:
@@ -28,11 +28,11 @@ def rate(trials: tyro.conf.Positional[Path], rater: str, port: int = 0, lan: boo
     """
     find_folder(trials, "trials.json")
     load_engine()
-    from duobench.evaluation.trials.folder import TrialsFolder
-    from duobench.evaluation.trials.rating import RatingSession
-    from duobench.evaluation.trials.report import write_trials_report
     from duobench.files import locked
     from duobench.results.reporting.agreement import kappa_text
+    from duobench.rig_sessions.rating import RatingSession
+    from duobench.rig_sessions.trial_folder import TrialsFolder
+    from duobench.rig_sessions.trial_report import write_trials_report
 
     folder, screen = TrialsFolder(trials), console()
     with ExitStack() as ending:

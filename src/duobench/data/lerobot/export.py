@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
+from duobench.data.images import ImageSource
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual, labels_of
 from duobench.data.lerobot.folder import (
@@ -31,7 +32,6 @@ from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
-from duobench.data.replay import ImageSource
 from duobench.data.schema import Domain
 from duobench.data.views import RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.envs.action_modes import CARTESIAN, JOINT
