@@ -27,7 +27,7 @@ JOINTS = [place for place in range(FLAT_SIZE) if place not in OPENING_SLOTS]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Chatter:
+class Smoothness:
     """What episodes' joint targets do that is hard to learn, or to execute on real arms."""
 
     at_limit: float
@@ -38,12 +38,12 @@ class Chatter:
     """Share of steps with a jump of a joint."""
 
 
-def measure(recordings: Iterable[Recording]) -> Chatter:
-    """The chatter of some episodes; none where there is no step."""
+def measure(recordings: Iterable[Recording]) -> Smoothness:
+    """How smooth some episodes are; as smooth as can be where there is no step."""
     targets = [_labels(each) for each in recordings]
     increments = [np.diff(each, axis=0) for each in targets]
     steps = sum(map(len, targets))
-    return Chatter(
+    return Smoothness(
         at_limit=sum(int(at_limit(each).any(axis=1).sum()) for each in targets) / max(steps, 1),
         reversals=sum(int(_reversals(each).sum()) for each in increments) / max(len(targets), 1),
         jumps=sum(int(_jumps(each).any(axis=1).sum()) for each in increments) / max(steps, 1),
@@ -59,7 +59,7 @@ def at_limit(targets: Array) -> NDArray[np.bool_]:
 def _labels(recording: Recording) -> Array:
     """Joint targets (T, 14) as the actor wanted them; as they were sent, if it wanted poses."""
     info = recording.info
-    is_joint = info.action_mode in {None, JOINT.name} and info.action_names == JOINT_NAMES
+    is_joint = info.action_mode == JOINT.name and info.action_names == JOINT_NAMES
     return (recording.action if is_joint else recording.sent)[:, JOINTS]
 
 

@@ -1,4 +1,4 @@
-"""What `--env.…` chooses, and the environments that follow from it."""
+"""DuoBench's tasks as environments of LeRobot: what `--env.…` chooses, and what follows."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from lerobot.envs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
 from lerobot.processor import DeviceProcessorStep, PolicyProcessorPipeline
 
+import duobench
 from duobench.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
+from duobench.randomness import episode_seed
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS
-from lerobot_env_duobench.episodes import make
 
 ALL = "all"
 
@@ -44,7 +45,7 @@ class DuoBenchEnv(EnvConfig):
     features_map: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Describe observations and actions; LeRobot's own names, so that recording works too."""
+        # LeRobot's own names, so that recording works too.
         size = (self.image_size, self.image_size, 3)
         self.features = {
             ACTION: PolicyFeature(FeatureType.ACTION, (FLAT_SIZE,)),
@@ -116,3 +117,39 @@ class DuoBenchEnv(EnvConfig):
         spaces = env.observation_space, env.action_space, env.metadata
         env.close()
         return _LazyAsyncVectorEnv([one] * count, *spaces)
+
+
+def make(task: str, suite_seeds: bool, options: dict[str, Any]) -> gym.Env:
+    """An environment as LeRobot's loop uses it.
+
+    Args:
+        task: Id of the task, or its import path "module:ATTRIBUTE".
+        suite_seeds: Whether seed n is the n-th episode of the evaluation.
+        options: As `duobench.make` takes them.
+    """
+    return Episodes(duobench.make(task, **options), catalog.get(task).id, suite_seeds)
+
+
+class Episodes(gym.Wrapper):
+    """Plays episode n of a task when it is reset with seed n, and tells the instruction."""
+
+    def __init__(self, env: gym.Env, task: str, suite_seeds: bool) -> None:
+        super().__init__(env)
+        self.task = task
+        """Id of the task."""
+        self.task_description = ""
+        """The instruction of the running episode."""
+        self._suite_seeds = suite_seeds
+
+    @property
+    def _max_episode_steps(self) -> int:
+        """Control steps after which an episode ends; LeRobot asks for it by this name."""
+        return self.env.get_wrapper_attr("_max_episode_steps")
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+        """Begin an episode."""
+        if seed is not None and self._suite_seeds:
+            seed = episode_seed(self.task, seed)
+        observation, info = self.env.reset(seed=seed, options=options)
+        self.task_description = info["instruction"]
+        return observation, info

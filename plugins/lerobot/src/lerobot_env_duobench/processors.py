@@ -1,15 +1,33 @@
-"""A step of LeRobot's processors that executes what the operator leads."""
+"""What LeRobot's processors need to know: how an operator leads, and the column `domain`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import torch
-from lerobot.processor import EnvTransition, ProcessorStep, ProcessorStepRegistry, TransitionKey
+from lerobot.processor import (
+    EnvTransition,
+    ProcessorStep,
+    ProcessorStepRegistry,
+    TransitionKey,
+    converters,
+)
 from lerobot.processor.hil_processor import TELEOP_ACTION_KEY
 from lerobot.teleoperators.utils import TeleopEvents
 
-from lerobot_teleoperator_duobench.teleoperator import KEYS
+from duobench.lerobot_keys import DOMAIN
+from lerobot_env_duobench.config import KEYS
+
+
+def pass_domains_on() -> None:
+    """Have LeRobot's processors pass the column on, with the task and the index of a row.
+
+    X-VLA has an option, `domain_feature_key`, that names a column with the domain of each row. The
+    processors of LeRobot 0.6 drop all columns but those of a fixed list before X-VLA sees them, and
+    then the option does nothing.
+    """
+    if DOMAIN not in converters._COMPLEMENTARY_KEYS:
+        converters._COMPLEMENTARY_KEYS += (DOMAIN,)
 
 
 @ProcessorStepRegistry.register("duobench_lead_arms")

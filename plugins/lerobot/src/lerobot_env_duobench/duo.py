@@ -6,20 +6,15 @@ import sys
 from typing import Any
 
 import numpy as np
-from lerobot.robots import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
-from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import ActionError, BackendError, OptionError, check_known
 from duobench.hardware.duo import HardwareDuo
 from duobench.hardware.opening import open_rig
-from duobench.lerobot_keys import POSITION
 from duobench.types import DuoCommand
-from lerobot_robot_duobench.config import DuoBenchDuoConfig
+from lerobot_env_duobench.config import KEYS, Arms, DuoBenchDuoConfig
 
-KEYS = tuple(f"{name}{POSITION}" for name in JOINT_NAMES)
-"""Names of the numbers of an action: seven joints in radians and a gripper, left then right."""
 SIMULATED = "simulated"
 QUESTION = (
     "Both arms go home now, slowly, and then follow what LeRobot sends. Is the emergency stop at "
@@ -27,7 +22,7 @@ QUESTION = (
 )
 
 
-class DuoBenchDuo(Robot):
+class DuoBenchDuo(Arms):
     """Both arms of a rig, within all limits of DuoBench's own programs.
 
     `connect` asks the operator at the terminal, then brings the arms home. Where arms, grippers or
@@ -36,7 +31,6 @@ class DuoBenchDuo(Robot):
     """
 
     config_class = DuoBenchDuoConfig
-    name = "franka_fr3_duo"
 
     def __init__(self, config: DuoBenchDuoConfig, duo: HardwareDuo | None = None) -> None:
         """Know the options; nothing is connected before `connect`.
@@ -51,7 +45,6 @@ class DuoBenchDuo(Robot):
             UnknownNameError: The rig has no such camera.
         """
         super().__init__(config)
-        self.config = config
         if duo is None and not config.rig:
             raise OptionError("rig is the file of a rig, such as rig.json, or 'simulated'.")
         if not config.ask and config.rig != SIMULATED:
@@ -59,30 +52,12 @@ class DuoBenchDuo(Robot):
         self._duo = duo or open_rig(config.rig, guard=config.guard)
         for name in config.views:
             check_known("camera of this rig", name, self._duo.cameras)
-        self.cameras: dict[str, None] = dict.fromkeys(config.views)
-        """Names of the cameras; LeRobot asks how many there are."""
         self._is_connected = False
-
-    @property
-    def observation_features(self) -> dict[str, Any]:
-        """The 16 measured numbers, and the images (height, width, 3)."""
-        size = (self.config.image_size, self.config.image_size, 3)
-        return {**dict.fromkeys(KEYS, float), **dict.fromkeys(self.config.views, size)}
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """The 16 numbers of a command."""
-        return dict.fromkeys(KEYS, float)
 
     @property
     def is_connected(self) -> bool:
         """Whether the arms follow what is sent."""
         return self._is_connected
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Always: cameras are calibrated by `duobench real calibrate`, into the rig's file."""
-        return True
 
     @check_if_already_connected
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002
@@ -102,12 +77,6 @@ class DuoBenchDuo(Robot):
             duo.close()
             raise
         self._is_connected = True
-
-    def calibrate(self) -> None:
-        """Do nothing; see `is_calibrated`."""
-
-    def configure(self) -> None:
-        """Do nothing; the rig's file says everything."""
 
     @check_if_not_connected
     def get_observation(self) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import time
 from typing import Any, cast
 
 import gymnasium as gym
-from lerobot.robots import Robot
 from lerobot.teleoperators.utils import TeleopEvents
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
@@ -15,13 +14,13 @@ from duobench.envs.protocol import make_base, with_wrappers
 from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.randomness import episode_seed
 from duobench.types import CONTROL_HZ
-from lerobot_teleoperator_duobench.config import DuoBenchRobotConfig
-from lerobot_teleoperator_duobench.teleoperator import KEYS, DuoBenchTeleoperator
+from lerobot_env_duobench.config import KEYS, Arms, DuoBenchRobotConfig
+from lerobot_env_duobench.teleoperator import DuoBenchTeleoperator
 
 SOLVED = "Solved. End the episode in LeRobot's program, then keep it here for the next layout."
 
 
-class DuoBenchRobot(Robot):
+class DuoBenchRobot(Arms):
     """Both arms of a simulated task, which never ends by itself.
 
     With a `DuoBenchTeleoperator` in the same program, its page shows the task, and keep or discard
@@ -29,38 +28,17 @@ class DuoBenchRobot(Robot):
     """
 
     config_class = DuoBenchRobotConfig
-    name = "franka_fr3_duo"
 
     def __init__(self, config: DuoBenchRobotConfig) -> None:
-        """Know the options; nothing is simulated before `connect`."""
         super().__init__(config)
-        self.config = config
-        self.cameras: dict[str, None] = dict.fromkeys(config.views)
-        """Names of the cameras; LeRobot asks how many there are."""
         self._env: gym.Env | None = None
         self._teleoperator: DuoBenchTeleoperator | None = None
         self._due = 0.0
 
     @property
-    def observation_features(self) -> dict[str, Any]:
-        """The 16 measured numbers, and the images (height, width, 3)."""
-        size = (self.config.image_size, self.config.image_size, 3)
-        return {**dict.fromkeys(KEYS, float), **dict.fromkeys(self.config.views, size)}
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """The 16 numbers of a command."""
-        return dict.fromkeys(KEYS, float)
-
-    @property
     def is_connected(self) -> bool:
         """Whether the task is simulated."""
         return self._env is not None
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Always."""
-        return True
 
     @property
     @check_if_not_connected
@@ -88,12 +66,6 @@ class DuoBenchRobot(Robot):
         self._number = config.episode
         self._teleoperator = next(reversed(DuoBenchTeleoperator.connected), None)
         self._reset()
-
-    def calibrate(self) -> None:
-        """Do nothing."""
-
-    def configure(self) -> None:
-        """Do nothing."""
 
     @check_if_not_connected
     def get_observation(self) -> dict[str, Any]:

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
+
 from duobench.errors import MessageError
 from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3
-from duobench.teleop.hand_arms import OPEN_HOME, HandArms
 from duobench.types import CONTROL_HZ, DuoCommand
+from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
 from tests.teleop.operator import hand, message
 
 SHIFT = np.array([0.0, 0.05, 0.04])

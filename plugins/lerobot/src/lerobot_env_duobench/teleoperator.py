@@ -13,23 +13,24 @@ from lerobot.teleoperators import Teleoperator
 from lerobot.teleoperators.utils import TeleopEvents
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
-from duobench.envs.spaces import JOINT_NAMES
+from duobench.cli.shared.page import serve_page
 from duobench.errors import LeaderError, check_known
-from duobench.lerobot_keys import POSITION
 from duobench.looks.look import Look
+from duobench.rig_sessions.teleop_page import WATCHING
 from duobench.robot.joints import JOINT_RANGES
 from duobench.sim.simulation import Simulation
-from duobench.teleop.hand_arms import OPEN_HOME, HandArms
 from duobench.teleop.presses import DISCARD, KEEP
 from duobench.types import SIDES, DuoCommand, DuoState
-from lerobot_teleoperator_duobench.config import DuoBenchTeleoperatorConfig
-from lerobot_teleoperator_duobench.page import LivePage, Shadow
+from duobench.web.geometry import Geometry
+from duobench.web.messages import pack_frame
+from lerobot_env_duobench.config import KEYS, DuoBenchTeleoperatorConfig
+from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
 
-KEYS = tuple(f"{name}{POSITION}" for name in JOINT_NAMES)
-"""Names of the numbers of an action: seven joints in radians and a gripper, left then right."""
 PULSES = {f"{side}_pulse": str(side) for side in SIDES}
 """Names of the strengths, 0 to 1, with which controllers rumble, and on which side."""
 PULSE_MS = 100
+TURNS = 6
+"""Steps after which a status is sent at the latest: a drag is measured where the tool is."""
 LOCKSTEP_WAIT_S = 1.0
 """Seconds that an action waits for hands in lockstep, so that a program can still be stopped."""
 
@@ -50,11 +51,10 @@ class DuoBenchTeleoperator(Teleoperator):
     """Those of this program whose page is open, the newest last."""
 
     def __init__(self, config: DuoBenchTeleoperatorConfig) -> None:
-        """Know the options; no page is served before `connect`."""
         super().__init__(config)
         self.config = config
-        self._page: LivePage | None = None
-        self._shadow: Shadow | None = None
+        self._page: _LivePage | None = None
+        self._shadow: _Shadow | None = None
         self._measured: DuoState | None = None
 
     @property
@@ -97,8 +97,8 @@ class DuoBenchTeleoperator(Teleoperator):
             ServingError: The port cannot be had, or there is no certificate for the network.
         """
         self._arms = HandArms(lockstep=self.config.lockstep)
-        self._page = LivePage(self._arms, self.config.port, self.config.lan)
-        self._shadow = Shadow()
+        self._page = _LivePage(self._arms, self.config.port, self.config.lan)
+        self._shadow = _Shadow()
         self._page.show_scene(self._shadow.simulation)
         self.connected.append(self)
         _log.info("Open %s", self.url)
@@ -207,3 +207,86 @@ class DuoBenchTeleoperator(Teleoperator):
         self._page.close()
         self._page = None
         self.connected.remove(self)
+
+
+class _Shadow:
+    """Simulated arms without a table full of things, for a page of arms that are elsewhere."""
+
+    def __init__(self) -> None:
+        self.simulation = Simulation()
+        """The arms."""
+
+    def place(self, command: DuoCommand) -> None:
+        """Put the arms somewhere at once; grippers begin open."""
+        self.simulation.reset_data()
+        openings = np.ones(len(SIDES))
+        self.simulation.duo.set_configuration(DuoCommand(joints=command.joints, openings=openings))
+        self.simulation.forward()
+
+
+class _LivePage:
+    """Shows a simulation, and gives arms of numbers what the driver sends."""
+
+    def __init__(self, arms: HandArms, port: int, lan: bool) -> None:
+        """Begin to serve.
+
+        Raises:
+            ServingError: The port cannot be had, or there is no certificate for the network.
+        """
+        self._arms = arms
+        self._server = serve_page(port, lan)
+        self._server.on_message = self._take
+        self._server.on_driver_lost = lambda: arms.leave(time.monotonic())
+        self._simulation: Simulation | None = None
+        self._told: dict[str, Any] = {}
+        self._turn = 0
+        self.url = self._server.url
+        """Its address, with the token."""
+
+    @property
+    def has_viewers(self) -> bool:
+        """Whether a browser has it open."""
+        return self._server.has_viewers
+
+    def show_scene(self, simulation: Simulation, look: Look | None = None) -> None:
+        """Show a simulation from now on."""
+        self._simulation, self._geometry = simulation, Geometry(simulation.model, look)
+        self._server.publish_scene(self._geometry.name, self._geometry.data)
+
+    def show(self, **status: Any) -> None:
+        """Show where everything is now, and what is said beside it."""
+        if self._simulation is None or not self.has_viewers:
+            return
+        poses = self._geometry.poses(self._simulation.data)
+        self._server.publish_frame(pack_frame(poses, status.get("step", 0), time.monotonic()))
+        device = self._arms.device
+        told = {
+            "title": "LeRobot",
+            "state": "recording" if self._arms.is_led else "waiting",
+            "clutch": dict(zip(map(str, SIDES), device.clutch, strict=True)),
+            **status,
+            "note": self._arms.note or status.get("note", ""),
+        }
+        self._turn += 1
+        quiet = {name: value for name, value in told.items() if name != "step"}
+        if quiet == self._told and self._turn % TURNS:
+            return
+        self._told = quiet
+        tools = self._simulation.duo.read().tcp_poses
+        places = {str(side): tools[side.index][:3].tolist() for side in SIDES}
+        self._server.publish_status({**told, "lost": device.dropped, "tools": places})
+
+    def pulse(self, side: str, strength: float, ms: int) -> None:
+        """Let a controller of the driver rumble; strength from 0 to 1."""
+        self._server.pulse(side, strength, ms)
+
+    def close(self) -> None:
+        """Let every browser go."""
+        self._server.close()
+
+    def _take(self, is_driver: bool, data: bytes) -> str | None:
+        """Take a message, in the server's thread; only who drives leads."""
+        if not is_driver:
+            return WATCHING
+        self._arms.receive(data, time.monotonic())
+        return None

@@ -10,11 +10,11 @@ import hashlib
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, Full, Queue
-from typing import Any
+from typing import Any, Protocol
 
 import av
 import numpy as np
@@ -22,11 +22,10 @@ from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from duobench.backend import Image
-from duobench.data.real.robot import Camera, Frame
-from duobench.data.schema import VIDEO_SUFFIX, EpisodeInfo, VideoFacts
+from duobench.data.schema import EpisodeInfo, VideoFacts, video_path
 from duobench.errors import DataError, DuoBenchError, OutputError
 from duobench.files import writing
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.types import CONTROL_HZ
 from duobench.video import H264, VideoWriter
 
 QUEUE = 20
@@ -45,24 +44,35 @@ _LONGEST_WAIT_S = 60.0
 """How long a camera waits for an encoder that does nothing, where it waits."""
 
 
-def video_path(episode: Path, camera: str) -> Path:
-    """Where the video of a camera is, of an episode whose file, finished or not, is given."""
-    return episode.with_name(f"{episode.stem}.{camera}{VIDEO_SUFFIX}")
+class CameraFrame(Protocol):
+    """One image of a camera, as it came from it."""
+
+    @property
+    def index(self) -> int:
+        """Number that the camera gave it; a gap is a lost frame."""
+        ...
+
+    @property
+    def time_s(self) -> float:
+        """When it was taken, on the clock of the arms."""
+        ...
+
+    @property
+    def image(self) -> Image:
+        """Red, green, blue (height, width, 3), both even; nothing changes it any more."""
+        ...
 
 
-def episode_of(video: Path) -> tuple[str, str] | None:
-    """The name of the episode that a video belongs to, and the camera; None for other files."""
-    name, dot, camera = video.name.removesuffix(VIDEO_SUFFIX).rpartition(".")
-    is_one = video.name.endswith(VIDEO_SUFFIX) and dot and camera in POLICY_CAMERAS
-    return (name, camera) if is_one else None
+class Camera(Protocol):
+    """A camera that takes images all the time."""
+
+    def listen(self, call: Callable[[Any], None] | None) -> None:
+        """Have every frame from now on given to a call, in any thread; None ends it."""
+        ...
 
 
 def count_frames(path: Path) -> int:
-    """Whole frames of a video, which may end anywhere.
-
-    Raises:
-        DataError: There is none.
-    """
+    """Whole frames of a video, which may end anywhere; a `DataError` if there is none."""
     try:
         with path.open("rb") as file, av.open(file, "r") as container:
             count = 0
@@ -81,11 +91,7 @@ def count_frames(path: Path) -> int:
 
 
 def describe(path: Path, left_out: int = 0) -> VideoFacts:
-    """What an episode says about a finished video.
-
-    Raises:
-        DataError: There is none.
-    """
+    """What an episode says about a finished video; a `DataError` if there is none."""
     frames = count_frames(path)
     with path.open("rb") as file:
         return VideoFacts(
@@ -100,17 +106,12 @@ def recovered(
 ) -> tuple[NDArray[Any], dict[str, VideoFacts]]:
     """Rows of a killed recording that name frames which are there, and what is in its videos.
 
+    Where a frame was not encoded yet, a row names the newest one before it, with its age.
+
     Args:
         partial: The stream that was left.
         info: What was known about the episode when it began.
         rows: Its rows, with a field for each column.
-
-    Returns:
-        The rows; where a frame was not encoded yet, the newest one before it, with its age. And the
-        videos by camera.
-
-    Raises:
-        DataError: A video is missing.
     """
     rows, videos = rows.copy(), {}
     for place, camera in enumerate(info.videos):
@@ -138,12 +139,12 @@ class _Accepted:
     """When it was taken."""
 
 
-class _Stream:
-    """The video of one camera."""
+class _Encoder:
+    """Encodes the video of one camera."""
 
     def __init__(self, path: Path, camera: Camera, rate: int, waits: bool) -> None:
         self.path, self.camera = path, camera
-        self.error: DuoBenchError | None = None
+        self._error: DuoBenchError | None = None
         self._waits = waits
         self._missed: set[int] = set()
         self._pace_s = 0.0  # what a frame takes, as of late
@@ -160,11 +161,16 @@ class _Stream:
         """Frames that are not in the video, because the encoder was too far behind."""
         return len(self._missed)
 
-    def take(self, frame: Frame) -> None:
+    def check(self) -> None:
+        """Raise what ended the encoder, if anything did."""
+        if self._error is not None:
+            raise self._error
+
+    def take(self, frame: CameraFrame) -> None:
         """Have a frame encoded, unless it was taken already, or is older than the last one."""
         with self._lock:
             last = self._accepted[-1]
-            if self._is_closed or self.error is not None or frame.time_s <= last.time_s:
+            if self._is_closed or self._error is not None or frame.time_s <= last.time_s:
                 return
             try:
                 if not self._waits and self._queue.qsize() * self._pace_s > LONGEST_BACKLOG_S:
@@ -203,11 +209,11 @@ class _Stream:
                 self._pace_s += _SMOOTHING * (time.monotonic() - begun - self._pace_s)
             self._writer.close()
         except DuoBenchError as error:
-            self.error = error
+            self._error = error
             self._drain()
 
     def _drain(self) -> None:
-        """Let nobody wait for an encoder that has ended."""
+        """Empty the queue of an encoder that has ended, so that nothing waits for it."""
         while not self._is_closed:
             try:
                 self._queue.get(timeout=0.1)
@@ -225,40 +231,34 @@ class Videos:
     """The videos of an episode while it is recorded.
 
     At first they hold the one frame that `see` takes. After `listen` every frame is encoded, until
-    `close`.
+    `close`. What cannot be encoded or written is an `OutputError` or a `VideoError`.
+
+    Args:
+        episode: The episode's file, beside which they are.
+        cameras: The cameras by name.
+        rates: Their frames a second.
+        waits: Whether cameras wait for the encoder.
     """
 
     def __init__(
         self, episode: Path, cameras: Mapping[str, Camera], rates: Mapping[str, int], waits: bool
     ) -> None:
-        """Begin videos beside an episode's file.
-
-        Args:
-            episode: The file.
-            cameras: The cameras by name.
-            rates: Their frames a second.
-            waits: Whether cameras wait for the encoder.
-        """
-        self._streams = {
-            name: _Stream(
+        self._encoders = {
+            name: _Encoder(
                 video_path(episode, name), camera, rates.get(name, round(CONTROL_HZ)), waits
             )
             for name, camera in cameras.items()
         }
-        self._is_listening = False
-
-    @property
-    def is_listening(self) -> bool:
+        self.is_listening = False
         """Whether every frame is encoded."""
-        return self._is_listening
 
     def listen(self) -> None:
         """Encode every frame from now on."""
-        self._is_listening = True
-        for stream in self._streams.values():
-            stream.camera.listen(stream.take)
+        self.is_listening = True
+        for encoder in self._encoders.values():
+            encoder.camera.listen(encoder.take)
 
-    def see(self, frames: Mapping[str, Frame], time_s: float) -> dict[str, NDArray[Any]]:
+    def see(self, frames: Mapping[str, CameraFrame], time_s: float) -> dict[str, NDArray[Any]]:
         """Which frames belong to a row.
 
         Args:
@@ -267,20 +267,15 @@ class Videos:
 
         Returns:
             The columns of frames: places in the videos, numbers, and ages in seconds.
-
-        Raises:
-            OutputError: A video cannot be written.
-            VideoError: A frame cannot be encoded.
         """
         seen = []
-        for name, stream in self._streams.items():
-            if stream.error is not None:
-                raise stream.error
+        for name, encoder in self._encoders.items():
+            encoder.check()
             if (frame := frames.get(name)) is None:
-                seen.append(stream.at(time_s))
+                seen.append(encoder.at(time_s))
             else:
-                stream.take(frame)
-                seen.append(stream.at(frame.time_s))
+                encoder.take(frame)
+                seen.append(encoder.at(frame.time_s))
         return {
             "frame": np.array([one.place for one in seen], dtype=np.int64),
             "frame_number": np.array([one.number for one in seen], dtype=np.int64),
@@ -289,27 +284,21 @@ class Videos:
 
     def close(self) -> None:
         """Encode what waits, and finish the videos; closing twice is harmless."""
-        self._is_listening = False
-        for stream in self._streams.values():
-            stream.close()
+        self.is_listening = False
+        for encoder in self._encoders.values():
+            encoder.close()
 
     def finish(self) -> dict[str, VideoFacts]:
-        """What the finished videos hold, by camera.
-
-        Raises:
-            OutputError: One could not be written.
-            VideoError: A frame could not be encoded.
-        """
+        """What the finished videos hold, by camera."""
         self.close()
-        for stream in self._streams.values():
-            if stream.error is not None:
-                raise stream.error
+        for encoder in self._encoders.values():
+            encoder.check()
         try:
             return {
-                name: describe(stream.path, stream.left_out)
-                if stream.path.exists()
-                else VideoFacts(frames=0, left_out=stream.left_out)
-                for name, stream in self._streams.items()
+                name: describe(encoder.path, encoder.left_out)
+                if encoder.path.exists()
+                else VideoFacts(frames=0, left_out=encoder.left_out)
+                for name, encoder in self._encoders.items()
             }
         except OSError as error:
             raise OutputError(f"A video cannot be read again: {error}.") from error
@@ -317,6 +306,6 @@ class Videos:
     def discard(self) -> None:
         """End the videos and remove them."""
         self.close()
-        for stream in self._streams.values():
-            with writing(stream.path):
-                stream.path.unlink(missing_ok=True)
+        for encoder in self._encoders.values():
+            with writing(encoder.path):
+                encoder.path.unlink(missing_ok=True)
