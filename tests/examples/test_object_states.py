@@ -29,9 +29,7 @@ def run(*words: str, folder: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def exports(
-    tmp_path_factory: pytest.TempPathFactory, demonstrations: Callable[..., Path]
-) -> Path:
+def exports(tmp_path_factory: pytest.TempPathFactory, demonstrations: Callable[..., Path]) -> Path:
     folder = tmp_path_factory.mktemp("baselines")
     (folder / "demos").symlink_to(demonstrations(TASK, episodes=2))
     run("export", "lerobot", "demos", "--out", "exports", *EXPORT, folder=folder)

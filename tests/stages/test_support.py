@@ -11,7 +11,6 @@ import pytest
 
 from duobench.experts.handling import LET_GO
 from duobench.experts.motion import Arms, Script, release, together, wait
-from duobench.experts.scripts import hinge_chest, spring_door
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
@@ -19,8 +18,9 @@ from duobench.stages.predicates import FLICKER_SECONDS
 from duobench.stages.support import UNSUPPORTED_SECONDS
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, Side
-from tests.adversaries import hinge_chest as chest_cheats
-from tests.adversaries import spring_door as door_cheats
+from tests.adversaries.hinge_chest import CHEST
+from tests.adversaries.opening import Opening
+from tests.adversaries.spring_door import DOOR
 from tests.task_harness import TaskHarness
 
 LONG = round(UNSUPPORTED_SECONDS * CONTROL_HZ)
@@ -29,43 +29,7 @@ REST = round(REST_SECONDS * CONTROL_HZ)
 OPEN, HALF_OPEN = 0.8, 0.79
 
 
-@dataclass(frozen=True, kw_only=True)
-class Case:
-    """One task with a lid or a door, and what its arms do."""
-
-    lid: str
-    fixture: str
-    holder: Side
-    opens: Callable[[Arms], Script]
-    fetches: Callable[[Arms], Script]
-    comes_near: Callable[[Arms], Script]
-    puts_in: Callable[[Arms], Script]
-
-    @property
-    def bringer(self) -> Side:
-        return self.holder.other
-
-
-CASES = {
-    "hinge_chest": Case(
-        lid="chest/lid",
-        fixture="chest",
-        holder=hinge_chest.HOLDER,
-        opens=hinge_chest.open_lid,
-        fetches=hinge_chest.fetch,
-        comes_near=chest_cheats.come_over_the_chest,
-        puts_in=hinge_chest.lower,
-    ),
-    "spring_door": Case(
-        lid="microwave/door",
-        fixture="microwave",
-        holder=spring_door.HOLDER,
-        opens=spring_door.open_door,
-        fetches=spring_door.fetch,
-        comes_near=door_cheats.come_to_the_door,
-        puts_in=spring_door.reach_in,
-    ),
-}
+CASES = {"hinge_chest": CHEST, "spring_door": DOOR}
 
 
 @dataclass(frozen=True)
@@ -73,7 +37,7 @@ class Scene:
     """A task on the bench, and states of it by letter."""
 
     bench: TaskHarness
-    case: Case
+    case: Opening
     states: dict[str, np.ndarray]
 
     def stage_after(self, *letters: str) -> int:
@@ -92,7 +56,7 @@ def set_lid(sim: Simulation, lid: str, angle: float) -> None:
     sim.forward()
 
 
-def lower_onto_the_arm(sim: Simulation, case: Case) -> None:
+def lower_onto_the_arm(sim: Simulation, case: Opening) -> None:
     """Shut the lid as far as the arm that brings the cube lets it."""
     angle = sim.angle(case.lid)
     while not sim.contacts.arm(case.bringer, case.lid):
@@ -100,7 +64,7 @@ def lower_onto_the_arm(sim: Simulation, case: Case) -> None:
         set_lid(sim, case.lid, angle)
 
 
-def press_it_shut(sim: Simulation, case: Case) -> None:
+def press_it_shut(sim: Simulation, case: Opening) -> None:
     """Turn the lid to where the holding arm touches it and does not push it open."""
     contacts = sim.contacts
     for angle in np.arange(OPEN, sim.model.joint(case.lid).range[1], 0.005):
@@ -126,7 +90,7 @@ def send_home(bench: TaskHarness, start: np.ndarray, side: Side) -> None:
     sim.forward()
 
 
-def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
+def collect(bench: TaskHarness, case: Opening) -> dict[str, np.ndarray]:
     """States by letter.
 
     What two arms did: (t) at the start; the lid held open and the cube (h)eld, come (n)ear,

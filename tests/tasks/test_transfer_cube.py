@@ -13,7 +13,7 @@ from duobench.stages.predicates import STILL_SPEED
 from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
 from tests.adversaries.transfer_cube import both_hold, hand_over
-from tests.handovers import bring, drop
+from tests.steps import bring, drop
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT

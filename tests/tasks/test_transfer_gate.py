@@ -26,7 +26,7 @@ from duobench.spatial import SE3
 from duobench.tasks.transfer_gate import CROSSING_RADIUS, TASK
 from duobench.types import Side
 from tests.adversaries.transfer_gate import hand_over
-from tests.handovers import drop
+from tests.steps import drop
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT

@@ -37,7 +37,7 @@ from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import STILL_SPEED
 from duobench.tasks.transfer_reorient import DEPTH, TASK
 from duobench.types import CONTROL_HZ, Side
-from tests.handovers import meet
+from tests.steps import meet
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
