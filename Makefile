@@ -69,7 +69,7 @@ test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $
 
 # A cluster of several processes on this machine; Ray is large, and not in the usual environment.
 test-ray: $(RAY_VENV)/.installed  ## Test evaluations on a Ray cluster.
-	$(RAY_VENV)/bin/python -m pytest -W default tests/ray tests/evaluation/ray
+	$(RAY_VENV)/bin/python -m pytest -W default tests/ray
 
 # Needs npm, and Chromium as `chromium`, `chromium-browser` or `google-chrome`.
 test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER)  ## Test pages in a browser: accessibility, phone, paper, driving.

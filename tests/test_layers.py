@@ -33,6 +33,8 @@ FLOORS = (
     ("experts", "data", "policy", "hardware", "fabrication", "training", "web"),
     ("results",),
     ("evaluation", "teleop", "interop"),
+    ("replay",),
+    ("runners", "rig_sessions"),
     ("cli",),
     ("__main__",),
 )
@@ -50,7 +52,10 @@ AT_HOME = {
     "duobench.policy.lerobot": ("torch", "lerobot"),
     "duobench.teleop.leaders.lerobot_source": ("lerobot",),
     "duobench.hardware": ("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
-    "duobench.evaluation.ray": ("ray",),
+    "duobench.runners.ray_children": ("ray",),
+    "duobench.runners.ray_cluster": ("ray",),
+    "duobench.runners.ray_executor": ("ray",),
+    "duobench.runners.ray_host": ("ray",),
     "duobench.interop.vla_eval": ("vla_eval",),
     "duobench.interop.vlagents": ("vlagents", "rpyc"),
 }

@@ -134,15 +134,16 @@ def build(arms: Arms, *sides: Side) -> Script:
             yield from act(arms, side, name)
 
 
-def tools_at(arms: Arms) -> dict[Side, SE3]:
-    """Where each tool grasps its block."""
-    places = {side: arms.sim.position(f"{side}_block") for side in SIDES}
-    return {side: down(x, y, z + GRASP, yaw=outward(side)) for side, (x, y, z) in places.items()}
+def tool_at(arms: Arms, side: Side) -> SE3:
+    """Where a tool grasps its block."""
+    x, y, z = arms.sim.position(f"{side}_block")
+    return down(x, y, z + GRASP, yaw=outward(side))
 
 
 def close_once(arms: Arms) -> Script:
     """Both grasp a block, on the table."""
-    for side, tool in tools_at(arms).items():
+    for side in SIDES:
+        tool = tool_at(arms, side)
         yield from to(arms, side, tool.moved(z=0.12))
         yield from to(arms, side, tool, speed=CAREFUL)
     yield from grip(arms, *SIDES)
@@ -155,7 +156,7 @@ def both_away(arms: Arms) -> Script:
 
 def grasp_on_the_beam(arms: Arms, lift: float) -> Script:
     """Both grasp their blocks together, raise them, and let go."""
-    tools = tools_at(arms)
+    tools = {side: tool_at(arms, side) for side in SIDES}
     yield from move(arms, {side: tool.moved(z=0.12) for side, tool in tools.items()})
     yield from move(arms, tools, speed=CAREFUL)
     yield from grip(arms, *SIDES)

@@ -7,11 +7,11 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from duobench.evaluation.trials.film import FILM_RATE
-from duobench.evaluation.trials.plan import Plan
-from duobench.evaluation.trials.session import SILENCE_S
+from duobench.rig_sessions.film import FILM_RATE
+from duobench.rig_sessions.trial_plan import Plan
+from duobench.rig_sessions.trial_session import SILENCE_S
 from tests.docs.markdown import DOCS, blocks, text_of
-from tests.evaluation.trials.operator import Operator
+from tests.rig_sessions.operator import Operator
 from tests.web.pages import Page, open_page
 
 PAGE = DOCS / "real_evaluation.md"

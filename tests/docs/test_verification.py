@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.evaluation.verify import Verdict
+from duobench.replay.verify import Verdict
 from tests.docs.markdown import DOCS, blocks, table
 
 PAGE = DOCS / "verification.md"

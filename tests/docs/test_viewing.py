@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from duobench.evaluation.viewing.sources import LAYOUTS
-from duobench.evaluation.viewing.viewer import MAX_ITEMS
+from duobench.replay.sources import LAYOUTS
+from duobench.replay.viewer import MAX_ITEMS
 from duobench.web.messages import MAX_MESSAGE
 from duobench.web.server import MAX_PEERS
 from tests.docs.markdown import DOCS, blocks, text_of

@@ -21,7 +21,6 @@ from duobench.errors import (
     ServingError,
     UnplayedError,
 )
-from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
@@ -30,6 +29,7 @@ from duobench.policy.serving.connection import is_healthy
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
+from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import Play, compared, small_suite
 from tests.evaluation.processes import wait_until

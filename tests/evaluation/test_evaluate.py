@@ -13,13 +13,13 @@ from duobench.errors import (
     PolicyError,
     UnknownNameError,
 )
-from duobench.evaluation.evaluate import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
 from duobench.results.reporting.times import PARTS, read_notes
 from duobench.results.run import Run
 from duobench.results.suite import find_tasks
+from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared, small_suite
 

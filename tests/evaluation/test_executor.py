@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from duobench.errors import MachineryError, RenderingError, UnplayedError
-from duobench.evaluation.processes import channel, executor
-from duobench.evaluation.processes.channel import Channel
-from duobench.evaluation.processes.messages import EpisodeError, Report, Request
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
+from duobench.runners import channel
+from duobench.runners import process_executor as executor
+from duobench.runners.channel import Channel
+from duobench.runners.messages import EpisodeError, Report, Request
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until

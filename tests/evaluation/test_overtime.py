@@ -8,13 +8,13 @@ import pytest
 
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.robustness.shifts import evaluate_shifts
-from duobench.evaluation.verify import Verdict, verify
 from duobench.policy import Batching
+from duobench.replay.verify import Verdict, verify
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.results.suites.shard import Shard
+from duobench.runners.shifts import evaluate_shifts
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import Play, small_suite

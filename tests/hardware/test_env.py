@@ -19,11 +19,11 @@ from duobench.hardware.judge import DeclaredJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.supervisor import State
 from duobench.policy import PolicyMetadata
+from duobench.rig_sessions.teleoperation import Session
+from duobench.rig_sessions.teleoperation import State as SessionState
 from duobench.robot.joints import HOME_JOINTS
 from duobench.robot.kinematics import tcp_poses
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.session import Session
-from duobench.teleop.session import State as SessionState
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.hardware.rigs import arm, new_rig, wait
 from tests.teleop.operator import hand, message

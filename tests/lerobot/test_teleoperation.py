@@ -41,10 +41,10 @@ import duobench
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError, UnknownNameError
 from duobench.randomness import TRAIN, episode_seed
+from duobench.rig_sessions.teleoperation import State
 from duobench.spatial import SE3
 from duobench.teleop.hand_arms import OPEN_HOME
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
-from duobench.teleop.session import State
 from duobench.types import ARM_JOINTS, DuoCommand
 from duobench.web.messages import unpack_frame
 from tests.docs.markdown import DOCS, table

@@ -9,15 +9,15 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.evaluation.trials.log import Kind, read_entries
-from duobench.evaluation.trials.rating import RatingSession, rated
-from duobench.evaluation.trials.session import HELD_BY_OPERATOR
 from duobench.results.source import read_source
+from duobench.rig_sessions.rating import RatingSession, rated
+from duobench.rig_sessions.trial_log import Kind, read_entries
+from duobench.rig_sessions.trial_session import HELD_BY_OPERATOR
 from duobench.web.page import assets
 from duobench.web.server import PageServer
-from tests.evaluation.trials import toys
-from tests.evaluation.trials.operator import STEPS, Stand, contenders
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
+from tests.rig_sessions import toys
+from tests.rig_sessions.operator import STEPS, Stand, contenders
 
 LAST = 5
 

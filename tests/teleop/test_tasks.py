@@ -12,11 +12,11 @@ import pytest
 
 from duobench.data import Actor, ActorKind, DataSet, find_problems
 from duobench.randomness import TRAIN
+from duobench.rig_sessions.teleop_page import LiveSession
+from duobench.rig_sessions.teleop_recorder import make_recorder
+from duobench.rig_sessions.teleoperation import Session, State
 from duobench.tasks import catalog
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.live import LiveSession
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session, State
 from duobench.types import CONTROL_HZ
 from duobench.web.server import PageServer
 from tests.teleop.operator import Operator

@@ -9,9 +9,9 @@ import numpy as np
 
 from duobench.cli.view import serve_page
 from duobench.looks.look import Look
+from duobench.rig_sessions.teleop_page import WATCHING
 from duobench.sim.simulation import Simulation
 from duobench.teleop.hand_arms import HandArms
-from duobench.teleop.live import WATCHING
 from duobench.types import SIDES, DuoCommand
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame

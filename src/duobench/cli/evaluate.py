@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from duobench.evaluation.policies import PolicyChoice
-    from duobench.evaluation.ray.cluster import Cluster
-    from duobench.evaluation.viewing.watching import RunWatch
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
+    from duobench.replay.watching import RunWatch
     from duobench.results.metrics import Results
     from duobench.results.run import Run
     from duobench.results.suite import Suite
     from duobench.results.suites.shard import Shard
+    from duobench.runners.ray_cluster import Cluster
     from duobench.shifts.shift import Shift
 
 
@@ -129,13 +129,13 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     load_engine()
     from duobench.cli.advice import advising, for_evaluation, relative
     from duobench.cli.display.progress import EpisodesPlayed, display
-    from duobench.evaluation.evaluate import evaluate as play
     from duobench.evaluation.policies import PolicyChoice
     from duobench.results.folder import RunFolder
     from duobench.results.limits import TimeLimits
     from duobench.results.suites.catalog import PAPER_EXECUTE, make_suite
     from duobench.results.suites.merged import shard_folder
     from duobench.results.suites.shard import Shard
+    from duobench.runners.evaluate import evaluate as play
     from duobench.shifts.shift import Shift
 
     batching = _batching(batch, max_batch)
@@ -205,7 +205,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
 
 
 def _cluster(executor: Literal["processes", "ray"], address: str, gpus: float) -> Cluster | None:
-    from duobench.evaluation.ray.cluster import Cluster
+    from duobench.runners.ray_cluster import Cluster
 
     if executor == "ray":
         return Cluster(address=address, policy_gpus=gpus)
@@ -252,11 +252,11 @@ def _evaluate_shifts(
     """Play a suite under shifts, and report it; the exit code is 1 if an episode has an error."""
     from duobench.cli.advice import advising, for_evaluation, relative
     from duobench.cli.display.progress import EpisodesPlayed, display
-    from duobench.evaluation.robustness.shifts import evaluate_shifts
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results
     from duobench.results.robustness.conditions import read_robustness
     from duobench.results.robustness.report import write_robustness
+    from duobench.runners.shifts import evaluate_shifts
 
     advised = advising(partial(for_evaluation, RunFolder(out), choice.name.text))
     with advised, raising(screen), display(screen, "episode") as shown:
@@ -284,7 +284,7 @@ def _watching(screen: Console, is_on: bool, port: int) -> Iterator[RunWatch | No
         yield None
         return
     from duobench.cli.view import serve_page
-    from duobench.evaluation.viewing.watching import RunWatch
+    from duobench.replay.watching import RunWatch
 
     with closing(serve_page(port, lan=False)) as server:
         screen.print(f"Watch at {server.url}")

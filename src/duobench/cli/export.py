@@ -67,7 +67,7 @@ def lerobot(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     from duobench.cli.display.progress import display
     from duobench.data import ActionSource, ExportOptions, Pairing, export_lerobot
     from duobench.data.schema import Domain
-    from duobench.evaluation.real.views import view_of
+    from duobench.rig_sessions.views import view_of
 
     screen = console()
     options = ExportOptions(

@@ -11,7 +11,7 @@ from duobench.cli.doctor import load_engine
 from duobench.cli.interrupt import raising
 
 if TYPE_CHECKING:
-    from duobench.evaluation.demonstrations import Attempt
+    from duobench.runners.demonstrations import Attempt
 
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -56,9 +56,9 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     from duobench.cli.advice import advising, for_recording
     from duobench.cli.display.progress import EpisodesKept, display
     from duobench.data import DataSet
-    from duobench.evaluation import demonstrations
     from duobench.results.limits import TimeLimits
     from duobench.results.suite import find_tasks
+    from duobench.runners import demonstrations
 
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     chosen = find_tasks(tasks)

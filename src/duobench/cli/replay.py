@@ -52,7 +52,8 @@ def replay(
 
 
 def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
-    from duobench.data import Recording, replay_all
+    from duobench.data import Recording
+    from duobench.replay import replay_all
     from duobench.tasks import catalog
 
     screen = console()

@@ -15,9 +15,9 @@ from duobench.cli.interrupt import stopping
 from duobench.cli.view import serve_page
 
 if TYPE_CHECKING:
+    from duobench.rig_sessions.pacing import Timings
     from duobench.teleop.intent import Device
     from duobench.teleop.leaders.device import JointSource
-    from duobench.teleop.pacing import Timings
 
 GELLO, LEROBOT = "gello", "lerobot"
 
@@ -64,11 +64,11 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         raise AdvisedError("Leader arms send no messages to step by: leave out --lockstep.")
     load_engine()
     from duobench.data import Actor, ActorKind
+    from duobench.rig_sessions.teleop_page import LiveSession
+    from duobench.rig_sessions.teleop_recorder import make_recorder
+    from duobench.rig_sessions.teleoperation import Session
     from duobench.teleop.hands import HandDevice
     from duobench.teleop.leaders.device import LeaderDevice
-    from duobench.teleop.live import LiveSession
-    from duobench.teleop.recorder import make_recorder
-    from duobench.teleop.session import Session
 
     with ExitStack() as ending:
         source = None if leader is None else joint_source(leader)

@@ -41,8 +41,8 @@ def view(
             the modules that the run names.
     """
     load_engine()
-    from duobench.evaluation.viewing.sources import open_view
-    from duobench.evaluation.viewing.viewer import Viewer
+    from duobench.replay.sources import open_view
+    from duobench.replay.viewer import Viewer
 
     source = open_view(what, look, tasks, import_tasks=import_tasks)
     with closing(serve_page(port, lan)) as server:

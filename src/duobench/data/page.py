@@ -12,9 +12,9 @@ from PIL import Image
 
 from duobench.data.chatter import JUMP, REVERSAL
 from duobench.data.dataset import DataSet
+from duobench.data.images import ImageSource
 from duobench.data.real.views import RecordedImages, raw_view
 from duobench.data.recording import Recording
-from duobench.data.replay import ImageSource
 from duobench.data.summary import Summary
 from duobench.files import write
 from duobench.pages import render

@@ -27,10 +27,10 @@ from duobench.errors import (
     escaped,
     traceback_text,
 )
+from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.overview import Overview
 from duobench.evaluation.picture import Picture
 from duobench.evaluation.policies import PolicyChoice, PolicySource
-from duobench.evaluation.processes.clock import EpisodeClock
 from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.stopwatch import Stopwatch

@@ -22,7 +22,6 @@ from duobench.errors import (
     check_known,
     foreign_traceback,
 )
-from duobench.evaluation.processes.policy_process import PolicyAddress
 from duobench.experts.expert import Expert, find_script
 from duobench.experts.motion import wait
 from duobench.experts.scripts import blind
@@ -42,6 +41,24 @@ from duobench.policy.registry import (
 from duobench.policy.serving.address import MAX_S, OPENPI, SERVED, RemoteServer
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
+
+LOOPBACK = "127.0.0.1"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyAddress:
+    """Where a policy answers that is in a process of its own."""
+
+    host: str = LOOPBACK
+    """Address of the machine; the loopback address unless told."""
+    port: int
+    """Its port."""
+    key: str
+    """What it asks for; only those who play with it have it."""
+    batching: Batching | None
+    """How many observations it answers together; None for a plain policy, which plays one episode
+    at a time."""
+
 
 _ANSWERING_S = 5.0
 """Seconds to wait for a process that has said that it answers."""

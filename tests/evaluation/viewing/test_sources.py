@@ -11,7 +11,7 @@ from duobench.data import DataSet, Recording
 from duobench.envs.reset_options import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import EvaluationError, UnknownNameError
-from duobench.evaluation.viewing.sources import (
+from duobench.replay.sources import (
     DataSource,
     RunSource,
     TaskSource,

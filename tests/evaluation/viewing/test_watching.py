@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from duobench.evaluation.viewing.watching import RunWatch
+from duobench.replay.watching import RunWatch
 from duobench.sim.simulation import Simulation
 from duobench.web.geometry import Geometry
 from duobench.web.messages import unpack_frame
@@ -106,7 +106,7 @@ def test_nothing_is_computed_while_nobody_looks(
 ) -> None:
     computed = []
     monkeypatch.setattr(
-        "duobench.evaluation.viewing.live.LiveWatcher._show",
+        "duobench.replay.live.LiveWatcher._show",
         lambda *arguments: computed.append(arguments),
     )
     play("random", "unseen", workers=0, watch=RunWatch(server))
@@ -135,7 +135,7 @@ def test_an_episode_that_cannot_be_shown_is_played(
     def fails(*_arguments: object) -> None:
         raise RuntimeError
 
-    monkeypatch.setattr("duobench.evaluation.viewing.playback.Geometry", fails)
+    monkeypatch.setattr("duobench.replay.playback.Geometry", fails)
     looking = Looking(server.url)
     folder, _ = play("random", "run", workers=0, watch=RunWatch(server))
     server.close()

@@ -18,9 +18,9 @@ from rich.progress import (
 )
 
 from duobench.cli.display.console import counted
-from duobench.evaluation.demonstrations import Attempt
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
+from duobench.runners.demonstrations import Attempt
 
 PLAIN_LINES = 10
 """About how many lines of progress are printed where nothing can be overwritten."""

@@ -19,8 +19,8 @@ from duobench.errors import DuoBenchError, LockedError, OtherRunError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.trials.report import TrialsReport
     from duobench.hardware.doctor import Report
+    from duobench.rig_sessions.trial_report import TrialsReport
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -69,11 +69,11 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     load_engine()
     from duobench.cli.real.rigs import opened_rig
     from duobench.data import DataSet
-    from duobench.evaluation.trials.folder import TrialsFolder
-    from duobench.evaluation.trials.opening import Contender, open_session
-    from duobench.evaluation.trials.report import write_trials_report
     from duobench.files import locked
     from duobench.results.suite import find_tasks
+    from duobench.rig_sessions.trial_folder import TrialsFolder
+    from duobench.rig_sessions.trial_opening import Contender, open_session
+    from duobench.rig_sessions.trial_report import write_trials_report
 
     if trained_on and len(trained_on) != len(policy):
         raise AdvisedError(

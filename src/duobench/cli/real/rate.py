@@ -28,11 +28,11 @@ def rate(trials: tyro.conf.Positional[Path], rater: str, port: int = 0, lan: boo
     """
     find_folder(trials, "trials.json")
     load_engine()
-    from duobench.evaluation.trials.folder import TrialsFolder
-    from duobench.evaluation.trials.rating import RatingSession
-    from duobench.evaluation.trials.report import write_trials_report
     from duobench.files import locked
     from duobench.results.reporting.agreement import kappa_text
+    from duobench.rig_sessions.rating import RatingSession
+    from duobench.rig_sessions.trial_folder import TrialsFolder
+    from duobench.rig_sessions.trial_report import write_trials_report
 
     folder, screen = TrialsFolder(trials), console()
     with ExitStack() as ending:

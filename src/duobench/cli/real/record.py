@@ -48,7 +48,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     from duobench.cli.real.rigs import opened_rig
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import DataSet
-    from duobench.evaluation.real.recording import HELD_BY_OPERATOR, RealRecording, find_policy
+    from duobench.rig_sessions.recording import HELD_BY_OPERATOR, RealRecording, find_policy
 
     with ExitStack() as ending:
         source = find_policy(policy, tempo)

@@ -63,10 +63,15 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     load_engine()
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import Actor, ActorKind
-    from duobench.teleop.cameras import CameraFeed
+    from duobench.rig_sessions.page_cameras import CameraFeed
+    from duobench.rig_sessions.rig_teleoperation import (
+        EndedError,
+        RealLiveSession,
+        RealSession,
+        make_real_recorder,
+    )
     from duobench.teleop.hands import HandDevice
     from duobench.teleop.leaders.device import LeaderDevice
-    from duobench.teleop.real import EndedError, RealLiveSession, RealSession, make_real_recorder
 
     with ExitStack() as ending:
         source = None if leader is None else joint_source(leader)

@@ -33,7 +33,7 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
         raise AdvisedError(f"There is no folder {folder}. duobench bundle RUN makes a bundle.")
     load_engine()
     from duobench.cli.display.progress import display
-    from duobench.evaluation.leaderboard import make_leaderboard
+    from duobench.replay.leaderboard import make_leaderboard
 
     screen = console()
     shown = ExitStack()

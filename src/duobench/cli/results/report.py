@@ -17,7 +17,7 @@ from duobench.cli.doctor import load_engine
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.missing import Made
+    from duobench.replay.missing import Made
     from duobench.results.folder import RunFolder
     from duobench.results.reader import RunReader
 
@@ -70,8 +70,8 @@ def report(
     impossible = 0
     if videos or replays:
         load_engine()
-        from duobench.evaluation.replays import choose_few, make_replays
-        from duobench.evaluation.videos import choose, make_videos
+        from duobench.replay.tracks import choose_few, make_replays
+        from duobench.replay.videos import choose, make_videos
 
         for what, words, pick, make in (
             ("video", videos, choose, make_videos),

@@ -15,7 +15,7 @@ from duobench.cli.doctor import load_engine
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.verify import Finding, Verification
+    from duobench.replay.verify import Finding, Verification
 
 NAMED = 3
 """Episodes that are named of those that are not verifiable for one reason."""
@@ -39,7 +39,7 @@ def verify(
     find_runs(source)
     load_engine()
     from duobench.cli.display.progress import display
-    from duobench.evaluation.verify import verify as verify_run
+    from duobench.replay.verify import verify as verify_run
     from duobench.results.source import open_sources
 
     screen = console()
@@ -61,7 +61,7 @@ def verify(
 
 def _show(found: Verification, screen: Console, import_tasks: bool) -> None:
     """Print what does not agree, a line each, and how many episodes have which verdict."""
-    from duobench.evaluation.verify import Verdict
+    from duobench.replay.verify import Verdict
     from duobench.tasks import catalog
 
     for sentence in found.objections:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
+from duobench.data.images import ImageSource
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual, labels_of
 from duobench.data.lerobot.features import FPS, schema
@@ -25,7 +26,6 @@ from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.data.processes import Progress, run_all
 from duobench.data.real.views import RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.data.recording import Recording, to_arrow, to_bytes
-from duobench.data.replay import ImageSource
 from duobench.data.schema import Domain, action_mode
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError, SeveralTasksError, check_known
