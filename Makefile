@@ -97,7 +97,7 @@ docs: setup-test  ## Draw the gallery, replays, looks and printed parts, and wri
 	$(BIN)/python docs/replays.py
 	$(BIN)/python docs/looks.py
 	$(BIN)/python docs/prints.py
-	$(BIN)/python docs/table.py
+	$(BIN)/python docs/tables.py
 
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
 	$(BIN)/python -m tests.golden.episodes
