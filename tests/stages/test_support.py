@@ -17,11 +17,11 @@ from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import FLICKER_SECONDS
 from duobench.stages.support import UNSUPPORTED_SECONDS
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, Side
+from duobench.types import CONTROL_HZ
 from tests.adversaries.hinge_chest import CHEST
 from tests.adversaries.opening import Opening
 from tests.adversaries.spring_door import DOOR
-from tests.task_harness import TaskHarness
+from tests.task_harness import TaskHarness, set_hinge, take_away
 
 LONG = round(UNSUPPORTED_SECONDS * CONTROL_HZ)
 GRAZE = round(FLICKER_SECONDS * CONTROL_HZ)
@@ -49,45 +49,24 @@ class Scene:
         return self.bench.stage
 
 
-def set_lid(sim: Simulation, lid: str, angle: float) -> None:
-    joint = sim.model.joint(lid)
-    sim.data.qpos[joint.qposadr[0]] = angle
-    sim.data.qvel[joint.dofadr[0]] = 0.0
-    sim.forward()
-
-
 def lower_onto_the_arm(sim: Simulation, case: Opening) -> None:
     """Shut the lid as far as the arm that brings the cube lets it."""
     angle = sim.angle(case.lid)
     while not sim.contacts.arm(case.bringer, case.lid):
         angle -= 0.01
-        set_lid(sim, case.lid, angle)
+        set_hinge(sim, case.lid, angle)
 
 
 def press_it_shut(sim: Simulation, case: Opening) -> None:
     """Turn the lid to where the holding arm touches it and does not push it open."""
     contacts = sim.contacts
     for angle in np.arange(OPEN, sim.model.joint(case.lid).range[1], 0.005):
-        set_lid(sim, case.lid, angle)
+        set_hinge(sim, case.lid, angle)
         pushes = contacts.pushes(case.holder, case.lid, sim.hinge_axis(case.lid))
         grasps = contacts.grasped(case.holder, case.lid)
         if contacts.arm(case.holder, case.lid) and not (pushes or grasps):
             return
     pytest.fail("no such angle")
-
-
-def send_home(bench: TaskHarness, start: np.ndarray, side: Side) -> None:
-    """Put one arm where it was at the start."""
-    sim = bench.sim
-    now = sim.data.qpos.copy()
-    sim.set_state(start)
-    home = sim.data.qpos.copy()
-    sim.data.qpos[:] = now
-    for number in range(sim.model.njnt):
-        joint = sim.model.joint(number)
-        if joint.name.startswith(f"{side}/"):
-            sim.data.qpos[joint.qposadr[0]] = home[joint.qposadr[0]]
-    sim.forward()
 
 
 def collect(bench: TaskHarness, case: Opening) -> dict[str, np.ndarray]:
@@ -139,17 +118,17 @@ def collect(bench: TaskHarness, case: Opening) -> dict[str, np.ndarray]:
     bench.start(0)
     start = sim.pose("cube")
     bench.act(honest)
-    edit("a", "h", lambda: send_home(bench, saved["t"], case.holder))
+    edit("a", "h", lambda: take_away(sim, case.holder, saved["t"]))
     edit("p", "h", lambda: press_it_shut(sim, case))
-    edit("s", "h", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("s", "h", lambda: set_hinge(sim, case.lid, HALF_OPEN))
     edit("g", "n", lambda: lower_onto_the_arm(sim, case))
-    edit("G", "g", lambda: send_home(bench, saved["t"], case.holder))
+    edit("G", "g", lambda: take_away(sim, case.holder, saved["t"]))
     edit("o", "h", at_the_other_arm)
     edit("c", "h", on_the_lid)
-    edit("S", "i", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("S", "i", lambda: set_hinge(sim, case.lid, HALF_OPEN))
     edit("d", "f", on_the_table)
-    edit("A", "f", lambda: send_home(bench, saved["t"], case.holder))
-    edit("F", "f", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("A", "f", lambda: take_away(sim, case.holder, saved["t"]))
+    edit("F", "f", lambda: set_hinge(sim, case.lid, HALF_OPEN))
     return saved
 
 
@@ -294,8 +273,6 @@ def test_no_lid_stays_open_by_itself_for_long(scene: Scene) -> None:
     joint = bench.sim.model.joint(lid)
     bench.start(0)
     for speed in np.arange(0.0, 32.0, 2.0):
-        set_lid(bench.sim, lid, joint.range[1] if speed == 0 else OPEN)
-        bench.sim.data.qvel[joint.dofadr[0]] = speed
-        bench.sim.forward()
+        set_hinge(bench.sim, lid, joint.range[1] if speed == 0 else OPEN, speed)
         bench.hold(LONG - 2)
         assert bench.sim.angle(lid) < OPEN, speed

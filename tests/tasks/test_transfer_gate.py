@@ -43,11 +43,6 @@ LAYOUT = Layout(
 )
 
 
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
-
-
 @pytest.fixture
 def table(bench: TaskHarness) -> TaskHarness:
     bench.start(layout=LAYOUT)
