@@ -2,10 +2,11 @@
 
 import pytest
 
+from duobench.tasks import catalog
 from tests.task_harness import TaskHarness
 
 
 @pytest.fixture(scope="module")
 def bench(request: pytest.FixtureRequest) -> TaskHarness:
-    """The `TASK` that a module is about."""
-    return TaskHarness(request.module.TASK)
+    """The task that a module is named after."""
+    return TaskHarness(catalog.get(request.module.__name__.rpartition("test_")[2]))
