@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from duobench.envs.ids import NAMESPACE, env_id
+from duobench.envs.registration import NAMESPACE, env_id
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.tasks import catalog
 

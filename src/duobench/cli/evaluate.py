@@ -8,9 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from duobench.cli.shared.console import command_line, console, counted
+from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
 from duobench.cli.shared.interrupt import raising
+from duobench.cli.shared.options import command_line
 from duobench.errors import EvaluationError, OptionError, PolicyError
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     asked = played.execution.execute or PAPER_EXECUTE
     remote = _remote(policy, server, format, asked, wait, key_file)
     choice = PolicyChoice.parse(policy, batching=batching, server=remote)
-    limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
+    limits = TimeLimits(act_timeout=act_timeout, episode_timeout=episode_timeout)
     part = None if shard is None else Shard.parse(shard)
     conditions = _conditions(played, axes, levels)
     screen = console()

@@ -73,7 +73,7 @@ def print_(
 def _layout(task: Task, seed: int) -> Layout:
     """The layout that a seed gives, tried on the simulated objects."""
     from duobench.envs import RandomizedReset
-    from duobench.envs.reset_options import checked_seed
+    from duobench.envs.config import checked_seed
     from duobench.envs.sim_env import SimEnv
 
     checked_seed(seed)

@@ -33,7 +33,7 @@ def render(
     from PIL import Image
 
     from duobench.envs import RandomizedReset
-    from duobench.envs.reset_options import checked_seed
+    from duobench.envs.config import checked_seed
     from duobench.envs.sim_env import SimEnv
     from duobench.files import make_folder, writing
     from duobench.results.suite import find_tasks

@@ -109,4 +109,5 @@ def run(arguments: Sequence[str] | None) -> None:
         description=description,
         args=words,
         sort_subcommands=False,
+        config=(tyro.conf.EnumChoicesFromValues,),
     )

@@ -168,8 +168,8 @@ class EpisodeRunner:
             OptionError: It expects images of an invalid size, or another control rate.
         """
         self._source = source
-        act_s = math.inf if source.waits_for_others else job.limits.act_s
-        self._limits = replace(job.limits, act_s=act_s)
+        act_s = math.inf if source.waits_for_others else job.limits.act_timeout
+        self._limits = replace(job.limits, act_timeout=act_s)
         self._recording = job.recording
         self._clock = clock or EpisodeClock()
         self._tell = tell

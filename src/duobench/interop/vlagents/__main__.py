@@ -17,7 +17,7 @@ from typing import Any
 
 from duobench.errors import DuoBenchError, ServingError, check_known
 from duobench.interop.vlagents import AGENT, register
-from duobench.network import is_loopback
+from duobench.machine import is_loopback
 
 _END_S = 10.0
 """Seconds that a server may take to end."""

@@ -16,8 +16,8 @@ from vlagents.policies.interface import (  # pyright: ignore[reportMissingImport
 
 from duobench.envs import base_of
 from duobench.envs.execution import execute
+from duobench.envs.observation_wrappers import PIXELS
 from duobench.envs.registration import make
-from duobench.envs.wrappers.cameras import PIXELS
 from duobench.errors import OptionError, PolicyError
 from duobench.interop.vlagents.messages import as_action, as_obs
 from duobench.randomness import EVAL, episode_seed, policy_seed

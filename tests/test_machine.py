@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from duobench.installing import DISTRIBUTION, OPENGL_PACKAGES, install_extra
+from duobench.machine import DISTRIBUTION, OPENGL_PACKAGES, install_extra
 from tests.test_repository import ROOT, tracked
 
 COMMAND = re.compile(r"pip install((?: +(?:'[^'\n]+'|[^\s'\"`]+))+)")
@@ -65,8 +65,8 @@ def test_what_is_named_installs_this_package(word: str, wheel: Path, tmp_path: P
         [*command, "--target", str(tmp_path / "site")], cwd=ROOT, check=True, capture_output=True
     )
     assert b"does not provide the extra" not in told.stdout + told.stderr
-    assert (tmp_path / "site" / "duobench" / "installing.py").read_bytes() == (
-        ROOT / "src" / "duobench" / "installing.py"
+    assert (tmp_path / "site" / "duobench" / "machine.py").read_bytes() == (
+        ROOT / "src" / "duobench" / "machine.py"
     ).read_bytes()
     (name,) = {path.name.partition("-")[0] for path in (tmp_path / "site").glob("*.dist-info")}
     assert name.replace("_", "-") == DISTRIBUTION

@@ -1,26 +1,121 @@
-"""Sensing that is worse than usual: noise in numbers, and cameras that drop frames."""
+"""What else an observation holds: images, object states; and sensing that is worse than usual."""
 
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
 
-from duobench.envs.duo_env import Observation, ResetOptions, Start, Transition
+from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.duo_env import Observation, ResetOptions, Start, Transition, base_of
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.wrappers.base import DuoWrapper
-from duobench.envs.wrappers.cameras import PIXELS
+from duobench.envs.wrapper import DuoWrapper, ObservingWrapper
+from duobench.errors import check_known
 from duobench.randomness import EVAL
+from duobench.robot.cameras import check_image_size
 from duobench.shifts import levels
 from duobench.shifts.levels import level_for
 from duobench.shifts.samples import EpisodeKey
 from duobench.shifts.shift import SENSING, Shift
+from duobench.tasks.object_state import ENVIRONMENT_STATE, LARGEST
 from duobench.types import POLICY_CAMERAS, Array
 
 if TYPE_CHECKING:
+    from duobench.envs.sim_env import SimEnv
     from duobench.sim.backend import SimBackend
+
+PIXELS = "pixels"
+"""Key of the images in an observation."""
+
+
+class Cameras(ObservingWrapper):
+    """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
+
+    It belongs outside action chunks: one image of each camera is rendered for each step and each
+    reset, nothing before the first reset. `set_rendering` leaves images out that nobody looks
+    at; `env.get_wrapper_attr` finds it through any wrappers.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        cameras: Sequence[str] = POLICY_CAMERAS,
+        image_size: tuple[int, int] = IMAGE_SIZE,
+    ) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            cameras: Names of cameras.
+            image_size: Height and width in pixels, at most the native 720 x 1280. An image shows
+                the whole native field of view whatever its size.
+
+        Raises:
+            UnknownNameError: There is no such camera.
+            RenderingError: The size is larger than the native one, or not positive.
+        """
+        for name in cameras:
+            check_known("camera", name, POLICY_CAMERAS)
+        self._cameras = tuple(cameras)
+        self._is_rendering = True
+        height, width = self._shape = image_size
+        check_image_size(height, width)
+
+        def image() -> gym.spaces.Box:
+            return gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)
+
+        images = gym.spaces.Dict({name: image() for name in cameras})
+        super().__init__(env, PIXELS, images, cameras=self._cameras, image_size=image_size)
+
+    def set_rendering(self, is_on: bool) -> None:
+        """Switch images on or off; while they are off, an observation has no `pixels`."""
+        self._is_rendering = is_on
+
+    def observe(self, observation: Observation) -> Observation:
+        """The observation with an image of each camera, unless nobody looks at them."""
+        if not self._is_rendering:
+            return observation
+        return {**observation, PIXELS: self.base.backend.images(self._cameras, self._shape)}
+
+
+class ObjectStates(ObservingWrapper):
+    """Adds `environment_state` to the observation: the numbers (n,) of `Task.object_state`.
+
+    They are privileged: read from the simulation, not seen. `object_state_names` says what each is.
+    """
+
+    def __init__(self, env: gym.Env) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `SimEnv`, wrapped or not.
+
+        Raises:
+            TypeError: There is no simulation inside.
+        """
+        base = base_of(env)
+        if not hasattr(base, "simulation"):  # asked without loading one
+            raise TypeError(
+                "Object states are read from a simulation, and there is none in a "
+                f"{type(base).__name__}."
+            )
+        self._simulation = cast("SimEnv", base).simulation
+        self._state = base.definition.object_state
+        numbers = gym.spaces.Box(-LARGEST, LARGEST, (len(self._state.names),), dtype=np.float32)
+        super().__init__(env, ENVIRONMENT_STATE, numbers)
+
+    @property
+    def object_state_names(self) -> tuple[str, ...]:
+        """What each number of `environment_state` is."""
+        return self._state.names
+
+    def observe(self, observation: Observation) -> Observation:
+        """The observation with the numbers of the current state."""
+        return {**observation, ENVIRONMENT_STATE: self._state.read(self._simulation)}
+
 
 MAX_AGE = 30
 """Most frames that a camera drops in a row; the next one always comes."""

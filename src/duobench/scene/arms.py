@@ -7,11 +7,10 @@ import mujoco
 from duobench.robot.fr3_links import LINKS, WHITE, Joint
 from duobench.robot.frames import BASE_POSES, FLANGE_OFFSET, LINK7_FROM_FLANGE, LINK7_FROM_TCP
 from duobench.scene.cameras import add_wrist_camera
-from duobench.scene.filters import distal, proximal, visual_only
+from duobench.scene.meshes import add_link, add_mesh
 from duobench.scene.naming import arm_joint_names, flange_name, tcp_name
-from duobench.scene.robot.meshes import add_link, add_mesh
-from duobench.scene.robot.robotiq import add_gripper
-from duobench.scene.surfaces import collide_unseen
+from duobench.scene.robotiq import add_gripper
+from duobench.scene.surfaces import collide_unseen, distal, proximal, visual_only
 from duobench.types import ARM_JOINTS, SIDES, Side
 
 JOINT_DAMPING = 0.21

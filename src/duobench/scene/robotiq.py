@@ -17,15 +17,18 @@ from typing import Any
 import mujoco
 
 from duobench.robot.fr3_links import Link, Vector
-from duobench.scene.filters import COLLISION_GEOM_GROUP, collide_as, distal, visual_only
+from duobench.scene.meshes import add_link, add_mesh
 from duobench.scene.naming import gripper_name
-from duobench.scene.robot.meshes import add_link, add_mesh
 from duobench.scene.surfaces import (
+    COLLISION_GEOM_GROUP,
     CONTACT_SOLIMP,
     CONTACT_SOLREF,
     ROLLING,
     TORSION,
+    collide_as,
     collide_unseen,
+    distal,
+    visual_only,
 )
 from duobench.spatial import SE3
 from duobench.types import Side

@@ -9,9 +9,9 @@ from scipy.spatial import ConvexHull
 
 from duobench.errors import AssetError, UnknownNameError
 from duobench.objects import Mesh
+from duobench.scene import meshes
 from duobench.scene.compose import compose
-from duobench.scene.robot import meshes
-from duobench.scene.robot.meshes import add_mesh, decode, robot_meshes
+from duobench.scene.meshes import add_mesh, decode, robot_meshes
 
 NAMES = sorted(robot_meshes())
 HULLS = [name for name in NAMES if name.endswith(":hull")]
@@ -20,7 +20,7 @@ FINGER_PARTS = ("driver", "coupler", "spring_link", "follower", "tongue")
 
 
 def shipped() -> bytes:
-    return resources.files("duobench.scene.robot").joinpath(meshes.FILE).read_bytes()
+    return resources.files("duobench.scene").joinpath(meshes.FILE).read_bytes()
 
 
 def copies(name: str) -> int:
