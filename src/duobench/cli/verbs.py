@@ -16,7 +16,6 @@ from duobench.cli.real import calibrate as real_calibrate
 from duobench.cli.real import doctor as real_doctor
 from duobench.cli.real import evaluate as real_evaluate
 from duobench.cli.real import home as real_home
-from duobench.cli.real import rate as real_rate
 from duobench.cli.real import record as real_record
 from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
@@ -78,7 +77,6 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
         "calibrate": real_calibrate.calibrate,
         "record": real_record.record,
         "eval": real_evaluate.evaluate,
-        "rate": real_rate.rate,
         "teleop": real_teleop.teleop,
     },
     "real calibrate": {
