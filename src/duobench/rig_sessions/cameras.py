@@ -18,7 +18,7 @@ import msgspec
 from PIL import Image as Pillow
 
 from duobench.backend import Image
-from duobench.data.real.views import View
+from duobench.data.views import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
 from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.drivers.frames import STALE_S

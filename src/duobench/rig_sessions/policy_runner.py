@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 
 from duobench.data import Actor, DataSet, Recorder
-from duobench.data.real.robot import Robot
+from duobench.data.rig import RigRecorder
 from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
-from duobench.envs.wrappers.base import DuoWrapper
+from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollout import Watcher, rollout
@@ -75,8 +75,8 @@ def make_rig_recorder(
         actor: Who acts.
         options: More options of `Recorder`.
     """
-    robot = Robot.of(duo, waits=isinstance(duo.clock, VirtualClock))
-    return Recorder(env, data, actor, is_reviewed=True, robot=robot, **options)
+    rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
+    return Recorder(env, data, actor, is_reviewed=True, rig=rig, **options)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

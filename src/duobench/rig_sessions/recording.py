@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 from duobench.data import Actor, ActorKind, DataSet, Recording
-from duobench.data.after_success import AFTER_SUCCESS_S
-from duobench.data.real.placing import placement
+from duobench.data.rig import placement
+from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import IMAGE_SIZE
-from duobench.envs.reset_options import INSTRUCTION, LAYOUT, SPLIT
+from duobench.envs.config import IMAGE_SIZE, INSTRUCTION, LAYOUT, SPLIT
 from duobench.errors import OptionError, OutputError, PolicyError
 from duobench.evaluation.policies import PolicySource
 from duobench.hardware.duo import HardwareDuo

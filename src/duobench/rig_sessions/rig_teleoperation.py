@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from duobench.data import Actor, DataSet, Recorder
-from duobench.data.after_success import AFTER_SUCCESS_S
-from duobench.data.real.placing import placement
+from duobench.data.rig import placement
+from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
+from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
-from duobench.envs.reset_options import LAYOUT
 from duobench.errors import DuoBenchError
 from duobench.hardware.duo import HardwareDuo
 from duobench.hardware.env import RealEnv, make_real_env

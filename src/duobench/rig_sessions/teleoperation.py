@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from duobench.data import Actor, DataSet, Recorder
-from duobench.data.after_success import AFTER_SUCCESS_S
+from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
+from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
-from duobench.envs.make import make_env
-from duobench.envs.reset_options import INSTRUCTION, SPLIT
+from duobench.envs.protocol import make_env
 from duobench.errors import BackendError, OptionError
 from duobench.looks.catalog import DEFAULT
 from duobench.looks.look import Look

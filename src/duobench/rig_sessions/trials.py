@@ -13,8 +13,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, cast
 
 from duobench.data import Actor, ActorKind, DataSet
-from duobench.envs.config import IMAGE_SIZE, EnvConfig
-from duobench.envs.reset_options import LAYOUT
+from duobench.envs.config import IMAGE_SIZE, LAYOUT, EnvConfig
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.fabrication.sheet import layout_sheet

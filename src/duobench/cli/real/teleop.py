@@ -8,13 +8,13 @@ from typing import Literal
 
 import tyro
 
-from duobench.cli.advice import AdvisedError
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
 from duobench.cli.real.rigs import opened_rig
-from duobench.cli.teleop import opened_device, times_of
-from duobench.cli.view import serve_page
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.leaders import opened_device, times_of
+from duobench.cli.shared.page import serve_page
 
 
 def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
