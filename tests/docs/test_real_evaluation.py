@@ -9,7 +9,7 @@ from pathlib import Path
 
 from duobench.rig_sessions.cameras import FILM_RATE
 from duobench.rig_sessions.status_page import SILENCE_S
-from duobench.rig_sessions.trials_plan import Plan
+from duobench.rig_sessions.trials_plan import TrialsPlan
 from tests.docs.markdown import DOCS, blocks, text_of
 from tests.rig_sessions.operator import Operator
 from tests.web.pages import Page, open_page
@@ -92,4 +92,4 @@ def test_numbers_are_those_of_the_code() -> None:
     text = text_of(PAGE)
     assert f"no sign for {SILENCE_S:g} s" in text
     assert f"{FILM_RATE} frames a second" in text
-    assert f"{Plan.__dataclass_fields__['episodes'].default} episodes a policy" in text
+    assert f"{TrialsPlan.__dataclass_fields__['episodes'].default} episodes a policy" in text

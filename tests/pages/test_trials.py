@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page
 from dev.tools.pages import DESKTOP, PHONE, View
 from duobench.results.source import read_source
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
-from duobench.rig_sessions.trials_log import Kind
+from duobench.rig_sessions.trials_log import LogKind
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import POLICIES, STEPS, Stand
@@ -161,7 +161,7 @@ def test_space_bar_holds_whatever_has_the_focus(window: Browser, led: Led) -> No
         page.click("#invalid")
         until(page, "document.querySelector('.where').textContent.includes('attempt 2')")
     kinds = [entry.kind for entry in led.stand.folder.read_log()]
-    assert kinds[:5] == [Kind.BEGIN, Kind.PLACED, Kind.START, Kind.HOLD, Kind.END]
+    assert kinds[:5] == [LogKind.BEGIN, LogKind.PLACED, LogKind.START, LogKind.HOLD, LogKind.END]
 
 
 def test_second_browser_watches(window: Browser, led: Led) -> None:

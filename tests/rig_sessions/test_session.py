@@ -12,8 +12,8 @@ from duobench.hardware.devices import FaultKind
 from duobench.results.records import EpisodeRecord
 from duobench.results.source import read_source
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
-from duobench.rig_sessions.trials_folder import CUT, Progress, TrialsFolder
-from duobench.rig_sessions.trials_log import Entry, Kind
+from duobench.rig_sessions.trials_folder import CUT, TrialsFolder, TrialsProgress
+from duobench.rig_sessions.trials_log import LogEntry, LogKind
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import Side
 from tests.rig_sessions import toys
@@ -30,7 +30,7 @@ def only_record(stand: Stand) -> EpisodeRecord:
 
 
 def reasons(folder: TrialsFolder) -> list[str]:
-    invalid = Progress.of(folder.read_log()).invalid
+    invalid = TrialsProgress.of(folder.read_log()).invalid
     return [reason for each in invalid.values() for reason in each]
 
 
@@ -63,7 +63,7 @@ def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path:
     assert record.judged is not None
     (reason,) = record.judged.repeated
     assert "no answer" in reason
-    (entry,) = [each for each in stand.folder.read_log() if each.kind is Kind.INVALID]
+    (entry,) = [each for each in stand.folder.read_log() if each.kind is LogKind.INVALID]
     assert entry.yes is True
     assert write_trials_report(stand.folder).invalid == ((reason, 1),)
 
@@ -260,7 +260,7 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
     with (path / "log.jsonl").open("ab") as log:
         log.write(b'{"kind":"press","tri')  # as a machine leaves it whose power fails
     entries = TrialsFolder(path).read_log()
-    assert [entry.stage for entry in entries if entry.kind is Kind.PRESS] == [1, 3]
+    assert [entry.stage for entry in entries if entry.kind is LogKind.PRESS] == [1, 3]
 
     def script(again: Operator) -> None:
         assert again.phase("placing")["trial"]["attempt"] == 2
@@ -307,14 +307,14 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
         with stand.ending:
             assert run(stand, script)
         stand.folder.run("A").record("bin_sort", 0).unlink()
-    assert Progress.of(stand.folder.read_log()).attempts == {0: 2}
+    assert TrialsProgress.of(stand.folder.read_log()).attempts == {0: 2}
 
 
 def test_entry_says_only_what_there_is_to_say(tmp_path: Path) -> None:
     stand = Stand(tmp_path / "t", ONE, episodes=1)
     stand.ending.close()
     log = stand.folder.open_log("now")
-    log.add(Entry(kind=Kind.PRESS, trial=0, attempt=1, stage=None, step=3, time_s=0.1))
+    log.add(LogEntry(kind=LogKind.PRESS, trial=0, attempt=1, stage=None, step=3, time_s=0.1))
     log.close()
     line = stand.folder.log_file.read_text()
     assert line == '{"kind":"press","trial":0,"attempt":1,"step":3,"time_s":0.1,"stage":null}\n'

@@ -14,7 +14,7 @@ from duobench.results.metrics import wilson_interval
 from duobench.results.records import EpisodeRecord
 from duobench.results.source import open_source, read_source
 from duobench.rig_sessions.trials_folder import TrialsFolder
-from duobench.rig_sessions.trials_log import Kind
+from duobench.rig_sessions.trials_log import LogKind
 from duobench.rig_sessions.trials_report import TrialsReport, write_trials_report
 from tests.results.samples import LIFT, sample_folder, sample_record, sample_run
 from tests.rig_sessions import toys
@@ -119,7 +119,7 @@ def test_undone_presses_stay(whole: tuple[TrialsFolder, TrialsReport, Scripted])
     logged = [
         (entry.stage, entry.step)
         for entry in folder.read_log()
-        if entry.kind is Kind.PRESS and entry.trial == UNDO
+        if entry.kind is LogKind.PRESS and entry.trial == UNDO
     ]
     assert logged == [(press.stage, press.step) for press in presses]
 

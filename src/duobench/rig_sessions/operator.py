@@ -117,7 +117,6 @@ class TerminalView:
         return key
 
     def _take(self, key: str) -> None:
-        """Do what a key says, in the operator's thread."""
         session = self._session
         if key in {"", " "}:
             session.duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)

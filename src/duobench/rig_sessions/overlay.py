@@ -201,7 +201,6 @@ class Overlay:
             self._renderer = None
 
     def _robot_geoms(self) -> NDArray[np.intp]:
-        """Geoms of both arms and grippers."""
         model = self._simulation.model
         bodies = [model.body(int(number)).name for number in model.geom_bodyid]
         sides = tuple(f"{side}/" for side in SIDES)

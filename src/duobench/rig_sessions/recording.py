@@ -195,7 +195,6 @@ class RigRecording(RigSession):
             self._source.close()
 
     def _record_one(self) -> None:
-        """Have one episode placed, played and decided."""
         self.begin()
         number = self._data.next_number(self.env.task)
         seed = episode_seed(self.env.task, number, TRAIN)

@@ -115,7 +115,6 @@ class RigTeleoperation(Teleoperation):
     """A session on a rig, in which the operator says that the task is solved."""
 
     def _reset_options(self, seed: int) -> dict[str, Any]:
-        """Also where people are to put the objects."""
         layout = next(self.env.base.definition.layouts(seed, TRAIN))
         return {**super()._reset_options(seed), LAYOUT: layout}
 

@@ -19,7 +19,7 @@ from duobench.hardware.duo import HardwareDuo
 from duobench.hardware.judge import HumanJudge, StageLabel
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
-from duobench.rig_sessions.trials_log import Kind
+from duobench.rig_sessions.trials_log import LogKind
 
 HELD_BY_OPERATOR = "The operator held the arms."
 CUT_SHORT = (
@@ -65,7 +65,7 @@ class Stopped(Exception):  # noqa: N818 - no error: a person ended the session
     """The session was stopped."""
 
 
-class View(Protocol):
+class SessionView(Protocol):
     """What an operator sees, and says what is wanted by."""
 
     def publish(self) -> None:
@@ -93,7 +93,7 @@ class RigSession:
         judge: The operator, as the environments ask for the stage.
     """
 
-    view: View
+    view: SessionView
     """What the operator sees."""
 
     def __init__(self, duo: HardwareDuo, judge: HumanJudge) -> None:
@@ -141,7 +141,7 @@ class RigSession:
         """
         if isinstance(message, messages.Hold):
             self.duo.hold(HELD_BY_OPERATOR)
-            self.write(Kind.HOLD, text=HELD_BY_OPERATOR)
+            self.write(LogKind.HOLD, text=HELD_BY_OPERATOR)
             return True
         if not isinstance(message, _ALLOWED[self.phase]):
             raise MessageError(f"Not now: this is not for the state {self.phase.value!r}.")
@@ -155,11 +155,11 @@ class RigSession:
         self.judge.declare(stage, film_s, self._write_label)
         return True
 
-    def write(self, kind: Kind, **more: Any) -> None:
-        """Write down what happens, before anybody sees its effect; see `trials_log.Entry`."""
+    def write(self, kind: LogKind, **more: Any) -> None:
+        """Write down what happens, before anybody sees its effect; see `trials_log.LogEntry`."""
 
     def _write_label(self, label: StageLabel) -> None:
-        self.write(Kind.PRESS, stage=label.stage, step=label.step, time_s=label.time_s)
+        self.write(LogKind.PRESS, stage=label.stage, step=label.step, time_s=label.time_s)
 
     # --- one episode, in the session's own thread ------------------------------------------------
 
@@ -179,7 +179,7 @@ class RigSession:
             match self.view.next():
                 case messages.Placed():
                     self.keep_placed()
-                    self.write(Kind.PLACED)
+                    self.write(LogKind.PLACED)
                     self.phase = Phase.READY
                 case messages.PlaceAgain():
                     self.phase = Phase.PLACING
@@ -202,7 +202,7 @@ class RigSession:
         self, runner: PolicyRunner, seed: int, options: dict[str, Any], *watchers: Watcher
     ) -> PlayedEpisode:
         """Have a policy play; the arms are held afterwards."""
-        self.write(Kind.START)
+        self.write(LogKind.START)
         self.phase, self.message, self.lost = Phase.MOVING, "", ""
         self.view.publish()
         with self.view.moving():
@@ -210,7 +210,7 @@ class RigSession:
         self.duo.hold("The episode is over.")
         failure = "" if played.failure is None else played.invalid
         self.write(
-            Kind.END,
+            LogKind.END,
             step=played.steps,
             time_s=round(self.judge.time_s, 3),
             text=failure or played.stopped or ("" if played.error is None else "error"),
@@ -239,10 +239,10 @@ class RigSession:
             match self.view.next():
                 case messages.AtEnd(holds=holds):
                     self.at_end = holds
-                    self.write(Kind.AT_END, yes=holds)
+                    self.write(LogKind.AT_END, yes=holds)
                 case messages.Note(text=text):
                     self.note = text
-                    self.write(Kind.NOTE, text=text)
+                    self.write(LogKind.NOTE, text=text)
                 case messages.Invalid(reason=reason):
                     return reason
                 case messages.Finish():

@@ -156,7 +156,6 @@ class StatusPage:
             self.publish()
 
     def _take(self, is_driver: bool, data: bytes) -> str | None:
-        """Take a message of the page, in the server's thread."""
         if not is_driver:
             return WATCHING
         self._heard = time.monotonic()

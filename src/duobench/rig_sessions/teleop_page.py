@@ -167,15 +167,12 @@ class TeleopPage:
         self._server.publish_scene(self._geometry.name, self._geometry.data)
 
     def _new_geometry(self) -> Geometry:
-        """The shapes of this episode's scene."""
         return Geometry(self._env.simulation.model, self._env.look)
 
     def _data(self) -> mujoco.MjData:
-        """Where everything is."""
         return self._env.simulation.data
 
     def _tell(self, status: dict[str, Any]) -> None:
-        """Show a status, if more has changed than what changes all the time."""
         self._turn += 1
         quiet = {name: value for name, value in status.items() if name not in _QUIET}
         if quiet == self._told and self._turn % _TURNS:

@@ -306,7 +306,6 @@ class Teleoperation:
             self._reset()
 
     def _reset(self) -> None:
-        """Begin the episode of the current number: it waits for the operator."""
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._number, TRAIN)
         env.next_name = f"{self._number:05d}"
@@ -356,7 +355,6 @@ class Haptics:
         self._before[side, what] = is_so
 
     def _touches(self, side: Side) -> bool:
-        """Whether a gripper touches anything but its own arm."""
         if self._sim is None:
             return False
         contacts = self._sim.contacts

@@ -36,9 +36,9 @@ from duobench.rig_sessions.policy_runner import (
 )
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.rig_sessions.status_page import SILENCE_S, StatusPage
-from duobench.rig_sessions.trials_folder import Progress, TrialsFolder
-from duobench.rig_sessions.trials_log import Entry, Kind, TrialLog
-from duobench.rig_sessions.trials_plan import Candidate, Plan, RigEpisode, shuffled
+from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
+from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialLog
+from duobench.rig_sessions.trials_plan import Candidate, RigEpisode, TrialsPlan, shuffled
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
 from duobench.versions import package_versions, record_versions
@@ -70,7 +70,7 @@ class TrialsSession(RigSession):
     def __init__(  # noqa: PLR0913 - its parts
         self,
         folder: TrialsFolder,
-        plan: Plan,
+        plan: TrialsPlan,
         sources: Sequence[PolicySource],
         duo: HardwareDuo,
         overlay: Overlay,
@@ -91,7 +91,7 @@ class TrialsSession(RigSession):
             self._runner(run, source, data) for run, source in zip(self._runs, sources, strict=True)
         ]
         self._log: TrialLog = folder.open_log(wall())
-        self._progress = Progress.of(self._log.entries)
+        self._progress = TrialsProgress.of(self._log.entries)
         self._trial: RigEpisode | None = None
         self._attempt = 0
         self._begun: set[int] = set()
@@ -106,7 +106,7 @@ class TrialsSession(RigSession):
         try:
             for trial in self._folder.remaining(self._plan, self._progress):
                 while not self._play_once(trial):
-                    self._progress = Progress.of(self._log.entries)
+                    self._progress = TrialsProgress.of(self._log.entries)
         except Stopped:
             return False
         finally:
@@ -124,11 +124,13 @@ class TrialsSession(RigSession):
         self._page.more = more
         self._page.publish()
 
-    def write(self, kind: Kind, **more: Any) -> None:
+    def write(self, kind: LogKind, **more: Any) -> None:
         """Write a line about the trial into the log."""
         if self._trial is not None:
             number, attempt = self._trial.number, self._attempt
-            self._log.add(Entry(kind=kind, trial=number, attempt=attempt, at=self._wall(), **more))
+            self._log.add(
+                LogEntry(kind=kind, trial=number, attempt=attempt, at=self._wall(), **more)
+            )
 
     def on_step(self, number: int) -> None:
         """Hold where nobody is at the page, and show how it goes."""
@@ -152,7 +154,7 @@ class TrialsSession(RigSession):
         self._page.offer_sheet(
             f"sheet-{trial.episode}", layout_sheet(self._overlay.task, layout, name)
         )
-        self.write(Kind.BEGIN, text=self._plan.letter(trial.policy))
+        self.write(LogKind.BEGIN, text=self._plan.letter(trial.policy))
         self.place()
         recorder = EpisodeRecorder(episode)
         film = Film(self._page.head.image, self._page.show_frame)
@@ -166,14 +168,13 @@ class TrialsSession(RigSession):
             if video is not None:
                 write(self._folder.invalid_film(trial.number, self._attempt), video)
             runner.settle(counts=False)
-            self.write(Kind.INVALID, text=reason, yes=bool(automatic))
+            self.write(LogKind.INVALID, text=reason, yes=bool(automatic))
             self.message = f"The trial is invalid and comes again: {reason}"
             return False
         self._keep(trial, self._record(trial, recorder, played), video)
         return True
 
     def _about(self, trial: RigEpisode, layout: Layout) -> dict[str, Any]:
-        """What the page is told about a trial."""
         plan, task = self._plan, self._overlay.task
         return {
             "title": plan.task.title,
@@ -197,7 +198,6 @@ class TrialsSession(RigSession):
     def _record(
         self, trial: RigEpisode, recorder: EpisodeRecorder, played: PlayedEpisode
     ) -> EpisodeRecord:
-        """The record of a trial, as it was judged."""
         run, labels = self._runs[trial.policy], self.judge.labels
         plain = recorder.record(run, record_versions(None))
         success = labels.stage == plain.max_stage
@@ -222,19 +222,17 @@ class TrialsSession(RigSession):
         return record if played.error is None else record.broken(played.error, played.steps)
 
     def _keep(self, trial: RigEpisode, record: EpisodeRecord, video: bytes | None) -> None:
-        """Write the record, then say in the log that the trial counts."""
         run_folder = self._folder.run(self._plan.letter(trial.policy))
         if not run_folder.description.exists() or trial.policy not in self._begun:
             run_folder.begin(self._runs[trial.policy])
             self._begun.add(trial.policy)
         run_folder.write(record, video)
         self._runners[trial.policy].settle(counts=True)
-        self.write(Kind.VALID)
-        self._progress = Progress.of(self._log.entries)
+        self.write(LogKind.VALID)
+        self._progress = TrialsProgress.of(self._log.entries)
         self.message = ""
 
     def _runner(self, run: Run, source: PolicySource, data: DataSet | None) -> PolicyRunner:
-        """A policy on the arms, so that one that does not fit is known before all trials."""
         config, metadata = run.config, source.metadata
         env = make_real_env(
             self.duo,
@@ -251,8 +249,7 @@ class TrialsSession(RigSession):
         return PolicyRunner(env, source)
 
 
-def _run_of(plan: Plan, candidate: Candidate, source: PolicySource, command: str) -> Run:
-    """The description of a policy's run."""
+def _run_of(plan: TrialsPlan, candidate: Candidate, source: PolicySource, command: str) -> Run:
     metadata = candidate.metadata
     usual = catalog.get(plan.task.reference).horizon
     return Run(
@@ -325,7 +322,7 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
         ending.callback(source.close)
         candidates.append(Candidate(spec=name, metadata=source.metadata, trained_on=trained_on))
     plan = folder.begin(
-        Plan(
+        TrialsPlan(
             task=task,
             policies=shuffled(tuple(candidates), order_seed) if blind else tuple(candidates),
             rig=duo.rig.hash,

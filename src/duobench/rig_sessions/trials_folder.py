@@ -10,8 +10,8 @@ from duobench.errors import EvaluationError, OtherRunError
 from duobench.files import begin_or_continue, encode, read, write
 from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
 from duobench.results.folder import RunFolder
-from duobench.rig_sessions.trials_log import Entry, Kind, TrialLog, read_entries
-from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, Plan, RigEpisode
+from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialLog, read_entries
+from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
@@ -20,7 +20,7 @@ CUT = "The program ended during the trial."
 
 
 @dataclass(kw_only=True, slots=True)
-class Progress:
+class TrialsProgress:
     """How far an evaluation is, by its log."""
 
     valid: dict[int, int] = field(default_factory=dict[int, int])
@@ -33,18 +33,18 @@ class Progress:
     """Trial and attempt that was being played when the log ended; None if none was."""
 
     @staticmethod
-    def of(entries: Iterable[Entry]) -> Progress:
+    def of(entries: Iterable[LogEntry]) -> TrialsProgress:
         """What a log adds up to."""
-        progress = Progress()
+        progress = TrialsProgress()
         for entry in entries:
-            if entry.kind is Kind.BEGIN:
+            if entry.kind is LogKind.BEGIN:
                 progress.attempts[entry.trial] = entry.attempt
-            elif entry.kind is Kind.START:
+            elif entry.kind is LogKind.START:
                 progress.cut = entry.trial, entry.attempt
-            elif entry.kind is Kind.VALID:
+            elif entry.kind is LogKind.VALID:
                 progress.valid[entry.trial] = entry.attempt
                 progress.cut = None
-            elif entry.kind is Kind.INVALID:
+            elif entry.kind is LogKind.INVALID:
                 progress.invalid.setdefault(entry.trial, []).append(entry.text)
                 progress.cut = None
         return progress
@@ -78,7 +78,7 @@ class TrialsFolder:
         """Film of a trial that does not count."""
         return self.path / "invalid" / f"{trial:04d}.{attempt}.webm"
 
-    def begin(self, plan: Plan) -> Plan:
+    def begin(self, plan: TrialsPlan) -> TrialsPlan:
         """Begin an evaluation, or continue the one that is there.
 
         Args:
@@ -113,7 +113,7 @@ class TrialsFolder:
         )
         return plan
 
-    def read_plan(self) -> Plan:
+    def read_plan(self) -> TrialsPlan:
         """The plan.
 
         Raises:
@@ -124,7 +124,7 @@ class TrialsFolder:
             raise EvaluationError(
                 f"{self.path} holds no evaluation on real arms: {DESCRIPTION} is missing."
             )
-        return read(self.description, Plan, PLAN_SCHEMA)
+        return read(self.description, TrialsPlan, PLAN_SCHEMA)
 
     def read_doctor(self) -> Report | None:
         """What `duobench real doctor` has left here; None if nothing.
@@ -145,14 +145,16 @@ class TrialsFolder:
             OutputError: It cannot be written.
         """
         log = TrialLog(self.log_file)
-        if (cut := Progress.of(log.entries).cut) is not None:
+        if (cut := TrialsProgress.of(log.entries).cut) is not None:
             trial, attempt = cut
             log.add(
-                Entry(kind=Kind.INVALID, trial=trial, attempt=attempt, text=CUT, yes=True, at=at)
+                LogEntry(
+                    kind=LogKind.INVALID, trial=trial, attempt=attempt, text=CUT, yes=True, at=at
+                )
             )
         return log
 
-    def read_log(self) -> list[Entry]:
+    def read_log(self) -> list[LogEntry]:
         """The log as it is; nothing before the first trial.
 
         Raises:
@@ -160,7 +162,7 @@ class TrialsFolder:
         """
         return list(read_entries(self.log_file)) if self.log_file.exists() else []
 
-    def remaining(self, plan: Plan, progress: Progress) -> list[RigEpisode]:
+    def remaining(self, plan: TrialsPlan, progress: TrialsProgress) -> list[RigEpisode]:
         """Trials that are still to be played, in the order of the plan."""
         return [
             trial
@@ -168,5 +170,5 @@ class TrialsFolder:
             if trial.number not in progress.valid or not self._record(plan, trial).exists()
         ]
 
-    def _record(self, plan: Plan, trial: RigEpisode) -> Path:
+    def _record(self, plan: TrialsPlan, trial: RigEpisode) -> Path:
         return self.run(plan.letter(trial.policy)).record(plan.task.id, trial.episode)

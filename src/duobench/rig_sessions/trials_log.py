@@ -20,7 +20,7 @@ from duobench.errors import FileError
 from duobench.files import make_folder, writing
 
 
-class Kind(StrEnum):
+class LogKind(StrEnum):
     """What an entry is about."""
 
     BEGIN = "begin"
@@ -45,14 +45,14 @@ class Kind(StrEnum):
     """It does not, and is played again."""
 
 
-_CLOSING = (Kind.VALID, Kind.INVALID)
+_CLOSING = (LogKind.VALID, LogKind.INVALID)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Entry:
+class LogEntry:
     """One line of the log."""
 
-    kind: Kind
+    kind: LogKind
     """What it is about."""
     trial: int
     """Number of the trial."""
@@ -95,12 +95,12 @@ class TrialLog:
         self._entries = list(read_entries(path))
 
     @property
-    def entries(self) -> tuple[Entry, ...]:
+    def entries(self) -> tuple[LogEntry, ...]:
         """Everything so far."""
         with self._lock:
             return tuple(self._entries)
 
-    def add(self, entry: Entry) -> None:
+    def add(self, entry: LogEntry) -> None:
         """Write a line; when this returns, the end of this process loses nothing of it.
 
         Raises:
@@ -119,7 +119,7 @@ class TrialLog:
         self._file.close()
 
 
-def read_entries(path: Path) -> Iterable[Entry]:
+def read_entries(path: Path) -> Iterable[LogEntry]:
     """The lines of a log; half a line at the end is left out.
 
     Raises:
@@ -127,12 +127,12 @@ def read_entries(path: Path) -> Iterable[Entry]:
     """
     try:
         lines = path.read_bytes().split(b"\n")[:-1]
-        return [msgspec.json.decode(line, type=Entry) for line in lines]
+        return [msgspec.json.decode(line, type=LogEntry) for line in lines]
     except (OSError, msgspec.MsgspecError) as error:
         raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
 
 
-def _short(entry: Entry) -> Mapping[str, object]:
+def _short(entry: LogEntry) -> Mapping[str, object]:
     """An entry without what it does not say; a press that takes back says `null`."""
     kept = {name: value for name, value in asdict(entry).items() if value not in (None, "")}
-    return kept | ({"stage": entry.stage} if entry.kind is Kind.PRESS else {})
+    return kept | ({"stage": entry.stage} if entry.kind is LogKind.PRESS else {})

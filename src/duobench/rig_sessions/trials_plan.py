@@ -54,7 +54,7 @@ class RigEpisode:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Plan:
+class TrialsPlan:
     """Everything that decides what is played, and in which order."""
 
     CHECKED_FROM: ClassVar[int] = 1
@@ -117,7 +117,7 @@ class Plan:
         """An episode of the suite."""
         return Episode(task=self.task, index=index)
 
-    def differences(self, other: Plan) -> list[str]:
+    def differences(self, other: TrialsPlan) -> list[str]:
         """What another plan has differently, field by field; it may have fewer episodes.
 
         Seed of the order and letters are those of the plan that is there.
@@ -129,7 +129,6 @@ class Plan:
         )
 
     def _facts(self) -> dict[str, object]:
-        """What may not change within an evaluation, by its name in words."""
         policies = {policy.spec: policy for policy in self.policies}
         return {
             "task": self.task,

@@ -14,8 +14,8 @@ from duobench.results.compare import compare, write_comparison
 from duobench.results.comparison import words
 from duobench.results.metrics import Score
 from duobench.results.report import write_report
-from duobench.rig_sessions.trials_folder import Progress, TrialsFolder
-from duobench.rig_sessions.trials_plan import Plan
+from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
+from duobench.rig_sessions.trials_plan import TrialsPlan
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -53,7 +53,7 @@ class PolicyResult:
 class TrialsReport:
     """What came of all trials so far."""
 
-    plan: Plan
+    plan: TrialsPlan
     """The plan."""
     policies: tuple[PolicyResult, ...]
     """What each policy reached, letter by letter."""
@@ -84,7 +84,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         OutputError: Something cannot be written.
     """
     plan = folder.read_plan()
-    progress = Progress.of(folder.read_log())
+    progress = TrialsProgress.of(folder.read_log())
     missing = len(folder.remaining(plan, progress))
     is_shown = not (plan.blind and missing)
     policies: list[PolicyResult] = []

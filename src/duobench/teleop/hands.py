@@ -198,7 +198,6 @@ class HandDevice:
             arm.clutch.open()
 
     def _now(self, now_s: float) -> dict[Side, Hand | None]:
-        """The hands, as far as anything fresh is known about them."""
         if self._hands is None or self.is_lost(now_s):
             return dict.fromkeys(SIDES)
         return {Side.LEFT: self._hands.left, Side.RIGHT: self._hands.right}

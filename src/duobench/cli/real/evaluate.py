@@ -128,7 +128,6 @@ def _remark(found: Report | None, rig_hash: str) -> str:
 
 
 def _show(report: TrialsReport, screen: Console) -> None:
-    """Print what came out, a line for each policy."""
     from duobench.results import metrics
 
     for each in report.policies:

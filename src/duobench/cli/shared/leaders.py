@@ -42,8 +42,7 @@ def joint_source(leader: str) -> JointSource:
     """The leader arms that an option names."""
     kind, _, what = leader.partition(":")
     if kind == GELLO and what:
-        from duobench.teleop.leaders.gello_config import GelloConfig
-        from duobench.teleop.leaders.gello_source import GelloSource
+        from duobench.teleop.leaders.gello import GelloConfig, GelloSource
 
         return GelloSource(GelloConfig.read(Path(what)))
     if kind == LEROBOT and what:
