@@ -51,7 +51,6 @@ class Footprint:
     number: int
     """Number beside its outline, from 1 on."""
     name: str
-    """Name of the object."""
     x_mm: float
     """Its origin from the middle of the robot's base forwards, in millimetres."""
     y_mm: float

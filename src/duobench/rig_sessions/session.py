@@ -38,11 +38,9 @@ class Phase(StrEnum):
     MOVING = "moving"
     """The arms go home."""
     PLAYING = "playing"
-    """The policy plays."""
     JUDGING = "judging"
     """It is over; the operator says what came of it."""
     OVER = "over"
-    """Every episode is played."""
 
 
 _LABELS = (messages.Stage, messages.Undo)

@@ -58,13 +58,10 @@ class TrialsFolder:
         self.description = self.path / DESCRIPTION
         """The plan."""
         self.log_file = self.path / "log.jsonl"
-        """Every press."""
         self.rig = self.path / "rig.json"
         """The rig's file, as it was."""
         self.page = self.path / "index.html"
-        """What came out."""
         self.comparison = self.path / "comparison"
-        """The policies against each other."""
 
     def run(self, letter: str) -> RunFolder:
         """Folder of a policy's run."""

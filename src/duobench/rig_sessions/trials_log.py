@@ -26,19 +26,16 @@ class LogKind(StrEnum):
     BEGIN = "begin"
     """A trial begins: objects are to be placed."""
     PLACED = "placed"
-    """The objects are where they shall be."""
     START = "start"
     """The policy begins to play."""
     PRESS = "press"
     """A stage was pressed, or a press taken back."""
     HOLD = "hold"
-    """Somebody brought the arms to rest."""
     END = "end"
     """The policy plays no more."""
     AT_END = "at_end"
     """Whether the last stage still held at the end."""
     NOTE = "note"
-    """A person's remark."""
     VALID = "valid"
     """The trial counts."""
     INVALID = "invalid"
@@ -53,9 +50,7 @@ class LogEntry:
     """One line of the log."""
 
     kind: LogKind
-    """What it is about."""
     trial: int
-    """Number of the trial."""
     attempt: int
     """How often the trial was tried with this one, from 1 on."""
     text: str = ""

@@ -28,7 +28,6 @@ class Candidate:
     """One of the policies."""
 
     spec: str
-    """Name of the policy, as it was given."""
     metadata: PolicyMetadata
     """What it says about itself, with its version."""
     trained_on: str = ""
@@ -59,7 +58,6 @@ class TrialsPlan:
 
     CHECKED_FROM: ClassVar[int] = 1
     task: TaskInfo
-    """What is to be done."""
     policies: tuple[Candidate, ...]
     """The policies, in the order of their letters A, B, ..."""
     rig: str
@@ -69,7 +67,6 @@ class TrialsPlan:
     episodes: int = 15
     """Episodes of each policy [paper: 15 rollouts a task]."""
     first_episode: int = 0
-    """Index of the first one."""
     order_seed: int = 0
     """Decides the order in which policies take turns."""
     blind: bool = False

@@ -23,13 +23,9 @@ class PolicyResult:
     """What one policy reached."""
 
     letter: str
-    """Its letter."""
     policy: str
-    """Its name."""
     trained_on: str
-    """What it was trained on; empty if nobody said."""
     score: Score
-    """Successes and progress."""
     reflexes: int
     """Episodes that a reflex of an arm ended."""
 
@@ -54,13 +50,11 @@ class TrialsReport:
     """What came of all trials so far."""
 
     plan: TrialsPlan
-    """The plan."""
     policies: tuple[PolicyResult, ...]
     """What each policy reached, letter by letter."""
     invalid: tuple[tuple[str, int], ...]
     """Why trials were invalid, and how many each."""
     missing: int
-    """Trials that are still to be played."""
     verdicts: tuple[str, ...]
     """What tests say about any two policies, in words."""
     doctor: Report | None

@@ -33,9 +33,7 @@ class Buttons(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """The buttons on a hand that are pressed."""
 
     keep: bool = False
-    """Keep the episode."""
     discard: bool = False
-    """Discard it."""
     recentre: bool = False
     """The operator moves to another place: both hands let go."""
 
@@ -52,7 +50,6 @@ class Hand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     trigger: Share
     """The gripper: 0 open, 1 closed."""
     buttons: Buttons = Buttons()
-    """Its buttons."""
 
     def __post_init__(self) -> None:
         if not all(abs(number) <= FARTHEST for number in self.pose[:3]):
