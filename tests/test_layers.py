@@ -18,7 +18,7 @@ FLOORS = (
     ("errors",),
     (
         *("types", "randomness", "files", "processes", "references", "versions", "pages"),
-        *("installing", "network"),
+        *("installing", "network", "sheets"),
     ),
     ("checks", "lerobot_keys"),
     ("spatial", "backend", "video"),

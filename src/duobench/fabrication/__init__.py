@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from duobench.fabrication.sheet import layout_sheet as layout_sheet
     from duobench.fabrication.sheet import neutral_layout as neutral_layout
     from duobench.fabrication.sheet import outlines_of as outlines_of
-    from duobench.fabrication.sheet_pages import Paper as Paper
     from duobench.fabrication.stl import stl_bytes as stl_bytes
     from duobench.fabrication.threemf import threemf_bytes as threemf_bytes
+    from duobench.sheets import Paper as Paper
 
 lazy(__name__)

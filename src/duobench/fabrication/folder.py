@@ -15,11 +15,11 @@ from duobench.fabrication.parts import ALL_VARIANTS, PrintJob, job_of
 from duobench.fabrication.recipe import RECIPE_SCHEMA, Recipe, recipe_of
 from duobench.fabrication.recipe_page import UNTRIED, recipe_page
 from duobench.fabrication.sheet import layout_sheet, neutral_layout
-from duobench.fabrication.sheet_pages import Paper
 from duobench.fabrication.shopping import shopping_lines
 from duobench.fabrication.stl import stl_bytes
 from duobench.fabrication.threemf import threemf_bytes
 from duobench.files import begin_or_continue, differences, encode, locked, remove_temporary, write
+from duobench.sheets import Paper
 from duobench.sim.layout import Layout
 from duobench.tasks.task import Task
 from duobench.versions import __version__

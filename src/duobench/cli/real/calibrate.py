@@ -38,13 +38,13 @@ def board(out: Path, paper: Paper = "a4") -> None:
         out: The PDF.
         paper: Size of the sheet.
     """
-    from duobench.hardware.calibration.board import PAPERS, Board
-    from duobench.hardware.calibration.pdf import write_board
+    from duobench.hardware.calibration.board import RULER_MM, Board, write_board
+    from duobench.sheets import Paper
 
     write_board(Board(paper=paper), out)
     console().print(
         f"{out}: print it at 100 %, glue it flat onto a plate, and measure its ruler, which should "
-        f"be {PAPERS[paper].ruler:g} mm long."
+        f"be {RULER_MM[Paper(paper)]:g} mm long."
     )
 
 
@@ -168,12 +168,14 @@ def _rig(path: Path) -> Rig:
 
 
 def _measured(paper: str, ruler: float | None) -> Board:
-    from duobench.hardware.calibration.board import PAPERS, Board
+    from duobench.hardware.calibration.board import RULER_MM, Board
+    from duobench.sheets import Paper
 
     if ruler is None:
+        wanted = RULER_MM[Paper(paper)]
         raise AdvisedError(
             f"Measure the ruler on the printed board, and say --ruler MM: it should be "
-            f"{PAPERS[paper].ruler:g} mm long, and prints that are not move cameras by centimetres."
+            f"{wanted:g} mm long, and prints that are not move cameras by centimetres."
         )
     return Board(paper=paper).measured(ruler)
 

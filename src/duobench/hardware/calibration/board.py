@@ -9,13 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench import files
 from duobench.errors import CalibrationError, OptionError
 from duobench.installing import install_extra
+from duobench.sheets import CAPITAL, Paper, Sheet, pdf
 from duobench.types import Array
 
 COLUMNS, ROWS = 8, 5
@@ -30,27 +33,17 @@ DISTANCE = 4
 LARGEST_DEVIATION = 0.1
 """Deviation of a ruler's length at which a mistake in measuring is likelier than a bad print."""
 _SEED = 20
+_RULER_Y, _BOARD_Y = 24.0, 40.0
+_LINES = (
+    "Print at 100 % (actual size, no fit to page), on stiff paper or glued flat onto a plate.",
+    "Then measure this ruler from its first to its last mark, and give its length in mm.",
+)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Paper:
-    """A sheet, and what is printed on it."""
-
-    width: float
-    """Width in mm."""
-    height: float
-    """Height in mm."""
-    square: float
-    """Edge of a square in mm."""
-    ruler: float
-    """Length of the ruler in mm."""
-
-
-PAPERS = {
-    "a4": Paper(width=297.0, height=210.0, square=30.0, ruler=200.0),
-    "a3": Paper(width=420.0, height=297.0, square=42.0, ruler=300.0),
-}
-"""Sheets by name."""
+SQUARE_MM = {Paper.A4: 30.0, Paper.A3: 42.0}
+"""Edge of a square in mm by the size of the sheet, which lies on its longer side."""
+RULER_MM = {Paper.A4: 200.0, Paper.A3: 300.0}
+"""Length of the ruler in mm."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,8 +57,8 @@ class Board:
 
     def __post_init__(self) -> None:
         """Reject sheets that are not known."""
-        if self.paper not in PAPERS:
-            raise OptionError(f"Boards are on {' or '.join(PAPERS)}, got {self.paper!r}.")
+        if self.paper not in set(Paper):
+            raise OptionError(f"Boards are on {' or '.join(Paper)}, got {self.paper!r}.")
         if not 1 - LARGEST_DEVIATION <= self.scale <= 1 + LARGEST_DEVIATION:
             raise OptionError(f"A board's scale is about 1, got {self.scale}.")
 
@@ -78,7 +71,7 @@ class Board:
         Raises:
             CalibrationError: The length is too far from what it should be.
         """
-        wanted = PAPERS[self.paper].ruler
+        wanted = RULER_MM[Paper(self.paper)]
         if not abs(ruler_mm / wanted - 1.0) <= LARGEST_DEVIATION:
             raise CalibrationError(
                 f"The ruler on the {self.paper} board is {wanted:g} mm long if it was printed to "
@@ -90,7 +83,7 @@ class Board:
     @property
     def square(self) -> float:
         """Edge of a square in metres, as printed."""
-        return PAPERS[self.paper].square * self.scale / 1000.0
+        return SQUARE_MM[Paper(self.paper)] * self.scale / 1000.0
 
     @property
     def size(self) -> tuple[float, float]:
@@ -191,3 +184,45 @@ def detector_of(board: Board) -> Any:
         (COLUMNS, ROWS), board.square, MARKER_SHARE * board.square, words
     )
     return cv2.aruco.CharucoDetector(known)
+
+
+# --- the sheet ---
+
+
+def write_board(board: Board, path: Path) -> None:
+    """Write a sheet to print as PDF; the same board always gives the same bytes.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    paper = Paper(board.paper)
+    height, width = paper.size
+    sheet = Sheet(width, height)
+    square, ruler = SQUARE_MM[paper], RULER_MM[paper]
+    left, beside = (width - COLUMNS * square) / 2.0, (width - ruler) / 2.0
+    sheet.rectangles(
+        (left + square * x, _BOARD_Y + square * y, square * across, square * up)
+        for x, y, across, up in rectangles()
+    )
+    x, y = left - 3.0, _BOARD_Y - 3.0
+    sheet.line((x, y), (x + 15.0, y))
+    sheet.line((x, y), (x, y + 15.0))
+    size = 3.0 * CAPITAL
+    sheet.text(x + 16.0, y - 1.0, "x (the corner of the first square is the origin)", size)
+    sheet.text(x - 1.0, y + 16.0, "y", size)
+    _draw_ruler(sheet, beside, ruler)
+    for number, line in enumerate(_LINES):
+        sheet.text(beside, 12.0 - 4.5 * number, line, 3.2 * CAPITAL)
+    title = f"DuoBench board, {board.paper.upper()}: {COLUMNS} x {ROWS} squares of {square:g} mm"
+    sheet.text(left, _BOARD_Y + ROWS * square + 4.0, title, 3.2 * CAPITAL)
+    files.write(path, pdf([sheet], title))
+
+
+def _draw_ruler(sheet: Sheet, left: float, length: float) -> None:
+    sheet.line((left, _RULER_Y), (left + length, _RULER_Y), line=0.15)
+    for mark in range(int(length) + 1):
+        height = 6.0 if mark % 10 == 0 else 4.0 if mark % 5 == 0 else 2.5
+        x = left + mark
+        sheet.line((x, _RULER_Y), (x, _RULER_Y + height), line=0.15)
+        if mark % 10 == 0:
+            sheet.text(x - 0.9 * len(str(mark)), _RULER_Y - 4.0, str(mark), 3.0 * CAPITAL)
