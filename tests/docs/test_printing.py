@@ -11,7 +11,7 @@ import pytest
 from duobench.cli import main
 from duobench.fabrication import coupon as coupons
 from duobench.fabrication import recipe as recipes
-from duobench.fabrication.threemf import BED_STEP
+from duobench.fabrication.formats import BED_STEP
 from duobench.objects import chest, hexagon_peg, joint_blocks, shapes
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, mass_properties, pieces_of
