@@ -1,8 +1,9 @@
 """Files that printers' programs read: STL, one part, and 3MF, all parts of a job laid out.
 
-An STL has triangles in millimetres, without unit and colour. In a 3MF colours are a group of the materials extension, which printers' programs read more often than base
-materials. The archive is not compressed, and its dates are fixed: the same parts give the same
-bytes, whatever version of zlib there is.
+An STL has triangles in millimetres, without unit and colour. In a 3MF colours are a group of the
+materials extension, which printers' programs read more often than base materials. The archive is
+not compressed, and its dates are fixed: the same parts give the same bytes, whatever version of
+zlib there is.
 """
 
 from __future__ import annotations

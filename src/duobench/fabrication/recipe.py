@@ -19,7 +19,6 @@ from duobench.fabrication.parts import PrintedPart, PrintJob
 from duobench.objects.mazes import CELLS, MAZES, Cell
 from duobench.objects.shapes import PRINTER
 from duobench.objects.solid import PLA_DENSITY
-from duobench.types import Array
 
 RECIPE_SCHEMA = 1
 """Version of a recipe's fields."""
@@ -37,7 +36,7 @@ ones less by as much. A slow printer needs twice the time, and a fast one half o
 WASTE = 1.05
 """What is laid down over what is in the parts: purged, brims, supports."""
 _STEEP = 0.72
-"""Share of an area that looks down from which on it needs something below it: 46 degrees."""
+"""Share of an area that looks up or down from which on it is a floor or a roof."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -142,20 +141,15 @@ def recipe_of(job: PrintJob) -> Recipe:
     )
 
 
-def _faces(corners: Array) -> tuple[Array, Array]:
-    """Areas (m,) of triangles (m, 3, 3), and how much they look up, -1 to 1."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    areas = np.linalg.norm(normals, axis=1)
-    return areas, normals[:, 2] / np.maximum(areas, np.finfo(np.float64).tiny)
-
-
 def extruded(part: PrintedPart) -> float:
     """Volume in m³ that is laid down for one part: all of it, or walls, caps and sparse infill."""
     volume = part.volume
     if part.is_solid:
         return volume
-    areas, slopes = _faces(part.mesh.vertices[part.mesh.faces])
-    is_flat = np.abs(slopes) > _STEEP
+    corners = part.mesh.vertices[part.mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    areas = np.linalg.norm(normals, axis=1)
+    is_flat = np.abs(normals[:, 2]) > _STEEP * areas
     skin = float(areas[~is_flat].sum() * WALLS * NOZZLE + areas[is_flat].sum() * CAPS * LAYER)
     skin = min(volume, skin / 1000)
     return skin + SPARSE * (volume - skin)
