@@ -21,14 +21,14 @@ from duobench.hardware.doctor.examine import SUCCESS_RATE
 from duobench.hardware.doctor.gravity import gravity_torques, mount_check
 from duobench.hardware.drivers.frames import CameraFacts
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import ArmConfig, ArmDriver, Rig
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import HEAD, SIDES, Side
 
 SECONDS = 2.0
-Change = Callable[[HardwareDuo], None]
+Change = Callable[[FrankaDuo], None]
 
 
 class TellingArm(SimulatedArm):
@@ -43,17 +43,17 @@ class TellingArm(SimulatedArm):
         return replace(reading, torques=self.torques, state=state)
 
 
-def opened(arms: type[SimulatedArm] = SimulatedArm) -> HardwareDuo:
+def opened(arms: type[SimulatedArm] = SimulatedArm) -> FrankaDuo:
     duo = open_rig("simulated", VirtualClock(), guard=False)
     if arms is SimulatedArm:
         return duo
     made: dict[Side, Any] = {side: arms(duo.clock, HOME_JOINTS[side.index]) for side in SIDES}
-    return HardwareDuo(
+    return FrankaDuo(
         duo.rig, duo.clock, arms=made, grippers=duo.grippers, cameras=duo.cameras, guard=None
     )
 
 
-def found(duo: HardwareDuo, **options: Any) -> Mapping[str, Check]:
+def found(duo: FrankaDuo, **options: Any) -> Mapping[str, Check]:
     try:
         checks = examine(duo, seconds=SECONDS, **options)
     finally:
@@ -63,7 +63,7 @@ def found(duo: HardwareDuo, **options: Any) -> Mapping[str, Check]:
     return by_name
 
 
-def confirmed(duo: HardwareDuo) -> HardwareDuo:
+def confirmed(duo: FrankaDuo) -> FrankaDuo:
     duo.start()
     duo.supervisor.confirm()
     return duo
@@ -126,24 +126,24 @@ def test_a_fault_while_holding_is_told() -> None:
     assert "cartesian_reflex" in checks["holding"].value
 
 
-def silence(duo: HardwareDuo) -> None:
+def silence(duo: FrankaDuo) -> None:
     duo.cameras["left_wrist"].is_silent = True  # type: ignore[attr-defined]
 
 
-def break_gripper(duo: HardwareDuo) -> None:
+def break_gripper(duo: FrankaDuo) -> None:
     fault = Fault(kind=FaultKind.DEVICE, text="it is too hot")
     duo.grippers[Side.LEFT].fail(fault)  # type: ignore[attr-defined]
 
 
-def slow_gripper(duo: HardwareDuo) -> None:
+def slow_gripper(duo: FrankaDuo) -> None:
     duo.grippers[Side.LEFT].round_trips = [0.031, 0.033, 0.032]  # type: ignore[attr-defined]
 
 
-def old_usb(duo: HardwareDuo) -> None:
+def old_usb(duo: FrankaDuo) -> None:
     duo.cameras["head"].facts = CameraFacts(usb="2.1")  # type: ignore[attr-defined]
 
 
-def slow_camera(duo: HardwareDuo) -> None:
+def slow_camera(duo: FrankaDuo) -> None:
     duo.cameras["right_wrist"] = SimulatedCamera(duo.clock, fps=15.0)
 
 

@@ -12,7 +12,7 @@ from lerobot.utils.decorators import check_if_already_connected, check_if_not_co
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import ActionError, BackendError, OptionError, check_known
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.lerobot_keys import POSITION
 from duobench.types import DuoCommand
@@ -38,7 +38,7 @@ class DuoBenchDuo(Robot):
     config_class = DuoBenchDuoConfig
     name = "franka_fr3_duo"
 
-    def __init__(self, config: DuoBenchDuoConfig, duo: HardwareDuo | None = None) -> None:
+    def __init__(self, config: DuoBenchDuoConfig, duo: FrankaDuo | None = None) -> None:
         """Know the options; nothing is connected before `connect`.
 
         Args:

@@ -192,7 +192,7 @@ class _Words(string.Formatter):
 @cache
 def details() -> Mapping[str, TaskDetails]:
     """What is known about the benchmark's tasks, by their ids."""
-    text = (files(__package__) / "recipes.toml").read_text(encoding="utf-8")
+    text = (files("duobench.fabrication") / "recipes.toml").read_text(encoding="utf-8")
     text = _Words().vformat(text[text.index("[") :], (), {**NAMED, **_MODULES})
     return msgspec.toml.decode(text, type=dict[str, TaskDetails])
 

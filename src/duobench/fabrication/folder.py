@@ -119,7 +119,7 @@ def write_prints(
             progress(recipe)
         for name, template in (("README.md", "prints.md.j2"), ("shopping.md", "shopping.md.j2")):
             words = {"recipes": recipes, "shopping_lines": shopping_lines, "untried": UNTRIED}
-            write(folder / name, pages.render(__package__ or "", template, **words))
+            write(folder / name, pages.render("duobench.fabrication", template, **words))
     return recipes
 
 

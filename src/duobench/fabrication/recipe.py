@@ -262,7 +262,7 @@ UNTRIED = (
 def recipe_page(recipe: Recipe) -> str:
     """A recipe as a page for people, in Markdown."""
     return pages.render(
-        __package__ or "",
+        "duobench.fabrication",
         "recipe.md.j2",
         recipe=recipe,
         bought=list(shopping_lines(recipe.bought)),

@@ -14,7 +14,7 @@ from duobench.evaluation.trials.folder import TrialsFolder
 from duobench.evaluation.trials.opening import Contender, open_session
 from duobench.evaluation.trials.session import TrialsSession
 from duobench.hardware.clock import VirtualClock
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.results.suite import TaskInfo, find_tasks
 from duobench.web.page import assets
@@ -103,7 +103,7 @@ class Stand:
     def __init__(self, path: Path, contenders: Sequence[Contender], **options: Any) -> None:
         self.folder = TrialsFolder(path)
         self.ending = ExitStack()
-        self.duo: HardwareDuo = open_rig("simulated", VirtualClock(), guard=False)
+        self.duo: FrankaDuo = open_rig("simulated", VirtualClock(), guard=False)
         self.ending.callback(self.duo.close)
         self.server = PageServer(assets("trials_page.html"))
         self.ending.callback(self.server.close)

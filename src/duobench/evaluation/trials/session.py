@@ -28,7 +28,7 @@ from duobench.evaluation.trials.players import Played, Players, Watch
 from duobench.evaluation.trials.status import Board, Phase
 from duobench.fabrication.sheet import layout_sheet
 from duobench.files import write
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.results.records import Judged, Press
 from duobench.sim.layout import Layout
 from duobench.web.server import PageServer
@@ -70,7 +70,7 @@ class TrialsSession:
         plan: Plan,
         players: Players,
         judge: PersonJudge,
-        duo: HardwareDuo,
+        duo: FrankaDuo,
         overlay: Overlay,
         server: PageServer,
         *,

@@ -15,7 +15,7 @@ from duobench.hardware.doctor.checks import Check, Outcome
 from duobench.hardware.doctor.computer import computer_checks
 from duobench.hardware.doctor.drift import shift_between
 from duobench.hardware.doctor.gravity import mount_check
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig, CameraDriver, GripperConfig, GripperDriver
 from duobench.types import CONTROL_HZ, HEAD, SIDES, Side
 
@@ -37,7 +37,7 @@ LEAST_COVERAGE = 0.98
 class _Measurement:
     """What is counted while the arms hold."""
 
-    def __init__(self, duo: HardwareDuo) -> None:
+    def __init__(self, duo: FrankaDuo) -> None:
         self.duo = duo
         self.frames: dict[str, list[tuple[int, float]]] = {name: [] for name in duo.cameras}
         self.rates: list[float] = []
@@ -74,7 +74,7 @@ class _Measurement:
 
 
 def examine(
-    duo: HardwareDuo, *, seconds: float = HOLDING_S, reference: Image | None = None
+    duo: FrankaDuo, *, seconds: float = HOLDING_S, reference: Image | None = None
 ) -> tuple[Check, ...]:
     """Look at everything; the rig is started if it was not, and not closed.
 
@@ -140,7 +140,7 @@ def _arm_checks(measured: _Measurement) -> Iterator[Check]:
         )
 
 
-def _gripper_check(duo: HardwareDuo, side: Side) -> Check:
+def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     config, name = duo.rig.grippers[side], f"{side} gripper"
     reading = duo.grippers[side].read()
     if reading.fault is not None:
@@ -227,7 +227,7 @@ def _settings_checks(title: str, name: str, config: CameraConfig) -> Iterator[Ch
     )
 
 
-def _drift_check(duo: HardwareDuo, reference: Image | None) -> Check:
+def _drift_check(duo: FrankaDuo, reference: Image | None) -> Check:
     name = "head camera's place"
     if reference is None:
         return Check(name=name, outcome=Outcome.SKIPPED, value="no reference was stored")
