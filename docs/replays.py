@@ -12,12 +12,12 @@ from pathlib import Path
 import gymnasium as gym
 
 import duobench
-from duobench.cli.display.console import console
+from duobench.cli.shared.console import console
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout
-from duobench.evaluation.viewing.playback import PoseCollector, SceneCache
 from duobench.files import write
 from duobench.looks.look import Look
+from duobench.replay.playback import PoseCollector, SceneCache
 from duobench.results.suite import Episode, find_tasks
 from duobench.tasks import catalog
 from duobench.web.page import Replay, replay_page

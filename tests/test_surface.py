@@ -12,9 +12,9 @@ import pytest
 SURFACE = {
     "duobench": "DuoBenchError __version__ make register",
     "duobench.data": """
-        ActionSource Actor ActorKind DataSet Divergence EpisodeInfo ExportOptions Exported
-        ImageSource Outcome Pairing Problem Recorder Recording Replayer Summary
-        export_lerobot find_problems merge replay_all split summarize write_page
+        ActionSource Actor ActorKind DataSet EpisodeInfo ExportOptions Exported
+        ImageSource Outcome Pairing Problem Recorder Recording Summary
+        export_lerobot find_problems merge split summarize write_page
     """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper EnvConfig
@@ -23,11 +23,9 @@ SURFACE = {
         register sim_of
     """,
     "duobench.evaluation": """
-        Attempt Episode EpisodeRecord Executor ExpertPolicy Finding Job LocalExecutor Observer
-        PolicyChoice PolicySource ProcessExecutor Results Run RunFolder Score Step Suite TaskInfo
-        TaskResult TimeLimits Verdict Verification VideoRecorder Watcher evaluate find_tasks
-        open_source read_results record rollout source summarize verify wilson_interval write_bundle
-        write_report
+        Episode EpisodeRecord ExpertPolicy Job Observer PolicyChoice PolicySource Results Run
+        RunFolder Score Step Suite TaskInfo TaskResult TimeLimits VideoRecorder Watcher find_tasks
+        open_source read_results rollout source summarize wilson_interval write_bundle write_report
     """,
     "duobench.fabrication": """
         Paper PrintChoice PrintJob PrintedPart Recipe Spot fit_coupon job_of lay_out layout_sheet
@@ -41,6 +39,12 @@ SURFACE = {
     "duobench.policy": """
         BASELINES BatchPolicy Batching HoldPolicy Policy PolicyMetadata RandomPolicy Session
         SessionPolicy ZeroPolicy as_chunk check_fits make noise
+    """,
+    "duobench.replay": """
+        Divergence Finding Replayer Verdict Verification replay_all verify
+    """,
+    "duobench.runners": """
+        Attempt Executor LocalExecutor ProcessExecutor evaluate record
     """,
     "duobench.tasks": """
         ANY_YAW BoxRegion Carriage Category Choice CylinderRegion Handover Hole Joining Layout
@@ -95,8 +99,8 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
 def test_a_module_does_not_hide_the_function_of_its_name() -> None:
     code = (
-        "import duobench.evaluation.rollout, duobench.evaluation.evaluate\n"
-        "from duobench.evaluation import evaluate, rollout\n"
+        "import duobench.evaluation.rollout, duobench.runners.evaluate\n"
+        "from duobench.evaluation import rollout; from duobench.runners import evaluate\n"
         "print(callable(evaluate), callable(rollout))"
     )
     assert _output(code) == "True True\n"

@@ -82,9 +82,9 @@ class LocalCluster:
                 words = Path(f"/proc/{pid}/cmdline").read_bytes()
                 if words.startswith(b"ray::Host"):
                     found.setdefault("actor", []).append(pid)
-                elif b"processes.worker import main" in words:
+                elif b"runners.worker import main" in words:
                     found.setdefault("worker", []).append(pid)
-                elif b"processes.policy_process import main" in words:
+                elif b"runners.policy_process import main" in words:
                     found.setdefault("policy", []).append(pid)
         return found
 

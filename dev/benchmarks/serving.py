@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from dev.benchmarks.measure import Measurement, Work, seconds
-from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching, PolicyMetadata, Session, SessionPolicy
 from duobench.policy.serving.address import RemoteServer
@@ -21,6 +20,7 @@ from duobench.policy.serving.client import RemotePolicy
 from duobench.policy.serving.host import PolicyHost
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
+from duobench.runners.evaluate import evaluate
 from duobench.types import POLICY_CAMERAS
 
 MILLI = 1e-3

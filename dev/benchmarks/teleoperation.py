@@ -26,11 +26,11 @@ from websockets.sync.client import ClientConnection, connect
 
 from dev.benchmarks.measure import Measurement
 from duobench.data import Actor, ActorKind
+from duobench.rig_sessions.pacing import Timings
+from duobench.rig_sessions.teleop_page import LiveSession
+from duobench.rig_sessions.teleop_recorder import make_recorder
+from duobench.rig_sessions.teleoperation import Session
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.live import LiveSession
-from duobench.teleop.pacing import Timings
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.data import DataSet, Recorder, Recording, Replayer
+from duobench.data import DataSet, Recorder, Recording
 from duobench.envs import ResetNeededError
 from duobench.errors import OptionError
-from duobench.evaluation import find_tasks, record
+from duobench.evaluation import find_tasks
+from duobench.replay import Replayer
+from duobench.runners import record
 from tests.envs.tools import wave
 from tests.evaluation.toy_tasks import HORIZON, NUDGE
 

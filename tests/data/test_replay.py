@@ -7,10 +7,10 @@ import pytest
 import duobench
 from duobench.cli import main
 from duobench.data import DataSet, ImageSource, Recording
-from duobench.data.replay import Replayer, replay_all
 from duobench.errors import DataError
-from duobench.evaluation.demonstrations import record
+from duobench.replay.recordings import Replayer, replay_all
 from duobench.results.suite import find_tasks
+from duobench.runners.demonstrations import record
 from duobench.tasks import catalog
 from tests.data.tools import TASK, recorded
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.policies import PolicyChoice
 from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results
 from duobench.results.suite import Suite, find_tasks
+from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
 from tests.results.samples import without_times
 

@@ -21,7 +21,6 @@ from duobench.errors import (
     ServingError,
     UnplayedError,
 )
-from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
@@ -30,6 +29,7 @@ from duobench.policy.serving.connection import is_healthy
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
+from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import Play, compared, small_suite
 from tests.evaluation.processes import wait_until
@@ -100,7 +100,7 @@ def test_episode_in_which_the_policy_always_dies_is_set_aside_alone(
 def test_policy_that_hangs_fails_its_episode_only(
     play: Play, undisturbed: dict[str, bytes], workers: int
 ) -> None:
-    limits = TimeLimits(act_s=4.0)
+    limits = TimeLimits(act_timeout=4.0)
     folder, results = play(named(toy_batches.Hangs), workers=workers, episodes=3, limits=limits)
     assert results.overall.errors == 1
     record = results.tasks[0].records[0]

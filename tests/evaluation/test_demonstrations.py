@@ -11,10 +11,10 @@ import pytest
 from duobench.data import ActorKind, DataSet, Outcome, Recording
 from duobench.data.stream import INTERRUPTED
 from duobench.errors import DataError, EvaluationError, OtherRunError, OutputError
-from duobench.evaluation.demonstrations import ATTEMPTS, record
 from duobench.files import locked
 from duobench.randomness import instruction_number
 from duobench.results.suite import find_tasks
+from duobench.runners.demonstrations import ATTEMPTS, record
 from duobench.tasks import catalog
 from tests.data.tools import room
 from tests.evaluation import toy_tasks

@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from duobench.errors import MachineryError, RenderingError, UnplayedError
-from duobench.evaluation.processes import channel, executor
-from duobench.evaluation.processes.channel import Channel
-from duobench.evaluation.processes.messages import EpisodeError, Report, Request
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
+from duobench.runners import channel
+from duobench.runners import process_executor as executor
+from duobench.runners.channel import Channel
+from duobench.runners.messages import EpisodeError, Report, Request
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until
@@ -128,7 +129,7 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> 
         workers=1,
         episodes=2,
         tasks=find_tasks([toy_tasks.WAVE_NAME]),
-        limits=TimeLimits(act_s=3.0),
+        limits=TimeLimits(act_timeout=3.0),
     )
     first, second = results.tasks[0].records
     assert first.error == (
@@ -139,7 +140,7 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> 
     assert second.error is None
 
 
-@pytest.mark.parametrize("limits", [{"act_s": 3.0}, {"episode_s": 3.0}])
+@pytest.mark.parametrize("limits", [{"act_timeout": 3.0}, {"episode_timeout": 3.0}])
 def test_stopped_policy_keeps_what_its_episode_had_reached(
     play: Play, limits: dict[str, float]
 ) -> None:
@@ -201,6 +202,6 @@ def test_simulation_that_does_not_come_back_is_played_again(
 ) -> None:
     monkeypatch.setattr(executor, "GRACE_S", 1.0)
     tasks = find_tasks([f"{toy_tasks.__name__}:STUCK"])
-    limits = TimeLimits(episode_s=5.0)
+    limits = TimeLimits(episode_timeout=5.0)
     _, results = play("hold", workers=1, episodes=1, tasks=tasks, limits=limits)
     assert (results.overall.episodes, results.overall.errors) == (1, 0)

@@ -19,8 +19,8 @@ import sys
 from pathlib import Path
 from rich.console import Console
 from duobench.results.folder import RunFolder
-from duobench.cli.display.table import results_table
-from duobench.evaluation.evaluate import evaluate
+from duobench.cli.shared.table import results_table
+from duobench.runners.evaluate import evaluate
 from tests.evaluation.conftest import small_suite
 
 folder, workers, policy = RunFolder(Path(sys.argv[1])), int(sys.argv[2]), sys.argv[3]

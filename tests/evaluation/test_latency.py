@@ -10,8 +10,8 @@ from duobench.envs import action_modes
 from duobench.envs.execution import MAX_LATENCY, ChunkExecution
 from duobench.errors import OptionError, OtherRunError
 from duobench.evaluation.rollout import rollout
-from duobench.evaluation.verify import Verdict, verify
 from duobench.policy import HoldPolicy
+from duobench.replay.verify import Verdict, verify
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play
 from tests.evaluation.forging import rewritten

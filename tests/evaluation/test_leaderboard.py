@@ -9,8 +9,8 @@ import pytest
 from duobench.cli import main
 from duobench.data.processes import Progress
 from duobench.errors import EvaluationError
-from duobench.evaluation import leaderboard
-from duobench.evaluation.leaderboard import make_leaderboard
+from duobench.replay import leaderboard
+from duobench.replay.leaderboard import make_leaderboard
 from duobench.results.bundle import write_bundle
 from duobench.results.folder import RunFolder
 from duobench.results.leaderboard.board import Board

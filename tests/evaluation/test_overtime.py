@@ -8,13 +8,13 @@ import pytest
 
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.robustness.shifts import evaluate_shifts
-from duobench.evaluation.verify import Verdict, verify
 from duobench.policy import Batching
+from duobench.replay.verify import Verdict, verify
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.results.suites.shard import Shard
+from duobench.runners.shifts import evaluate_shifts
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import Play, small_suite
@@ -101,7 +101,7 @@ def test_every_executor_plays_on(play: Play, tmp_path: Path) -> None:
 def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(
     play: Play, workers: int
 ) -> None:
-    limits = TimeLimits(act_s=3.0)
+    limits = TimeLimits(act_timeout=3.0)
     episodes = len(toy_tasks.LATE_FAULTS) if workers else 2
     options = {"tasks": NUDGE, "episodes": episodes, "limits": limits, "workers": workers}
     plain, _ = play("FailsLate", "plain", **options)

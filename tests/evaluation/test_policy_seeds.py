@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from duobench.data import DataSet, Recording
-from duobench.evaluation.demonstrations import record as record_demonstrations
-from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import HoldPolicy, Session
 from duobench.policy.serving.address import RemoteServer
@@ -21,6 +19,8 @@ from duobench.randomness import TRAIN, policy_seed
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import find_tasks
+from duobench.runners.demonstrations import record as record_demonstrations
+from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import small_suite
 from tests.evaluation.toy_tasks import WAVE_NAME, seed_of

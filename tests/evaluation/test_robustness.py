@@ -6,11 +6,11 @@ import pytest
 
 from duobench.cli import main
 from duobench.errors import OtherRunError
-from duobench.evaluation.robustness.shifts import evaluate_shifts
-from duobench.evaluation.verify import Verdict, verify
+from duobench.replay.verify import Verdict, verify
 from duobench.results.robustness.conditions import read_robustness
 from duobench.results.source import open_source
 from duobench.results.suites.shard import Shard
+from duobench.runners.shifts import evaluate_shifts
 from duobench.shifts.shift import NO_SHIFT, SINGLE_AXES, Shift
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import small_suite

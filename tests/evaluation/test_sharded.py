@@ -1,12 +1,12 @@
 from pathlib import Path
 
-from duobench.evaluation.evaluate import evaluate
-from duobench.evaluation.verify import verify
+from duobench.replay.verify import verify
 from duobench.results.folder import RunFolder
 from duobench.results.report import write_report
 from duobench.results.source import open_source
 from duobench.results.suites.merged import MergedFolder, MergedRun
 from duobench.results.suites.shard import Shard
+from duobench.runners.evaluate import evaluate
 from tests.evaluation.conftest import Play, small_suite
 
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from duobench.errors import FileError
-from duobench.evaluation.evaluate import evaluate
-from duobench.evaluation.verify import Verdict, Verification, verify
 from duobench.randomness import episode_seed, policy_seed
+from duobench.replay.verify import Verdict, Verification, verify
 from duobench.results.folder import RunFolder
 from duobench.results.source import read_source
 from duobench.results.suite import Suite, find_tasks
+from duobench.runners.evaluate import evaluate
 from tests.evaluation import test_sent
 from tests.evaluation.conftest import Play
 from tests.evaluation.forging import (

@@ -6,7 +6,7 @@ import av
 import pytest
 
 from duobench.errors import EvaluationError, UnknownNameError
-from duobench.evaluation.videos import choose, make_videos
+from duobench.replay.videos import choose, make_videos
 from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results
 from duobench.results.source import read_source

@@ -460,7 +460,7 @@ def answers_for_another() -> None:
 def answers_twice() -> None:
     """The worker once gives a result twice."""
     from duobench.evaluation.episode import EpisodeResult
-    from duobench.evaluation.processes.child import Parent
+    from duobench.runners.child import Parent
 
     report = Parent.report
 
@@ -499,5 +499,5 @@ def without_graphics(*_words: Any, **_options: Any) -> None:
     raise RenderingError("The driver hangs.")
 
 
-if os.environ.get(MISBEHAVIOUR) and "duobench.evaluation.processes.worker" in sys.modules:
+if os.environ.get(MISBEHAVIOUR) and "duobench.runners.worker" in sys.modules:
     globals()[os.environ[MISBEHAVIOUR]]()

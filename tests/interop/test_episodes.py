@@ -9,13 +9,13 @@ import pytest
 
 from duobench.envs.duo_env import ResetNeededError
 from duobench.errors import OptionError, PolicyError, UnknownNameError
-from duobench.evaluation.evaluate import evaluate
 from duobench.interop.episodes import Episodes
 from duobench.policy import PolicyMetadata
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.randomness import SUITE_VERSION
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
+from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
 
 BLIND = MessageFormat(state={"state": ("left_arm", "left_gripper")})

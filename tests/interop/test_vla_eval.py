@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 import duobench
-from duobench.evaluation.evaluate import evaluate
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy.serving.address import RemoteServer
 from duobench.randomness import episode_seed
 from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results
 from duobench.results.suite import Suite, find_tasks
+from duobench.runners.evaluate import evaluate
 from tests.docs.markdown import DOCS, ROOT, blocks, table
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import wait_until

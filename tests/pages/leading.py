@@ -12,10 +12,10 @@ from typing import Any
 from playwright.sync_api import Page
 
 from duobench.data import Actor, ActorKind, DataSet
+from duobench.rig_sessions.teleop_page import LiveSession
+from duobench.rig_sessions.teleop_recorder import make_recorder
+from duobench.rig_sessions.teleoperation import Session
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.live import LiveSession
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.pages.driving import complaints_of, opened, take_the_drive

@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.teleop.cameras import CameraFeed
-from duobench.teleop.real import RealLiveSession
+from duobench.rig_sessions.page_cameras import CameraFeed
+from duobench.rig_sessions.rig_teleoperation import RealLiveSession
 from duobench.types import POLICY_CAMERAS
 from duobench.web.page import assets
 from duobench.web.server import PageServer

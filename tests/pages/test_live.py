@@ -12,7 +12,7 @@ from playwright.sync_api import Page
 
 import duobench
 from duobench.envs.duo_env import base_of
-from duobench.teleop.session import AWAY
+from duobench.rig_sessions.teleoperation import AWAY
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.page import assets

@@ -15,9 +15,9 @@ from duobench.envs.sim_env import sim_of
 from duobench.experts.handover import present, receive_pose, tool
 from duobench.experts.motion import Arms, down, nearest_turn
 from duobench.experts.scripts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
+from duobench.rig_sessions.teleoperation import State
 from duobench.robot.frames import SHOULDERS
 from duobench.spatial import SE3
-from duobench.teleop.session import State
 from tests.pages.leading import follower, led
 from tests.pages.mouse_operator import MouseOperator
 

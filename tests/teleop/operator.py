@@ -14,8 +14,8 @@ import numpy as np
 from duobench.envs.sim_env import sim_of
 from duobench.experts.expert import find_script
 from duobench.experts.motion import Arms
+from duobench.rig_sessions.teleoperation import Session, State
 from duobench.spatial import SE3
-from duobench.teleop.session import Session, State
 from duobench.types import CONTROL_HZ, SIDES
 
 ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)

@@ -7,11 +7,11 @@ import time
 from contextlib import closing
 
 from duobench.data import Actor, ActorKind, DataSet
+from duobench.rig_sessions.pacing import run
+from duobench.rig_sessions.teleop_page import LiveSession
+from duobench.rig_sessions.teleop_recorder import make_recorder
+from duobench.rig_sessions.teleoperation import Session, State
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.live import LiveSession
-from duobench.teleop.pacing import run
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session, State
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.teleop.operator import Operator

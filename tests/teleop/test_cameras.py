@@ -14,7 +14,7 @@ from PIL import Image
 
 from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
-from duobench.teleop.cameras import PERIOD_S, SHOWN_WIDTH, CameraFeed, jpeg
+from duobench.rig_sessions.page_cameras import PERIOD_S, SHOWN_WIDTH, CameraFeed, jpeg
 from duobench.types import POLICY_CAMERAS
 from duobench.web.page import assets
 from duobench.web.server import PageServer

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from duobench.data import DataSet, ExportOptions, export_lerobot, find_problems, replay_all
+from duobench.data import DataSet, ExportOptions, export_lerobot, find_problems
+from duobench.replay import replay_all
 from tests.teleop.paging import OPERATOR, record
 
 TASKS = ("bin_sort", "carry_pot")

@@ -14,11 +14,11 @@ import pytest
 
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.envs.sim_env import sim_of
+from duobench.rig_sessions.teleop_page import WATCHING, LiveSession
+from duobench.rig_sessions.teleop_recorder import make_recorder
+from duobench.rig_sessions.teleoperation import AWAY, Session
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.live import WATCHING, LiveSession
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import AWAY, Session
 from duobench.web.geometry import Geometry
 from duobench.web.messages import unpack_frame
 from duobench.web.server import PageServer

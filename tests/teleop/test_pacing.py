@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import pytest
 
 from duobench.data import Actor
+from duobench.rig_sessions.pacing import PERIOD_S, Timings, run
+from duobench.rig_sessions.teleop_recorder import make_recorder
+from duobench.rig_sessions.teleoperation import Session, State
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.pacing import PERIOD_S, Timings, run
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session, State
 from tests.teleop.operator import hand, message
 
 STEPS = 15

@@ -13,10 +13,15 @@ from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.opening import open_rig
 from duobench.kinematics.inverse import Kinematics
+from duobench.rig_sessions.rig_teleoperation import (
+    EndedError,
+    RealLiveSession,
+    RealSession,
+    make_real_recorder,
+)
+from duobench.rig_sessions.teleoperation import State
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.real import EndedError, RealLiveSession, RealSession, make_real_recorder
-from duobench.teleop.session import State
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
 from tests.teleop.operator import hand, message
 

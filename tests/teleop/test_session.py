@@ -11,10 +11,10 @@ from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.errors import MessageError, OptionError
 from duobench.kinematics.inverse import Kinematics
 from duobench.randomness import TRAIN, episode_seed
+from duobench.rig_sessions.teleop_recorder import make_recorder
+from duobench.rig_sessions.teleoperation import Session, State
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session, State
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.teleop.operator import Operator, hand, message
 

@@ -12,7 +12,7 @@ import rich.table
 from tyro.conf import Positional
 
 from duobench.cli.data import opened
-from duobench.cli.display.console import console, counted
+from duobench.cli.shared.console import console, counted
 from duobench.errors import DataError
 
 if TYPE_CHECKING:
@@ -52,7 +52,8 @@ def replay(
 
 
 def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
-    from duobench.data import Recording, replay_all
+    from duobench.data import Recording
+    from duobench.replay import replay_all
     from duobench.tasks import catalog
 
     screen = console()

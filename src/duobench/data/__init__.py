@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from duobench.data.check import Problem as Problem
     from duobench.data.check import find_problems as find_problems
     from duobench.data.dataset import DataSet as DataSet
+    from duobench.data.images import ImageSource as ImageSource
     from duobench.data.lerobot.export import Exported as Exported
     from duobench.data.lerobot.export import export_lerobot as export_lerobot
     from duobench.data.lerobot.options import ActionSource as ActionSource
@@ -18,10 +19,6 @@ if TYPE_CHECKING:
     from duobench.data.page import write_page as write_page
     from duobench.data.recorder import Recorder as Recorder
     from duobench.data.recording import Recording as Recording
-    from duobench.data.replay import Divergence as Divergence
-    from duobench.data.replay import ImageSource as ImageSource
-    from duobench.data.replay import Replayer as Replayer
-    from duobench.data.replay import replay_all as replay_all
     from duobench.data.schema import Actor as Actor
     from duobench.data.schema import ActorKind as ActorKind
     from duobench.data.schema import EpisodeInfo as EpisodeInfo

@@ -1,7 +1,6 @@
 """Evaluation: rollouts of a policy on a suite of tasks, their records, and what they add up to.
 
-From the inside out: `rollout` plays an episode, `episode` makes a record of it, `executor` plays
-many (here, or in each `worker`), `evaluate` writes them into a `folder`, and `report` adds them up.
+`rollout` plays an episode, and `episode` makes a record of it; `duobench.runners` plays many.
 """
 
 from typing import TYPE_CHECKING
@@ -10,25 +9,15 @@ from duobench.references import lazy
 
 if TYPE_CHECKING:
     from duobench.envs.execution import Step as Step
-    from duobench.evaluation.demonstrations import Attempt as Attempt
-    from duobench.evaluation.demonstrations import record as record
     from duobench.evaluation.episode import Job as Job
-    from duobench.evaluation.evaluate import evaluate as evaluate
-    from duobench.evaluation.executor import Executor as Executor
-    from duobench.evaluation.executor import LocalExecutor as LocalExecutor
     from duobench.evaluation.policies import ExpertPolicy as ExpertPolicy
     from duobench.evaluation.policies import PolicyChoice as PolicyChoice
     from duobench.evaluation.policies import PolicySource as PolicySource
     from duobench.evaluation.policies import source as source
-    from duobench.evaluation.processes.executor import ProcessExecutor as ProcessExecutor
     from duobench.evaluation.recorder import VideoRecorder as VideoRecorder
     from duobench.evaluation.rollout import Observer as Observer
     from duobench.evaluation.rollout import Watcher as Watcher
     from duobench.evaluation.rollout import rollout as rollout
-    from duobench.evaluation.verify import Finding as Finding
-    from duobench.evaluation.verify import Verdict as Verdict
-    from duobench.evaluation.verify import Verification as Verification
-    from duobench.evaluation.verify import verify as verify
     from duobench.results.bundle import write_bundle as write_bundle
     from duobench.results.folder import RunFolder as RunFolder
     from duobench.results.limits import TimeLimits as TimeLimits

@@ -30,10 +30,8 @@ from duobench.hardware.guard import Guard
 from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import HELD, State, Supervisor
 from duobench.hardware.watchdog import Watchdog
-from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.kinematics import tcp_poses
-from duobench.robot.limits import RANGE_MARGIN, duo_limits
-from duobench.robot.speeds import speed_limits
+from duobench.robot.frames import tcp_poses
+from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits, speed_limits
 from duobench.types import SIDES, Array, DuoCommand, DuoState, Side
 
 REST_S = 1.0

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from duobench.data import DataSet, Recording
-from duobench.envs.reset_options import LAYOUT_SEED
+from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import EvaluationError, UnknownNameError
-from duobench.evaluation.viewing.sources import (
+from duobench.replay.sources import (
     DataSource,
     RunSource,
     TaskSource,

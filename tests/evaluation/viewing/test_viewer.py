@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from duobench.errors import EvaluationError
-from duobench.evaluation.viewing.playback import Playback
-from duobench.evaluation.viewing.sources import Item
-from duobench.evaluation.viewing.viewer import Viewer
+from duobench.replay.playback import Playback
+from duobench.replay.sources import Item
+from duobench.replay.viewer import Viewer
 from duobench.types import CONTROL_HZ
 from duobench.web import track
 from duobench.web.messages import unpack_frame

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from duobench.evaluation.verify import Verdict
 from duobench.policy import PolicyMetadata
+from duobench.replay.verify import Verdict
 from duobench.results.leaderboard.board import Entry, make_entry
 from duobench.results.leaderboard.protocol import EPISODES
 from duobench.results.records import EpisodeRecord

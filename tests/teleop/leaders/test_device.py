@@ -12,11 +12,11 @@ from duobench.envs.sim_env import sim_of
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError
 from duobench.experts.expert import Expert, find_script
+from duobench.rig_sessions.teleop_recorder import make_recorder
+from duobench.rig_sessions.teleoperation import Session, State
 from duobench.robot.joints import HOME_JOINTS
 from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
-from duobench.teleop.recorder import make_recorder
-from duobench.teleop.session import Session, State
 from duobench.types import CONTROL_HZ, DuoCommand
 
 HOME = DuoCommand(joints=np.array(HOME_JOINTS), openings=np.ones(2)).flat

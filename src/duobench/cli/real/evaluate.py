@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, advising
-from duobench.cli.display.console import command_line, console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
-from duobench.cli.view import serve_page
+from duobench.cli.shared.advice import AdvisedError, advising
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.options import command_line
+from duobench.cli.shared.page import serve_page
 from duobench.errors import DuoBenchError, LockedError, OtherRunError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.trials.report import TrialsReport
     from duobench.hardware.doctor import Report
+    from duobench.rig_sessions.trial_report import TrialsReport
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -69,11 +70,11 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     load_engine()
     from duobench.cli.real.rigs import opened_rig
     from duobench.data import DataSet
-    from duobench.evaluation.trials.folder import TrialsFolder
-    from duobench.evaluation.trials.opening import Contender, open_session
-    from duobench.evaluation.trials.report import write_trials_report
     from duobench.files import locked
     from duobench.results.suite import find_tasks
+    from duobench.rig_sessions.trial_folder import TrialsFolder
+    from duobench.rig_sessions.trial_opening import Contender, open_session
+    from duobench.rig_sessions.trial_report import write_trials_report
 
     if trained_on and len(trained_on) != len(policy):
         raise AdvisedError(

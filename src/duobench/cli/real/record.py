@@ -5,9 +5,9 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
 
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -48,7 +48,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     from duobench.cli.real.rigs import opened_rig
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import DataSet
-    from duobench.evaluation.real.recording import HELD_BY_OPERATOR, RealRecording, find_policy
+    from duobench.rig_sessions.recording import HELD_BY_OPERATOR, RealRecording, find_policy
 
     with ExitStack() as ending:
         source = find_policy(policy, tempo)

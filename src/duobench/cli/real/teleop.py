@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from duobench.cli.advice import AdvisedError
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
 from duobench.cli.real.rigs import opened_rig
-from duobench.cli.teleop import joint_source, times_of
-from duobench.cli.view import serve_page
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.leaders import joint_source, times_of
+from duobench.cli.shared.page import serve_page
 
 if TYPE_CHECKING:
     from duobench.teleop.intent import Device
@@ -63,10 +63,15 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     load_engine()
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import Actor, ActorKind
-    from duobench.teleop.cameras import CameraFeed
+    from duobench.rig_sessions.page_cameras import CameraFeed
+    from duobench.rig_sessions.rig_teleoperation import (
+        EndedError,
+        RealLiveSession,
+        RealSession,
+        make_real_recorder,
+    )
     from duobench.teleop.hands import HandDevice
     from duobench.teleop.leaders.device import LeaderDevice
-    from duobench.teleop.real import EndedError, RealLiveSession, RealSession, make_real_recorder
 
     with ExitStack() as ending:
         source = None if leader is None else joint_source(leader)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self
 
-from duobench.evaluation.real.operator import QUIT
+from duobench.rig_sessions.operator import QUIT
 
 
 class KeyTerminal:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import conditions_of, find_runs
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
+from duobench.cli.shared.advice import conditions_of, find_runs
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.verify import Finding, Verification
+    from duobench.replay.verify import Finding, Verification
 
 NAMED = 3
 """Episodes that are named of those that are not verifiable for one reason."""
@@ -38,8 +38,8 @@ def verify(
     """
     find_runs(source)
     load_engine()
-    from duobench.cli.display.progress import display
-    from duobench.evaluation.verify import verify as verify_run
+    from duobench.cli.shared.progress import display
+    from duobench.replay.verify import verify as verify_run
     from duobench.results.source import open_sources
 
     screen = console()
@@ -61,7 +61,7 @@ def verify(
 
 def _show(found: Verification, screen: Console, import_tasks: bool) -> None:
     """Print what does not agree, a line each, and how many episodes have which verdict."""
-    from duobench.evaluation.verify import Verdict
+    from duobench.replay.verify import Verdict
     from duobench.tasks import catalog
 
     for sentence in found.objections:

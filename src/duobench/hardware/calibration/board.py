@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from duobench import files
 from duobench.errors import CalibrationError, OptionError
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 from duobench.sheets import CAPITAL, Paper, Sheet, pdf
 from duobench.types import Array
 

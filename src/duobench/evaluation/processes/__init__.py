@@ -1,1 +1,0 @@
-"""Playing in processes of their own: workers with a simulator each, and policies without one."""

@@ -1,1 +1,0 @@
-"""Recording what policies do on a rig, with an operator beside it."""

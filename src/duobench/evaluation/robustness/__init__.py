@@ -1,1 +1,0 @@
-"""Playing a suite under many shifts."""

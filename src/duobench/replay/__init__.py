@@ -1,0 +1,16 @@
+"""Playing recorded targets or states again: verification, videos, replays in 3D, divergence."""
+
+from typing import TYPE_CHECKING
+
+from duobench.references import lazy
+
+if TYPE_CHECKING:
+    from duobench.replay.recordings import Divergence as Divergence
+    from duobench.replay.recordings import Replayer as Replayer
+    from duobench.replay.recordings import replay_all as replay_all
+    from duobench.replay.verify import Finding as Finding
+    from duobench.replay.verify import Verdict as Verdict
+    from duobench.replay.verify import Verification as Verification
+    from duobench.replay.verify import verify as verify
+
+lazy(__name__)

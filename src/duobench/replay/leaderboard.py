@@ -1,0 +1,224 @@
+"""A leaderboard of bundles, each of which is verified before it is shown.
+
+What a bundle is found to be is kept by its checksum, so that only new ones are played again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from duobench.data.processes import Progress
+from duobench.errors import DataError, DuoBenchError, EvaluationError, FileError, escaped
+from duobench.files import encode, locked, read, write, writing
+from duobench.randomness import SUITE_VERSION
+from duobench.replay.verify import Verdict, Verification, verify
+from duobench.results.bundle import BUNDLE_SUFFIX, MAX_BYTES, Bundle
+from duobench.results.leaderboard.board import Board, Entry, Refused, make_entry
+from duobench.results.leaderboard.site import VERDICTS, begin_site, write_site
+from duobench.tasks import catalog
+from duobench.versions import has_avx2, package_versions
+
+JUDGEMENT_SCHEMA = 1
+"""Version of the fields of `Judgement`."""
+_SHOWN = 3
+"""Contradictions that a reason names."""
+_LONGEST_REASON = 600
+"""Characters of a reason that are kept."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Judgement:
+    """What was found out about a bundle; it is kept for the next time."""
+
+    CHECKED_FROM: ClassVar[int] = 1
+    """First schema whose files hold a checksum."""
+    verified_by: dict[str, str]
+    """What decides a verification: versions, and the kind of processor."""
+    reason: str
+    """Why the bundle is refused, in one line; empty if it is not."""
+    verdicts: dict[str, int]
+    """How many episodes have which verdict."""
+    unverifiable: tuple[tuple[str, int], ...]
+    """Tasks and indices of episodes that cannot be played again."""
+
+
+class _RefusedError(Exception):
+    """A bundle is refused; the message is the reason."""
+
+
+Started = Callable[[str], Progress]
+"""Told the name of a bundle that is going to be verified; gives what is told about its progress."""
+
+
+def make_leaderboard(
+    folder: Path,
+    out: Path,
+    *,
+    workers: int = 0,
+    started: Started = lambda _name: lambda _done, _total: None,
+) -> tuple[Board, Path]:
+    """Verify the bundles in a folder, and write the pages of a leaderboard.
+
+    Args:
+        folder: Folder with bundles, files whose names end in `.duobench.zip`; no folder in it is
+            looked into.
+        out: Folder of the leaderboard; an earlier one in it is replaced, and what it knows about
+            bundles is used.
+        workers: Processes that verify side by side; 0 verifies in this process.
+        started: Told which bundle is verified; those that were verified before are not.
+
+    Returns:
+        The leaderboard, and its first page.
+
+    Raises:
+        EvaluationError: There is no bundle.
+        OtherRunError: The folder of the leaderboard holds something else.
+        OutputError: It cannot be written.
+    """
+    paths = sorted(path for path in folder.glob(f"*{BUNDLE_SUFFIX}") if path.is_file())
+    if not paths:
+        raise EvaluationError(
+            f"There is no bundle in {folder}: no file whose name ends in {BUNDLE_SUFFIX}."
+        )
+    begin_site(out)
+    entries: dict[str, Entry] = {}
+    refused: list[Refused] = []
+    with locked(out):
+        known: set[str] = set()
+        for path in paths:
+            try:
+                digest = _digest(path)
+                known.add(digest)
+                if twin := entries.get(digest):
+                    raise _RefusedError(f"It is the same file as {twin.file}.")
+                entries[digest] = _entry(path, digest, out, workers, started)
+            except (_RefusedError, DuoBenchError, OSError) as error:
+                refused.append(Refused(file=escaped(path.name), reason=_line(str(error), path)))
+        board = Board(entries=tuple(entries.values()), refused=tuple(refused))
+        page = write_site(board, out)
+        for path in (out / VERDICTS).glob("*.json"):
+            if path.stem not in known:
+                with writing(path):
+                    path.unlink()
+    return board, page
+
+
+def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -> Entry:
+    """The entry of a bundle.
+
+    Raises:
+        _RefusedError: It counts for nothing.
+        DuoBenchError: It cannot be read.
+    """
+    bundle = Bundle(path)
+    if _digest(path) != digest:
+        raise _RefusedError("It was changed while it was read.")
+    run = bundle.read_run()
+    if foreign := [task.id for task in run.suite.tasks if task.id not in catalog.names()]:
+        raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
+    kept = out / VERDICTS / f"{digest}.json"
+    judgement = _known(kept)
+    if judgement is None:
+        judgement = _judge(bundle, workers, started(escaped(path.name)))
+        write(kept, encode(judgement, JUDGEMENT_SCHEMA))
+    if judgement.reason:
+        raise _RefusedError(judgement.reason)
+    records = bundle.read_records(run)
+    for record in records:
+        if record.error is None and (record.task, record.episode) in judgement.unverifiable:
+            raise _RefusedError(
+                f"{record.task}, episode {record.episode} cannot be verified, though no error "
+                "ended it."
+            )
+    return make_entry(
+        escaped(path.name),
+        digest,
+        run,
+        records,
+        judgement.verdicts,
+        judgement.unverifiable,
+    )
+
+
+def _known(path: Path) -> Judgement | None:
+    """What was found out before in the same way; None if nothing was."""
+    if not path.exists():
+        return None
+    try:
+        judgement = read(path, Judgement, JUDGEMENT_SCHEMA)
+    except FileError:
+        return None
+    return judgement if judgement.verified_by == _here() else None
+
+
+def _here() -> dict[str, str]:
+    return {
+        **package_versions(),
+        "suite": SUITE_VERSION,
+        "machine": platform.machine(),
+        "avx2": str(has_avx2()),
+    }
+
+
+def _judge(bundle: Bundle, workers: int, progress: Progress) -> Judgement:
+    """Verify a bundle.
+
+    Raises:
+        _RefusedError: It ended the process that verified it, so that nothing is known about it.
+    """
+    reason, found = "", None
+    try:
+        found = verify(bundle, workers=workers, progress=progress)
+        reason = _objection(found)
+    except DataError as error:
+        raise _RefusedError(f"It could not be verified: {error}") from error
+    except DuoBenchError as error:
+        reason = str(error)
+    return Judgement(
+        verified_by=_here(),
+        reason=_line(reason, bundle.path),
+        verdicts={str(verdict): len(found.of(verdict)) if found else 0 for verdict in Verdict},
+        unverifiable=tuple(
+            (each.task, each.episode) for each in (found.of(Verdict.UNVERIFIABLE) if found else [])
+        ),
+    )
+
+
+def _objection(found: Verification) -> str:
+    """Why a bundle is refused; empty if it is not."""
+    contradicted = found.of(Verdict.CONTRADICTED)
+    if found.objections or contradicted:
+        names = [f"{each.task}, episode {each.episode}: {each.reason}" for each in contradicted]
+        what = [*found.objections, *names]
+        more = f" And {len(what) - _SHOWN} more." if len(what) > _SHOWN else ""
+        return f"Contradicted. {' '.join(what[:_SHOWN])}{more}"
+    unverifiable = found.of(Verdict.UNVERIFIABLE)
+    if not found.is_verified:
+        why = f" {unverifiable[0].reason}" if unverifiable else " It has no episode."
+        return f"Nothing in it can be verified.{why}"
+    return ""
+
+
+def _line(reason: str, path: Path) -> str:
+    """A reason in one line, without the place of the file on this machine."""
+    for place in (path.absolute(), path):
+        reason = reason.replace(str(place), path.name)
+    line = " ".join(escaped(reason).split())
+    return line if len(line) <= _LONGEST_REASON else f"{line[:_LONGEST_REASON]}…"
+
+
+def _digest(path: Path) -> str:
+    """The SHA-256 of a file.
+
+    Raises:
+        FileError: It is too large for a bundle.
+    """
+    if path.stat().st_size > MAX_BYTES:
+        raise FileError(f"It is larger than {MAX_BYTES} bytes.")
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

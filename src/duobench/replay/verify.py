@@ -1,0 +1,210 @@
+"""Verifying a run: the joint targets in its records are played again, without the policy.
+
+What a record says about its episode must come out again. What a replay cannot find (the policy's
+name, versions, the text of an error) is covered by the checksum of the record, which shows that a
+file was changed, not that somebody computed a new one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import partial
+
+from duobench.data.processes import Progress, run_all
+from duobench.errors import DuoBenchError, ImportPathError, UnknownNameError, escaped
+from duobench.replay.claims import differing_bits, disagreements
+from duobench.replay.player import TargetPlayer, actual_task, obstacle
+from duobench.results.reader import RunReader
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.suite import TaskInfo
+from duobench.versions import differing_arithmetic
+
+
+class Verdict(StrEnum):
+    """What a replay says about a record."""
+
+    EXACT = "exact"
+    """Everything is equal to the bit."""
+    STAGES = "stages only"
+    """Layout, stages and end agree; the bits need not be those of this processor, and are not."""
+    ERROR = "up to an error"
+    """Everything is equal to the bit until an error ended the episode."""
+    UNVERIFIABLE = "not verifiable"
+    """Nothing can be played again."""
+    CONTRADICTED = "contradicted"
+    """Something comes out differently, or the record cannot be read."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Finding:
+    """What was found out about one record."""
+
+    task: str
+    """Id of the task."""
+    episode: int
+    """Index of the episode."""
+    verdict: Verdict
+    """What the replay says."""
+    reason: str = ""
+    """Why it is not verifiable or not equal to the bit, or what the record says and what its
+    replay gives, in one line; empty where it agrees."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Verification:
+    """What was found out about a run."""
+
+    run: Run
+    """The run."""
+    findings: tuple[Finding, ...]
+    """One for each record, in the order of the run."""
+    objections: tuple[str, ...] = ()
+    """What the run itself says of its tasks and is wrong, one sentence each."""
+
+    def of(self, *verdicts: Verdict) -> list[Finding]:
+        """The findings with one of these verdicts."""
+        return [finding for finding in self.findings if finding.verdict in verdicts]
+
+    @property
+    def missing(self) -> int:
+        """Episodes of the run that have no record."""
+        return self.run.size - len(self.findings)
+
+    @property
+    def is_verified(self) -> bool:
+        """Whether nothing is contradicted, and something was verified."""
+        agreeing = self.of(Verdict.EXACT, Verdict.STAGES, Verdict.ERROR)
+        return bool(agreeing) and not self.objections and not self.of(Verdict.CONTRADICTED)
+
+
+def verify(
+    source: RunReader,
+    *,
+    workers: int = 0,
+    import_tasks: bool = False,
+    progress: Progress = lambda _done, _total: None,
+) -> Verification:
+    """Play the joint targets in the records of a run again, and compare what comes out.
+
+    Layout, first state, stages, end and last state must come out again: to the bit with the same
+    MuJoCo and NumPy on x86-64 processors with AVX2, elsewhere in stages and outcome alone.
+
+    Args:
+        source: The run; see `duobench.results.source.open_source`.
+        workers: Processes that verify side by side; 0 verifies in this process. See `run_all`.
+        import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
+            the modules that the run names. Their episodes are not verifiable without.
+        progress: Told about the progress, in episodes.
+
+    Returns:
+        What was found out; a record that cannot be read is contradicted.
+
+    Raises:
+        EvaluationError: There is no run.
+        FileError: The run cannot be read.
+        DataError: A process ended by itself.
+    """
+    run = source.read_run()
+    tasks, unknown, objections = _tasks(run, import_tasks)
+    findings: dict[tuple[str, int], Finding] = {}
+    jobs: list[EpisodeRecord] = []
+    for episode in source.finished(run):
+        key = episode.task.id, episode.index
+        try:
+            record = source.read_record(run, episode)
+        except DuoBenchError as error:
+            findings[key] = _finding(*key, Verdict.CONTRADICTED, str(error))
+            continue
+        if wrong := _other_versions(run, record):
+            findings[key] = _finding(*key, Verdict.CONTRADICTED, wrong)
+        elif reason := unknown.get(record.task) or obstacle(record):
+            findings[key] = _finding(*key, Verdict.UNVERIFIABLE, reason)
+        else:
+            jobs.append(record)
+    order = [*findings, *((record.task, record.episode) for record in jobs)]
+    progress(len(findings), len(order))
+    with closing(run_all(partial(_checker, run, tasks), jobs, workers)) as results:
+        for finding in results:
+            findings[finding.task, finding.episode] = finding
+            progress(len(findings), len(order))
+    places = {task.id: number for number, task in enumerate(run.suite.tasks)}
+    return Verification(
+        run=run,
+        findings=tuple(
+            findings[key] for key in sorted(order, key=lambda key: (places[key[0]], key[1]))
+        ),
+        objections=tuple(objections),
+    )
+
+
+def _finding(task: str, episode: int, verdict: Verdict, reason: str = "") -> Finding:
+    line = " ".join(escaped(reason).split())
+    return Finding(task=task, episode=episode, verdict=verdict, reason=line)
+
+
+Tasks = Mapping[str, TaskInfo]
+"""Tasks as they are, by their ids."""
+
+
+def _tasks(run: Run, import_tasks: bool) -> tuple[Tasks, Mapping[str, str], list[str]]:
+    """The tasks of a run, why others cannot be played, and what the run says wrongly of them."""
+    tasks: dict[str, TaskInfo] = {}
+    unknown: dict[str, str] = {}
+    objections: list[str] = []
+    for claimed in run.suite.tasks:
+        try:
+            actual = actual_task(claimed, import_tasks=import_tasks)
+        except (UnknownNameError, ImportPathError) as error:
+            unknown[claimed.id] = str(error)
+            continue
+        tasks[claimed.id] = actual
+        objections += [
+            f"The run says of {claimed.id} that its {name} is {getattr(claimed, name)}, not "
+            f"{getattr(actual, name)}."
+            for name in ("id", "category", "max_stage", "horizon")
+            if getattr(claimed, name) != getattr(actual, name)
+        ]
+    return tasks, unknown, [escaped(sentence) for sentence in objections]
+
+
+def _other_versions(run: Run, record: EpisodeRecord) -> str:
+    """What was installed for a record and not for its run; empty if nothing."""
+    return "; ".join(
+        f"its version of {name} is {record.versions.get(name)}, that of the run {version}"
+        for name, version in run.versions.items()
+        if record.versions.get(name) != version
+    )
+
+
+def _checker(run: Run, tasks: Tasks) -> Callable[[EpisodeRecord], Finding]:
+    """What checks one record after the other; it keeps the environment of one for the next."""
+    players: dict[str, TargetPlayer] = {}
+
+    def check(record: EpisodeRecord) -> Finding:
+        if record.task not in players:
+            for player in players.values():
+                player.close()
+            players.clear()
+            players[record.task] = TargetPlayer(tasks[record.task])
+        verdict, reason = _judged(run, record, players[record.task])
+        return _finding(record.task, record.episode, verdict, reason)
+
+    return check
+
+
+def _judged(run: Run, record: EpisodeRecord, player: TargetPlayer) -> tuple[Verdict, str]:
+    try:
+        replay = player.play(run, record)
+    except DuoBenchError as error:
+        return Verdict.CONTRADICTED, f"its targets cannot be played: {error}"
+    different, bits = disagreements(record, replay), differing_bits(record, replay)
+    elsewhere = differing_arithmetic(record.versions)
+    if different or (bits and not elsewhere):
+        return Verdict.CONTRADICTED, "; ".join(dict.fromkeys([*different, *bits]))
+    if bits:
+        return Verdict.STAGES, f"{', '.join(elsewhere)}: {'; '.join(bits)}"
+    return (Verdict.EXACT if record.error is None else Verdict.ERROR), ""

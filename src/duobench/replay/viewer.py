@@ -1,0 +1,203 @@
+"""Playing what is viewed: one episode at a time, the same for everybody who has the page open."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.errors import DuoBenchError, MessageError
+from duobench.replay.commands import Command, Play, Seek, Select, read_command
+from duobench.replay.playback import Playback
+from duobench.replay.sources import ViewSource
+from duobench.types import CONTROL_HZ
+from duobench.web.messages import pack_frame
+
+if TYPE_CHECKING:
+    from duobench.web.server import PageServer
+
+MAX_PLAYBACKS = 64
+"""Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""
+_MAX_COMMANDS = 100
+MAX_ITEMS = 500
+"""Most episodes that can be chosen on a page."""
+_MAX_LATE_S = 1.0
+"""After a longer pause, such as while nobody looked, it goes on where it was, in seconds."""
+_IDLE_S = 0.1
+"""How often is looked whether an episode is ready, or somebody came, in seconds."""
+
+
+class Viewer:
+    """Shows a source on a page, and does what its visitors ask for.
+
+    All of them see the same. Nothing moves while nobody looks.
+    """
+
+    def __init__(self, source: ViewSource, server: PageServer) -> None:
+        """Show the first item.
+
+        Args:
+            source: What can be viewed; closed at the end of `run`.
+            server: The page, which takes its messages here from now on.
+        """
+        self._source, self._server = source, server
+        self._items = [asdict(item) for item in source.items[:MAX_ITEMS]]
+        self._title = source.title
+        if len(source.items) > MAX_ITEMS:
+            self._title += f", the first {MAX_ITEMS} of {len(source.items)} episodes"
+        self._known = {item["id"] for item in self._items}
+        self._commands: queue.Queue[Command] = queue.Queue(_MAX_COMMANDS)
+        self._loader = ThreadPoolExecutor(1, "viewer")
+        self._loading: Future[Playback] | None = None
+        self._load = lru_cache(MAX_PLAYBACKS)(source.load)
+        self._selected = ""
+        self._shown: Playback | None = None
+        self._poses: NDArray[np.float32] = np.empty((0, 0, 7), np.float32)
+        self._step, self._plays, self._note, self._due = 0, False, "", 0.0
+        self._over = threading.Event()
+        server.on_message = self._take
+        self._select(self._items[0]["id"])
+
+    def run(self) -> None:
+        """Show until `stop` is called."""
+        try:
+            while not self._over.is_set():
+                self._act()
+                self._look_for_playback()
+                self._advance()
+        finally:
+            self._loader.submit(self._source.close)
+            self._loader.shutdown()
+
+    def stop(self) -> None:
+        """Let `run` return; for other threads and signal handlers."""
+        self._over.set()
+
+    # --- what visitors ask for -------------------------------------------------------------------
+
+    def _take(self, _is_driver: bool, data: bytes) -> str | None:
+        """Take a message, in the server's thread; anybody who has the page may choose."""
+        command = read_command(data)
+        if isinstance(command, Select) and command.id not in self._known:
+            raise MessageError(f"There is no {command.id!r} to show.")
+        try:
+            self._commands.put_nowait(command)
+        except queue.Full:
+            return "Too many wishes at once."
+        return None
+
+    def _act(self) -> None:
+        """Do the next thing that is asked for, or wait for the next frame."""
+        wait_s = max(0.0, self._due - time.monotonic()) if self._moves else _IDLE_S
+        try:
+            command = self._commands.get(timeout=wait_s) if wait_s else self._commands.get_nowait()
+        except queue.Empty:
+            return
+        match command:
+            case Select(id=item):
+                self._select(item)
+            case Seek(step=step):
+                self._show(step)
+            case Play(on=on):
+                if on and self._step >= self._last:
+                    self._show(0)
+                self._plays = on and self._last > 0
+                self._due = time.monotonic() + 1 / CONTROL_HZ
+        self._tell()
+
+    # --- what is shown ---------------------------------------------------------------------------
+
+    @property
+    def _last(self) -> int:
+        return max(0, len(self._poses) - 1)
+
+    @property
+    def _moves(self) -> bool:
+        return self._plays and self._server.has_viewers
+
+    def _select(self, item: str) -> None:
+        self._selected, self._shown, self._note, self._plays = item, None, "Loading …", False
+        self._poses, self._step = self._poses[:0], 0
+        if self._loading is not None:
+            self._loading.cancel()
+        self._loading = self._loader.submit(self._load, item)
+        self._tell()
+
+    def _look_for_playback(self) -> None:
+        """Begin to play what has been loaded."""
+        if self._loading is None or not self._loading.done():
+            return
+        loading, self._loading = self._loading, None
+        try:
+            playback = loading.result()
+        except DuoBenchError as error:
+            self._note = str(error)
+            self._tell()
+            return
+        self._shown, self._poses, self._note = playback, playback.poses(), playback.note
+        self._plays = self._last > 0
+        self._due = time.monotonic()
+        self._server.publish_scene(playback.scene, playback.scene_data)
+        self._show(0)
+        self._tell()
+
+    def _advance(self) -> None:
+        """Show the next step, when it is due."""
+        now = time.monotonic()
+        if not self._moves or now < self._due:
+            return
+        if now - self._due > _MAX_LATE_S:
+            self._due = now
+        steps = 1 + int((now - self._due) * CONTROL_HZ)
+        self._due += steps / CONTROL_HZ
+        stage = self._stage
+        self._show(self._step + steps)
+        if self._step >= self._last:
+            self._plays = False
+        if not self._plays or self._stage != stage:
+            self._tell()
+
+    def _show(self, step: int) -> None:
+        if len(self._poses):
+            self._step = min(step, self._last)
+            frame = pack_frame(self._poses[self._step], self._step, time.monotonic())
+            self._server.publish_frame(frame)
+
+    @property
+    def _stage(self) -> int:
+        return 0 if self._shown is None else self._shown.stage_after(self._step)
+
+    def _tell(self) -> None:
+        self._server.publish_status(
+            {
+                "title": self._title,
+                "items": self._items,
+                "selected": self._selected,
+                "note": self._note,
+                **self._of_playback(),
+            }
+        )
+
+    def _of_playback(self) -> dict[str, Any]:
+        shown = self._shown
+        if shown is None:
+            return {}
+        return {
+            "task": shown.task,
+            "instruction": shown.instruction,
+            "next": shown.next_after(self._step),
+            "stage": self._stage,
+            "max_stage": len(shown.stages),
+            "stages": shown.stages,
+            "stage_changes": shown.stage_changes,
+            "step": self._step,
+            "steps": self._last,
+            "state": ("playing" if self._plays else "paused") if self._last else None,
+        }

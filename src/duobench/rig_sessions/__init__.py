@@ -1,0 +1,1 @@
+"""People at a rig: recording, teleoperation, and evaluations on real arms."""

@@ -1,0 +1,187 @@
+"""Teleoperation on a rig: the session and the page of the simulation, on real arms.
+
+Who leads says that the task is solved, by keeping the episode while it runs. The page shows the
+arms where they are measured, and the objects where the layout asks for them, as a picture made by
+the simulation with open grippers; what is really on the table the images of the rig's cameras show,
+see `teleop.cameras`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+import numpy as np
+
+from duobench.data import Actor, DataSet, Recorder
+from duobench.data.rig import RigRecorder, placement
+from duobench.data.schema import AFTER_SUCCESS_S
+from duobench.envs.action_modes import CARTESIAN
+from duobench.envs.config import LAYOUT
+from duobench.envs.duo_env import TRUNCATION_REASON, Info
+from duobench.errors import BackendError, DuoBenchError
+from duobench.hardware.clock import VirtualClock
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.env import RealEnv, make_real_env
+from duobench.randomness import TRAIN
+from duobench.rig_sessions.teleop_page import LiveSession
+from duobench.rig_sessions.teleop_recorder import TIME_LIMIT_S
+from duobench.rig_sessions.teleoperation import Session, State
+from duobench.sim.layout import Layout
+from duobench.sim.simulation import Simulation
+from duobench.tasks.task import Task
+from duobench.types import CONTROL_HZ, DuoCommand
+from duobench.web.geometry import Geometry
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from duobench.web.server import PageServer
+
+SOLVED = "Solved, as you said: open the hands and retreat. It will be kept."
+CONNECTION_LOST = "The operator's page lost its connection."
+CLEAR = (
+    "The arms go home slowly, and open their grippers. Clear their space, then place the objects "
+    "once they are there:\n{}\nh: go home; q: end."
+)
+FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
+
+
+class EndedError(DuoBenchError):
+    """The operator ended the session."""
+
+
+class Confirms(Protocol):
+    """Who confirms that the arms may move."""
+
+    def ask(self, text: str, keys: str) -> str:
+        """Ask for a key, and wait for it."""
+        ...
+
+
+class Homing:
+    """Asks the operator before the arms go home, as `RealEnv` wants it."""
+
+    def __init__(self, duo: FrankaDuo, operator: Confirms) -> None:
+        """Join the two."""
+        self._duo, self._operator = duo, operator
+
+    def __call__(self, options: Mapping[str, Any]) -> None:
+        """Wait until the operator says that the arms may go home.
+
+        Raises:
+            EndedError: The operator ends the session instead.
+        """
+        supervisor = self._duo.supervisor
+        while supervisor.fault is not None:
+            self._ask(FAULT.format(supervisor.reason), "r")
+            try:
+                supervisor.recover()
+            except BackendError:
+                continue  # it is said again, with what is still wrong
+        given = options.get(LAYOUT)
+        layout = given if isinstance(given, Layout) else Layout(poses={})
+        self._ask(CLEAR.format(placement(layout)), "h")
+        supervisor.confirm()
+
+    def _ask(self, text: str, key: str) -> None:
+        if self._operator.ask(text, f"{key}q") != key:
+            raise EndedError("The operator ended the session.")
+
+
+def make_real_recorder(
+    duo: FrankaDuo,
+    task: str | Task,
+    data: DataSet | str | Path,
+    actor: Actor,
+    operator: Confirms,
+    *,
+    action_mode: str = CARTESIAN.name,
+    time_limit_s: float = TIME_LIMIT_S,
+    after_success: float = AFTER_SUCCESS_S,
+) -> Recorder:
+    """An environment on a rig, recorded with clutches, videos and review.
+
+    Args:
+        duo: The rig, which belongs to the environment from now on.
+        task: A task, its id, or its import path "module:ATTRIBUTE".
+        data: Data set that episodes are added to, or its folder.
+        actor: Who leads, and with which device.
+        operator: Who confirms that the arms may move.
+        action_mode: That of the device.
+        time_limit_s: Seconds after which an episode is truncated.
+        after_success: Seconds that a recording goes on after success.
+
+    Raises:
+        UnknownNameError: There is no such task or action mode.
+        BackendError: A device cannot be reached.
+    """
+    env = make_real_env(
+        duo,
+        task,
+        prepare=Homing(duo, operator),
+        cameras=(),
+        action_mode=action_mode,
+        horizon=round(time_limit_s * CONTROL_HZ),
+    )
+    rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
+    return Recorder(
+        env,
+        data,
+        actor,
+        after_success=after_success,
+        is_reviewed=True,
+        has_clutch=True,
+        rig=rig,
+    )
+
+
+class RealSession(Session):
+    """A session on a rig, in which the operator says that the task is solved."""
+
+    def _reset_options(self, seed: int) -> dict[str, Any]:
+        """Also where people are to put the objects."""
+        layout = next(self.env.base.definition.layouts(seed, TRAIN))
+        return {**super()._reset_options(seed), LAYOUT: layout}
+
+    def _keep(self) -> None:
+        if self.state is State.RECORDING:
+            judge = self.env.get_wrapper_attr("judge")
+            judge.declare(self.env.base.definition.max_stage)
+            self._is_kept, self.note = True, SOLVED
+        else:
+            super()._keep()
+
+    def _why_over(self, info: Info) -> str:
+        return info.get(TRUNCATION_REASON) or super()._why_over(info)
+
+
+class RealLiveSession(LiveSession):
+    """Shows a session of a rig on a page, as the simulation would look with the arms like that."""
+
+    def __init__(self, session: Session, server: PageServer) -> None:
+        """Join the two; a lost page holds both arms."""
+        self._real = cast("RealEnv", session.env.base)
+        task = self._real.definition
+        self._picture = Simulation(task.props, task.overview)
+        super().__init__(session, server)
+        server.on_driver_lost = lambda: self._lose(session)
+
+    def _lose(self, session: Session) -> None:
+        self._real.rig.hold(CONNECTION_LOST)
+        session.leave(time.monotonic())
+
+    def _new_geometry(self) -> Geometry:
+        layout = self._real.layout
+        if layout.poses:
+            self._picture.apply(layout)
+        return Geometry(self._picture.model)
+
+    def _data(self) -> mujoco.MjData:
+        # Linkages of grippers can be shown open only.
+        joints = self._real.backend.read().joints
+        self._picture.duo.set_configuration(DuoCommand(joints=joints, openings=np.ones(2)))
+        self._picture.forward()
+        return self._picture.data

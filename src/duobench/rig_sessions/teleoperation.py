@@ -1,0 +1,325 @@
+"""A session: one episode after the other, led by an operator, judged by the environment."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from duobench.data import Recorder
+from duobench.envs.config import INSTRUCTION, SPLIT
+from duobench.envs.duo_env import Info
+from duobench.errors import BackendError, OptionError
+from duobench.randomness import TRAIN, episode_seed
+from duobench.rig_sessions.haptics import Feeling
+from duobench.teleop.intent import Device
+from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, read
+from duobench.teleop.presses import KEEP, Presses
+from duobench.types import SIDES, DuoState
+
+LONGEST_QUEUE = 1024
+"""Messages that may wait for the next control step; beyond, the oldest are forgotten."""
+UNSOLVED = "The task is not solved yet; discard ends the episode."
+LATER = "The new instruction is that of the next episode."
+AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
+
+
+class State(StrEnum):
+    """Where an episode is."""
+
+    WAITING = "waiting"
+    """Everything is in its place; nothing moves and nothing is recorded before the operator
+    begins."""
+    RECORDING = "recording"
+    """The operator leads, every step is recorded."""
+    SUCCESS = "success"
+    """The task is solved; the recording goes on for a moment."""
+    PAUSED = "paused"
+    """The operator is away: nothing moves and nothing is recorded until one is back."""
+    DECIDE = "decide"
+    """The episode is over, and the operator says whether to keep it."""
+    OVER = "over"
+    """There are as many episodes as were wanted."""
+
+
+_RUNNING = (State.RECORDING, State.SUCCESS)
+"""States in which control steps are made and recorded."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Gone:
+    """The operator has gone."""
+
+
+class Session:
+    """Records episodes of one task that an operator leads.
+
+    Messages may come from any thread, with `receive`. Everything else belongs to one thread, which
+    calls `advance` thirty times a second, or once for each message; see `teleop.pacing`.
+    """
+
+    def __init__(
+        self,
+        env: Recorder,
+        device: Device,
+        *,
+        episodes: int = 10,
+        instruction: str = "",
+        lockstep: bool = False,
+    ) -> None:
+        """Begin the first episode, which waits for the operator.
+
+        Args:
+            env: What records, with review and clutch; see `recorder.make_recorder`.
+            device: What the operator leads with.
+            episodes: How many are wanted, those of earlier sessions in the same data set counted.
+            instruction: What the operator says that the arms will do; empty for the task's own.
+            lockstep: Whether each message of hands is one control step, and nothing moves between.
+
+        Raises:
+            OptionError: The number is less than one, or the environment takes other actions.
+        """
+        if episodes < 1:
+            raise OptionError(f"A session records at least one episode, got {episodes}.")
+        mode = env.get_wrapper_attr("action_mode")
+        if mode != device.action_mode:
+            raise OptionError(
+                f"The device gives actions of the mode {device.action_mode!r}, and the environment "
+                f"takes those of {mode!r}; make the environment with that action mode."
+            )
+        self.env = env
+        """The environment, which records."""
+        self.device = device
+        """What the operator leads with."""
+        self.lockstep = lockstep
+        """Whether each message of hands is one control step."""
+        self.note = ""
+        """A sentence for the operator."""
+        self.feeling = Feeling(env)
+        """What the operator's hands are to feel."""
+        self._state = State.WAITING
+        self._is_paused = False
+        self._wanted = episodes
+        self._instruction = instruction
+        self._messages: deque[tuple[Message | _Gone, float]] = deque(maxlen=LONGEST_QUEUE)
+        self._has_message = threading.Event()
+        self._presses = Presses()
+        self._is_kept = False
+        self._info: Info = {}
+        self._steps = 0
+        self._stage_changes: list[list[int]] = []
+        self._kept, self._number = _so_far(env)
+        self._reset()
+
+    # --- from any thread ---------------------------------------------------------------------
+
+    def receive(self, data: bytes | str, now_s: float) -> None:
+        """Take a message of the operator.
+
+        Args:
+            data: The message, as it came.
+            now_s: When it arrived, on the clock of `advance`.
+
+        Raises:
+            MessageError: It is refused; the session goes on as if it had not come.
+        """
+        self._messages.append((read(data), now_s))
+        self._has_message.set()
+
+    def leave(self, now_s: float) -> None:
+        """The operator has gone, or the connection is lost: both hands let go, and time stops."""
+        self._messages.append((_Gone(), now_s))
+        self._has_message.set()
+
+    # --- from the session's own thread ---------------------------------------------------------
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for a message, or for so many seconds."""
+        if not self._messages:
+            self._has_message.wait(timeout_s)
+        self._has_message.clear()
+
+    def advance(self, now_s: float) -> bool:
+        """Do what the messages say, and a control step if an episode runs.
+
+        In lockstep that is one step for one message of hands, and none without.
+
+        Args:
+            now_s: The time in seconds, on any clock that never goes back.
+
+        Returns:
+            Whether a control step was made.
+
+        Raises:
+            OutputError: An episode cannot be written.
+        """
+        has_hands = self._handle()
+        self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
+        if self._is_paused or (self.lockstep and not has_hands):
+            return False
+        if self._state is State.WAITING:
+            prompt = self.device.prompt(now_s)
+            if prompt is not None:
+                self.note = prompt
+                return False
+            self._state, self.note = State.RECORDING, ""
+        if self._state not in _RUNNING:
+            return False
+        self._step(now_s)
+        return True
+
+    def close(self) -> None:
+        """End the session.
+
+        An episode that has begun is written as one that is not meant to be used; one that waits
+        for the operator is forgotten.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        if self._state is State.WAITING:
+            self.env.discard()
+        self.env.close()
+
+    @property
+    def state(self) -> State:
+        """Where the episode is."""
+        return State.PAUSED if self._is_paused else self._state
+
+    @property
+    def kept(self) -> int:
+        """Episodes that were kept, those of earlier sessions counted."""
+        return self._kept
+
+    def status(self) -> dict[str, Any]:
+        """What the page shows, as the fields of its message `status`."""
+        task, info = self.env.base.definition, self._info
+        return {
+            "title": task.title,
+            "task": task.id,
+            "instruction": info["instruction"],
+            "next": info["current_subinstruction"],
+            "stage": info["stage"],
+            "max_stage": info["max_stage"],
+            "stages": [stage.name for stage in task.stages],
+            "step": self._steps,
+            "steps": self.env.get_wrapper_attr("_max_episode_steps"),
+            "state": str(self.state),
+            "success": bool(info["success"]),
+            "count": self._number,
+            "kept": self._kept,
+            "wanted": self._wanted,
+            "lost": self.device.dropped,
+            "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
+            "stage_changes": [list(change) for change in self._stage_changes],
+            "note": AWAY if self._is_paused else self.note,
+        }
+
+    def _handle(self) -> bool:
+        """Do what the messages say; in lockstep, those up to the first one of hands."""
+        while self._messages:
+            message, arrival_s = self._messages.popleft()
+            if isinstance(message, _Gone):
+                self.device.lose()
+                continue
+            self.device.take(message, arrival_s)
+            match message:
+                case Hands():
+                    self._press(message)
+                    if self.lockstep:
+                        return True
+                case Keep():
+                    self._keep()
+                case Discard():
+                    self._discard()
+                case Instruction(text=text):
+                    self._instruct(text.strip())
+        return False
+
+    def _press(self, hands: Hands) -> None:
+        """Do what the buttons say, once for each time that one is pressed."""
+        for name in self._presses.new(hands):
+            self._keep() if name == KEEP else self._discard()
+
+    def _step(self, now_s: float) -> None:
+        backend = self.env.base.backend
+        intent = self.device.intend(now_s, self._seen, backend.last_command)
+        self.env.clutch = intent.clutch
+        try:
+            _, _, terminated, truncated, info = self.env.step(intent.action)
+        except BackendError as error:
+            self._end(str(error))
+            return
+        self._steps += 1
+        if info["stage"] != self._info["stage"]:
+            self._stage_changes.append([self._steps, int(info["stage"])])
+        self._info, self._seen = info, backend.read()
+        self.feeling.update(intent)
+        if terminated or truncated:
+            self._end(self._why_over(info))
+        elif info["success"] and self._state is State.RECORDING:
+            self._state, self.note = State.SUCCESS, "Solved: open the hands and retreat."
+
+    def _why_over(self, info: Info) -> str:
+        """Why an episode is over, in a sentence."""
+        return "Solved." if info["success"] else "Time is up."
+
+    def _end(self, note: str) -> None:
+        self._state, self.note = State.DECIDE, f"{note} Keep the episode or discard it."
+        if self._is_kept:
+            self._keep()
+
+    def _keep(self) -> None:
+        if self._state is State.SUCCESS:
+            self._is_kept, self.note = True, "Solved; it will be kept."
+        elif self._state is State.RECORDING:
+            self.note = UNSOLVED
+        elif self._state is State.DECIDE:
+            self.env.keep()
+            self._kept += 1
+            self._next()
+
+    def _discard(self) -> None:
+        if self._state is not State.OVER:
+            self.env.discard()
+            self._next()
+
+    def _instruct(self, text: str) -> None:
+        self._instruction = text
+        if self._state is State.WAITING:
+            self.env.discard()
+            self._reset()
+        else:
+            self.note = LATER
+
+    def _next(self) -> None:
+        self._number += 1
+        if self._kept >= self._wanted:
+            self._state, self.note = State.OVER, "All episodes are recorded."
+        else:
+            self._reset()
+
+    def _reset(self) -> None:
+        """Begin the episode of the current number: it waits for the operator."""
+        env, task = self.env, self.env.task
+        seed = episode_seed(task, self._number, TRAIN)
+        env.next_name = f"{self._number:05d}"
+        _, self._info = env.reset(seed=seed, options=self._reset_options(seed))
+        self._seen: DuoState = env.base.backend.read()
+        self._steps, self._stage_changes, self._is_kept = 0, [], False
+        self._is_paused = False
+        self._state, self.note = State.WAITING, ""
+        self.device.begin(env.base.backend.last_command)
+        self.feeling.begin()
+
+    def _reset_options(self, seed: int) -> dict[str, Any]:  # noqa: ARG002 - real arms need it
+        """Options of a reset with a seed."""
+        return {SPLIT: TRAIN, INSTRUCTION: self._instruction or None}
+
+
+def _so_far(env: Recorder) -> tuple[int, int]:
+    """Episodes of the task that are kept in the data set, and the number of the next one."""
+    data = env.data
+    return (0, 0) if data is None else (data.kept(env.task), data.next_number(env.task))

@@ -1,0 +1,173 @@
+"""The folder of an evaluation on real arms: its plan, its log, and a run for each policy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from duobench.errors import EvaluationError, OtherRunError
+from duobench.files import begin_or_continue, encode, read, write
+from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
+from duobench.results.folder import RunFolder
+from duobench.rig_sessions.trial_log import Entry, Kind, TrialLog, read_entries
+from duobench.rig_sessions.trial_plan import PLAN_SCHEMA, Plan, Trial
+
+DESCRIPTION = "trials.json"
+"""The file that holds the plan."""
+CUT = "The program ended during the trial."
+"""Why a trial is invalid whose process was killed."""
+
+
+@dataclass(kw_only=True, slots=True)
+class Standing:
+    """How far an evaluation is, by its log."""
+
+    valid: dict[int, int] = field(default_factory=dict[int, int])
+    """Attempt that counts, by the trial's number."""
+    attempts: dict[int, int] = field(default_factory=dict[int, int])
+    """How often a trial was begun, by its number."""
+    invalid: dict[int, list[str]] = field(default_factory=dict[int, list[str]])
+    """Why attempts do not count, by the trial's number."""
+    cut: tuple[int, int] | None = None
+    """Trial and attempt that was being played when the log ended; None if none was."""
+
+    @staticmethod
+    def of(entries: Iterable[Entry]) -> Standing:
+        """What a log adds up to."""
+        standing = Standing()
+        for entry in entries:
+            if entry.kind is Kind.BEGIN:
+                standing.attempts[entry.trial] = entry.attempt
+            elif entry.kind is Kind.START:
+                standing.cut = entry.trial, entry.attempt
+            elif entry.kind is Kind.VALID:
+                standing.valid[entry.trial] = entry.attempt
+                standing.cut = None
+            elif entry.kind is Kind.INVALID:
+                standing.invalid.setdefault(entry.trial, []).append(entry.text)
+                standing.cut = None
+        return standing
+
+
+class TrialsFolder:
+    """Names in the folder, and how it is begun, continued and read."""
+
+    def __init__(self, path: Path) -> None:
+        """Find the folder now: a policy may change the working folder."""
+        self.path = path.absolute()
+        self.description = self.path / DESCRIPTION
+        """The plan."""
+        self.log_file = self.path / "log.jsonl"
+        """Every press."""
+        self.rig = self.path / "rig.json"
+        """The rig's file, as it was."""
+        self.page = self.path / "index.html"
+        """What came out."""
+        self.comparison = self.path / "comparison"
+        """The policies against each other."""
+
+    def run(self, letter: str) -> RunFolder:
+        """Folder of a policy's run."""
+        return RunFolder(self.path / "runs" / letter)
+
+    def placed(self, trial: int, attempt: int) -> Path:
+        """What the head camera saw when the objects were placed."""
+        return self.path / "placed" / f"{trial:04d}.{attempt}.jpg"
+
+    def invalid_film(self, trial: int, attempt: int) -> Path:
+        """Film of a trial that does not count."""
+        return self.path / "invalid" / f"{trial:04d}.{attempt}.webm"
+
+    def begin(self, plan: Plan) -> Plan:
+        """Begin an evaluation, or continue the one that is there.
+
+        Args:
+            plan: What is wanted; letters and order are those of the plan that is there already. It
+                may have more episodes.
+
+        Returns:
+            The plan that holds.
+
+        Raises:
+            OtherRunError: The folder holds another one, or files that belong to none.
+            FileError: The plan that is there cannot be read.
+            OutputError: Nothing can be written.
+        """
+        if self.description.exists():
+            before = self.read_plan()
+            if found := plan.differences(before):
+                raise OtherRunError(
+                    f"{self.path} holds another evaluation on real arms; this one has "
+                    f"{'; '.join(found)}."
+                )
+            plan = replace(before, episodes=plan.episodes)
+            write(self.description, encode(plan, PLAN_SCHEMA))
+            return plan
+        begin_or_continue(
+            self.path,
+            self.description,
+            plan,
+            PLAN_SCHEMA,
+            what="evaluation on real arms",
+            kept=(DOCTOR_FILE,),
+        )
+        return plan
+
+    def read_plan(self) -> Plan:
+        """The plan.
+
+        Raises:
+            EvaluationError: There is none.
+            FileError: It cannot be read.
+        """
+        if not self.description.exists():
+            raise EvaluationError(
+                f"{self.path} holds no evaluation on real arms: {DESCRIPTION} is missing."
+            )
+        return read(self.description, Plan, PLAN_SCHEMA)
+
+    def read_doctor(self) -> Report | None:
+        """What `duobench real doctor` has left here; None if nothing.
+
+        Raises:
+            FileError: It cannot be read.
+        """
+        return read_checks(self.path)
+
+    def open_log(self, at: str) -> TrialLog:
+        """The log to write on; a trial that was cut is closed as invalid first.
+
+        Args:
+            at: Date and time of day, for people.
+
+        Raises:
+            FileError: It is damaged.
+            OutputError: It cannot be written.
+        """
+        log = TrialLog(self.log_file)
+        if (cut := Standing.of(log.entries).cut) is not None:
+            trial, attempt = cut
+            log.add(
+                Entry(kind=Kind.INVALID, trial=trial, attempt=attempt, text=CUT, yes=True, at=at)
+            )
+        return log
+
+    def read_log(self) -> list[Entry]:
+        """The log as it is; nothing before the first trial.
+
+        Raises:
+            FileError: It is damaged.
+        """
+        return list(read_entries(self.log_file)) if self.log_file.exists() else []
+
+    def remaining(self, plan: Plan, standing: Standing) -> list[Trial]:
+        """Trials that are still to be played, in the order of the plan."""
+        return [
+            trial
+            for trial in plan.trials()
+            if trial.number not in standing.valid or not self._record(plan, trial).exists()
+        ]
+
+    def _record(self, plan: Plan, trial: Trial) -> Path:
+        return self.run(plan.letter(trial.policy)).record(plan.task.id, trial.episode)

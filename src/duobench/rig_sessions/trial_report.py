@@ -1,0 +1,131 @@
+"""What came of an evaluation on real arms: a report each, a comparison, one page."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+from duobench.files import write
+from duobench.hardware.doctor.checks import Report
+from duobench.pages import render
+from duobench.results import metrics
+from duobench.results.compare import compare, write_comparison
+from duobench.results.comparison import words
+from duobench.results.metrics import Score
+from duobench.results.report import write_report
+from duobench.rig_sessions.trial_folder import Standing, TrialsFolder
+from duobench.rig_sessions.trial_plan import Plan
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyResult:
+    """What one policy reached."""
+
+    letter: str
+    """Its letter."""
+    policy: str
+    """Its name."""
+    trained_on: str
+    """What it was trained on; empty if nobody said."""
+    score: Score
+    """Successes and progress."""
+    reflexes: int
+    """Episodes that a reflex of an arm ended."""
+
+    def row(self) -> dict[str, Any]:
+        """As JSON data, for the operator's page."""
+        low, high = self.score.interval
+        return {
+            "letter": self.letter,
+            "policy": self.policy,
+            "trained_on": self.trained_on,
+            "episodes": self.score.episodes,
+            "successes": self.score.successes,
+            "rate": self.score.success_rate or 0.0,
+            "low": low,
+            "high": high,
+            "progress": self.score.mean_final_progress or 0.0,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialsReport:
+    """What came of all trials so far."""
+
+    plan: Plan
+    """The plan."""
+    policies: tuple[PolicyResult, ...]
+    """What each policy reached, letter by letter."""
+    invalid: tuple[tuple[str, int], ...]
+    """Why trials were invalid, and how many each."""
+    missing: int
+    """Trials that are still to be played."""
+    verdicts: tuple[str, ...]
+    """What tests say about any two policies, in words."""
+    doctor: Report | None
+    """What the doctor has last found on the rig; None if nobody asked it."""
+
+
+def write_trials_report(folder: TrialsFolder) -> TrialsReport:
+    """Write the reports of all policies, their comparison, and the page that leads to them.
+
+    While trials are missing, a blind evaluation gets no report: its names stay hidden.
+
+    Args:
+        folder: The evaluation.
+
+    Returns:
+        What is on the page.
+
+    Raises:
+        EvaluationError: There is no evaluation, or a record of another one.
+        FileError: A file cannot be read.
+        OutputError: Something cannot be written.
+    """
+    plan = folder.read_plan()
+    standing = Standing.of(folder.read_log())
+    missing = len(folder.remaining(plan, standing))
+    is_shown = not (plan.blind and missing)
+    policies: list[PolicyResult] = []
+    for number, policy in enumerate(plan.policies):
+        run_folder = folder.run(plan.letter(number))
+        if not (is_shown and run_folder.has_records):
+            continue
+        results = write_report(run_folder)
+        records = [record for one in results.tasks for record in one.records]
+        policies.append(
+            PolicyResult(
+                letter=plan.letter(number),
+                policy=policy.spec,
+                trained_on=policy.trained_on,
+                score=results.overall,
+                reflexes=sum(bool(each.judged and each.judged.reflex) for each in records),
+            )
+        )
+    verdicts: list[str] = []
+    if len(policies) > 1:
+        comparison = compare([str(folder.run(one.letter).path) for one in policies])
+        write_comparison(comparison, folder.comparison)
+        verdicts = [words.verdict(pair) for pair in comparison.pairs]
+    reasons = Counter(reason for each in standing.invalid.values() for reason in each)
+    report = TrialsReport(
+        plan=plan,
+        policies=tuple(policies),
+        invalid=tuple(sorted(reasons.items())),
+        missing=missing,
+        verdicts=tuple(verdicts),
+        doctor=folder.read_doctor(),
+    )
+    write(folder.page, _page(report))
+    return report
+
+
+def _page(report: TrialsReport) -> str:
+    return render(
+        __package__ or "",
+        "trials.html.j2",
+        report=report,
+        plan=report.plan,
+        metrics=metrics,
+    )

@@ -1,0 +1,15 @@
+"""Playing many episodes: evaluations and demonstrations, here, in processes, or on a cluster."""
+
+from typing import TYPE_CHECKING
+
+from duobench.references import lazy
+
+if TYPE_CHECKING:
+    from duobench.runners.demonstrations import Attempt as Attempt
+    from duobench.runners.demonstrations import record as record
+    from duobench.runners.evaluate import evaluate as evaluate
+    from duobench.runners.executor import Executor as Executor
+    from duobench.runners.executor import LocalExecutor as LocalExecutor
+    from duobench.runners.process_executor import ProcessExecutor as ProcessExecutor
+
+lazy(__name__)

@@ -1,0 +1,166 @@
+"""A scripted operator at the page of trials, over the real socket."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from duobench.errors import DuoBenchError
+from duobench.hardware.clock import VirtualClock
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.opening import open_rig
+from duobench.results.suite import TaskInfo, find_tasks
+from duobench.rig_sessions.trial_folder import TrialsFolder
+from duobench.rig_sessions.trial_opening import Contender, open_session
+from duobench.rig_sessions.trial_session import TrialsSession
+from duobench.web.page import assets
+from duobench.web.server import PageServer
+from tests.rig_sessions import toys
+from tests.web.pages import Page, open_page
+
+STEPS = 20
+"""Horizon of the episodes."""
+
+
+def short_task(name: str = "bin_sort") -> TaskInfo:
+    (task,) = find_tasks([name])
+    return replace(task, horizon=STEPS)
+
+
+class Operator:
+    """What a person does at the page."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.status: dict[str, Any] = {}
+        self.refused: list[str] = []
+        self.say("drive")
+
+    def say(self, kind: str, **fields: Any) -> None:
+        self.page.say(kind=kind, **fields)
+
+    def until(self, condition: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+        """Read what the page is told until a status meets a condition."""
+        while not (self.status and condition(self.status)):
+            message = self.page.hear()
+            if message["kind"] == "status":
+                self.status = message
+            elif message["kind"] == "refused":
+                self.refused.append(message["reason"])
+        return self.status
+
+    def phase(self, phase: str) -> dict[str, Any]:
+        return self.until(lambda status: status["phase"] == phase)
+
+    def begin(self) -> dict[str, Any]:
+        """Place and start the next trial; its status while it plays."""
+        self.phase("placing")
+        self.say("placed")
+        self.phase("ready")
+        self.say("start")
+        return self.phase("playing")
+
+    def press(self, stage: int | None) -> None:
+        """Press a stage, or undo, and wait until the page says so."""
+        count = len(self.status["presses"])
+        if stage is None:
+            self.say("undo")
+        else:
+            self.say("stage", stage=stage)
+        self.until(lambda status: len(status["presses"]) == count + 1)
+
+    def play(
+        self, presses: Sequence[Sequence[int | None]], chunks: int = STEPS // toys.CHUNK
+    ) -> dict[str, Any]:
+        """Judge an episode chunk by chunk, until it is over; what the page says then."""
+        for each in [*presses, *[()] * (chunks - len(presses))]:
+            assert toys.Patient.waiting.acquire(timeout=toys.TIMEOUT_S)
+            for stage in each:
+                self.press(stage)
+            toys.Patient.gate.release()
+            if self.status["stage"] == len(self.status["stages"]):
+                break
+        return self.phase("judging")
+
+    def finish(self) -> None:
+        before = self.status["trial"]
+        self.say("finish")
+        self.until(lambda status: status["trial"] != before or status["phase"] == "over")
+
+    def invalid(self, reason: str) -> None:
+        before = self.status["trial"]
+        self.say("invalid", reason=reason)
+        self.until(lambda status: status["trial"] != before)
+
+
+class Stand:
+    """Simulated arms, a page and a folder, put together as `duobench real eval` does."""
+
+    def __init__(self, path: Path, contenders: Sequence[Contender], **options: Any) -> None:
+        self.folder = TrialsFolder(path)
+        self.ending = ExitStack()
+        self.duo: FrankaDuo = open_rig("simulated", VirtualClock(), guard=False)
+        self.ending.callback(self.duo.close)
+        self.server = PageServer(assets("trials_page.html"))
+        self.ending.callback(self.server.close)
+        chosen: dict[str, Any] = {"rater": "operator", "silence_s": 60.0} | options
+        try:
+            self.session: TrialsSession = open_session(
+                self.folder,
+                self.duo,
+                short_task(),
+                contenders,
+                self.server,
+                self.ending,
+                **chosen,
+            )
+        except DuoBenchError:
+            self.ending.close()
+            raise
+
+
+def contenders() -> list[Contender]:
+    return [
+        Contender(spec=f"{toys.MODULE}:Patient", trained_on="sim"),
+        Contender(spec=f"{toys.MODULE}:Keen", trained_on="mixed"),
+    ]
+
+
+@contextmanager
+def operated(stand: Stand, script: Callable[[Operator], None]) -> Iterator[list[BaseException]]:
+    """Have a script operate the page in a thread, as long as the block lasts."""
+    failures: list[BaseException] = []
+
+    def operate() -> None:
+        try:
+            with open_page(stand.server.url) as page:
+                script(Operator(page))
+        except BaseException as error:  # noqa: BLE001 - told in the block's thread
+            failures.append(error)
+            stand.session.stop()
+            toys.Patient.gate.release(100)
+
+    thread = threading.Thread(target=operate)
+    thread.start()
+    try:
+        yield failures
+    finally:
+        thread.join()
+
+
+def run(
+    stand: Stand,
+    script: Callable[[Operator], None],
+    report: Callable[[], dict[str, object]] = dict,
+) -> bool:
+    """Run a session that a script operates; whether nothing is missing at the end."""
+    with operated(stand, script) as failures:
+        is_complete = stand.session.run()
+        stand.session.tell(**report())
+    if failures:
+        raise failures[0]
+    return is_complete

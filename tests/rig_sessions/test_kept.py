@@ -1,0 +1,85 @@
+"""What an evaluation on real arms keeps beside its records: recordings, and the doctor's word."""
+
+from pathlib import Path
+
+import pytest
+
+from duobench.data import DataSet, find_problems
+from duobench.hardware.doctor import Check, Outcome, write_checks
+from duobench.hardware.rig import Rig
+from duobench.results.records import EpisodeRecord
+from duobench.results.source import read_source
+from duobench.rig_sessions.trial_folder import TrialsFolder
+from duobench.rig_sessions.trial_report import write_trials_report
+from duobench.types import POLICY_CAMERAS
+from tests.rig_sessions.operator import STEPS, Operator, Stand, contenders, run
+
+EPISODES = 2
+JUDGED = [2, 0, 3, 1]
+"""The stage that the operator sees in each trial that counts, in order."""
+
+
+def script(operator: Operator) -> None:
+    operator.begin()
+    operator.play([[4]])
+    operator.invalid("A person came into the way.")
+    for stage in JUDGED:
+        operator.begin()
+        operator.play([[], [stage] if stage else []])
+        operator.finish()
+
+
+def records(folder: TrialsFolder) -> list[EpisodeRecord]:
+    found = [record for letter in "AB" for record in read_source(folder.run(letter).path)[1]]
+    return sorted(found, key=lambda record: (record.episode, record.policy))
+
+
+def test_trials_that_count_are_recorded_as_they_were_judged(tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path / "data")
+    stand = Stand(tmp_path / "trials", contenders(), episodes=EPISODES, data=data)
+    with stand.ending:
+        assert run(stand, script)
+    assert find_problems(data) == []
+    recordings = list(data.recordings())
+    kept = [each for each in recordings if each.info.outcome and each.info.outcome.kept]
+    played = {(record.policy, record.seed): record for record in records(stand.folder)}
+    assert len(kept) == len(played) == len(JUDGED)
+    for recording in kept:
+        actor = recording.info.actor
+        (record,) = [
+            each
+            for (policy, seed), each in played.items()
+            if seed == recording.info.seed and policy.lower().endswith(actor.name)
+        ]
+        assert len(recording) == record.steps == STEPS
+        assert recording.stage[-1] == record.final_stage
+        assert recording.info.outcome is not None
+        assert recording.info.outcome.success is record.success
+        assert recording.info.rig is not None
+        assert tuple(recording.info.videos) == POLICY_CAMERAS
+    assert len(recordings) == len(kept)  # nothing of the invalid one
+
+
+@pytest.mark.parametrize(
+    ("doctor", "said"),
+    [
+        (None, "Nobody asked"),
+        ((Outcome.OK, "same"), "no check failed"),
+        ((Outcome.FAILED, "same"), "found what fails: holding"),
+        ((Outcome.OK, "other"), "another rig"),
+    ],
+)
+def test_page_says_what_the_doctor_found(
+    tmp_path: Path, doctor: tuple[Outcome, str] | None, said: str
+) -> None:
+    if doctor is not None:
+        outcome, rig = doctor
+        known = Rig.simulated()
+        check = Check(name="holding", outcome=outcome, value="both arms")
+        rig_hash = known.hash if rig == "same" else "0" * 64
+        write_checks(tmp_path / "trials", known.name, rig_hash, [check])
+    stand = Stand(tmp_path / "trials", contenders(), episodes=1)
+    stand.ending.close()
+    write_trials_report(stand.folder)
+    page = stand.folder.page.read_text()
+    assert said in page.replace("\n", " ")

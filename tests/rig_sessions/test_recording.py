@@ -1,0 +1,237 @@
+"""A policy on a simulated rig, recorded with an operator who is a script."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.data import DataSet, Recording, find_problems
+from duobench.errors import OptionError, PolicyError
+from duobench.evaluation.policies import PolicySource
+from duobench.hardware.clock import VirtualClock
+from duobench.hardware.devices import FaultKind
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.opening import open_rig
+from duobench.policy import PolicyMetadata
+from duobench.rig_sessions.playback import Playback, slowed
+from duobench.rig_sessions.recording import OVER, RealRecording, find_policy
+from duobench.types import POLICY_CAMERAS, Side
+
+TASK = "carry_pot"
+HORIZON = 24
+
+
+class Script:
+    """An operator who answers in order, and presses keys at control steps of the episodes."""
+
+    def __init__(self, answers: str, presses: dict[int, str] | None = None) -> None:
+        self.answers = list(answers)
+        self.presses = presses or {}
+        self.said: list[str] = []
+        self.asked: list[str] = []
+        self.call: Callable[[str], None] | None = None
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def ask(self, text: str, keys: str) -> str:
+        self.asked.append(text)
+        key = self.answers.pop(0) if self.answers else "q"
+        assert key in keys, f"{key} is no answer to: {text}"
+        return key
+
+    def listen(self, call: Callable[[str], None] | None) -> None:
+        self.call = call
+
+
+class Sways:
+    """A policy that sways, and has its script press the keys of a step before it acts."""
+
+    metadata = PolicyMetadata(name="sways", cameras=("head",), image_size=(32, 48))
+
+    def __init__(self, script: Script, on_step: Callable[[int], None] = lambda _step: None) -> None:
+        self._script, self._on_step = script, on_step
+
+    def reset(self, instruction: str, seed: int) -> None:
+        assert instruction
+        assert seed
+        self._steps = 0
+
+    def act(self, observation: Any) -> np.ndarray:
+        assert observation["pixels"]["head"].shape == (32, 48, 3)
+        for key in self._script.presses.get(self._steps, ""):
+            assert self._script.call is not None
+            self._script.call(key)
+        self._on_step(self._steps)
+        self._steps += 1
+        return observation["agent_pos"][None] + 0.005 * np.sin(self._steps / 5)
+
+
+@contextmanager
+def session(
+    folder: Path,
+    script: Script,
+    source: PolicySource | None = None,
+    on_step: Callable[[FrankaDuo, int], None] = lambda _duo, _step: None,
+    **options: Any,
+) -> Iterator[RealRecording]:
+    duo = open_rig("simulated", VirtualClock(), guard=False)
+    if source is None:
+        policy = Sways(script, lambda step: on_step(duo, step))
+        source = PolicySource(metadata=policy.metadata, bind=lambda _env: policy)
+    options = {"horizon": HORIZON, "episodes": 1, "after_success": 0.2} | options
+    data = DataSet.open(folder)
+    with ExitStack() as ending:
+        made = RealRecording(duo, TASK, data, source, script, **options)
+        ending.callback(made.close)
+        yield made
+
+
+def test_an_operator_records_what_a_policy_does(tmp_path: Path) -> None:
+    script = Script("hpkhpdhpk", {4: "1", 6: "2", 8: "u", 12: "s"})
+    with session(tmp_path, script, episodes=2) as recording:
+        assert recording.run() == 2
+    assert script.answers == []
+    data = DataSet(tmp_path)
+    episodes = list(data.recordings())
+    assert [path.stem for path in data.episodes()] == ["00000", "00001"]
+    for episode in episodes:
+        outcome = episode.info.outcome
+        assert outcome is not None
+        assert (outcome.success, outcome.kept, outcome.success_step) == (True, True, 13)
+        assert len(episode) == 13 + 6
+        assert episode.stage[[0, 5, 7, 9, 13]].tolist() == [0, 1, 2, 1, outcome.max_stage]
+        assert episode.info.rig is not None
+        assert episode.info.rig.name == "simulated"
+        assert tuple(episode.info.videos) == POLICY_CAMERAS
+        assert (np.diff(episode.frame, axis=0) >= 0).all()
+        assert episode.frame_age.min() >= 0.0
+        assert episode.frame_age.max() <= 0.1
+    assert find_problems(data) == []
+    assert "mm" in next(text for text in script.asked if "Place" in text)
+
+
+def test_the_same_session_records_the_same(tmp_path: Path) -> None:
+    found = []
+    for name in ("a", "b"):
+        with session(tmp_path / name, Script("hpk", {3: "1"})) as recording:
+            recording.run()
+        (path,) = DataSet(tmp_path / name).episodes()
+        found.append(
+            [path.read_bytes(), *(v.read_bytes() for v in DataSet(tmp_path / name).videos())]
+        )
+    assert found[0] == found[1]
+
+
+def test_a_session_goes_on_where_it_ended(tmp_path: Path) -> None:
+    with session(tmp_path, Script("hpkq"), episodes=3) as recording:
+        assert recording.run() == 1
+    with session(tmp_path, Script("hpq"), episodes=3) as recording:
+        assert recording.kept == 1
+        recording.run()
+    first, second = DataSet(tmp_path).recordings()
+    assert first.info.seed != second.info.seed
+    assert second.info.outcome is not None
+    assert not second.info.outcome.kept  # nobody decided about it
+
+
+@pytest.mark.parametrize("key", [" ", ""])
+def test_a_hold_ends_the_episode_and_keeps_what_was_recorded(tmp_path: Path, key: str) -> None:
+    class Presses(Script):
+        def begin(self, step: int) -> None:
+            if step == 7 and self.call is not None:
+                self.call(key)
+
+    script = Presses("hpkhpd")
+    with session(tmp_path, script, on_step=lambda _duo, step: script.begin(step)) as recording:
+        assert recording.run() == 1
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.info.outcome is not None
+    assert episode.info.outcome.reason is not None
+    assert "operator" in episode.info.outcome.reason
+    assert 7 <= len(episode) <= 9
+
+
+def test_a_fault_is_in_the_record_and_recovered_by_the_operator(tmp_path: Path) -> None:
+    faults = []
+
+    def fail(duo: FrankaDuo, step: int) -> None:
+        if step == 5 and not faults:
+            faults.append(step)
+            duo.arms[Side.LEFT].fail("cartesian_reflex", FaultKind.REFLEX)  # type: ignore[attr-defined]
+
+    script = Script("hpkrhpk")
+    with session(tmp_path, script, on_step=fail, episodes=2) as recording:
+        assert recording.run() == 2
+    broken, whole = DataSet(tmp_path).recordings()
+    assert broken.info.outcome is not None
+    assert "cartesian_reflex" in str(broken.info.outcome.reason)
+    assert len(broken) in {5, 6, 7}
+    assert len(whole) == HORIZON
+    assert any("Something is wrong" in text for text in script.asked)
+    assert find_problems(DataSet(tmp_path)) == []
+
+
+def test_a_policy_that_fails_loses_nothing(tmp_path: Path) -> None:
+    def fail(_duo: FrankaDuo, step: int) -> None:
+        if step == 6:
+            raise PolicyError("It has no idea.")
+
+    script = Script("hpkq")
+    with session(tmp_path, script, on_step=fail) as recording:
+        assert recording.run() == 0
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.info.outcome is not None
+    assert (episode.info.outcome.kept, episode.info.outcome.reason) == (False, "It has no idea.")
+    assert len(episode) == 6
+
+
+def test_nothing_moves_without_a_key(tmp_path: Path) -> None:
+    for answers in ("q", "hq"):
+        script = Script(answers)
+        with session(tmp_path, script) as recording:
+            duo = recording._duo
+            commands = duo.arms[Side.LEFT].commands  # type: ignore[attr-defined]
+            recording.run()
+            assert not duo.supervisor.is_confirmed
+            if answers == "q":
+                assert duo.arms[Side.LEFT].commands == commands  # type: ignore[attr-defined]
+    assert DataSet(tmp_path).episodes() == []
+    assert OVER
+
+
+def test_a_recorded_episode_is_played_at_half_of_its_speed(tmp_path: Path) -> None:
+    with session(tmp_path / "first", Script("hpk")) as recording:
+        recording.run()
+    (path,) = DataSet(tmp_path / "first").episodes()
+    before = Recording.read(path)
+    source = find_policy(str(path))
+    with session(tmp_path / "second", Script("hpk"), source, horizon=2 * HORIZON) as recording:
+        recording.run()
+    (after,) = DataSet(tmp_path / "second").recordings()
+    np.testing.assert_allclose(after.sent[: 2 * HORIZON - 1 : 2], before.sent, atol=1e-6)
+    assert after.info.actor.name == "playback of carry_pot/00000 at 0.5 of its speed"
+    assert after.info.actor.kind == "program"
+
+
+def test_slower_commands_begin_and_end_alike() -> None:
+    commands = np.linspace(0.0, 1.0, 11)[:, None] * np.ones(16)
+    slow = slowed(commands, 0.3)
+    assert np.abs(np.diff(slow, axis=0)).max() == pytest.approx(0.03)
+    assert (slow[0, 0], slow[-1, 0]) == (0.0, 1.0)
+    np.testing.assert_array_equal(slowed(commands, 1.0), commands)
+
+
+def test_what_cannot_be_played_is_said(tmp_path: Path) -> None:
+    with pytest.raises(PolicyError, match="reads the simulation"):
+        find_policy("expert")
+    with session(tmp_path, Script("hpk")) as recording:
+        recording.run()
+    (episode,) = DataSet(tmp_path).recordings()
+    with pytest.raises(OptionError, match="tempo"):
+        Playback(episode, tempo=1.5)

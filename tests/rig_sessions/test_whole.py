@@ -1,0 +1,207 @@
+"""The whole way: two hidden policies, fifteen trials each, judged and compared."""
+
+import json
+import random
+from pathlib import Path
+
+import pytest
+
+from duobench.errors import EvaluationError
+from duobench.replay.verify import Verdict, verify
+from duobench.results.bundle import write_bundle
+from duobench.results.comparison.mixed import read_mixed, write_mixed
+from duobench.results.metrics import wilson_interval
+from duobench.results.records import EpisodeRecord
+from duobench.results.source import open_source, read_source
+from duobench.rig_sessions.trial_folder import TrialsFolder
+from duobench.rig_sessions.trial_log import Kind
+from duobench.rig_sessions.trial_report import TrialsReport, write_trials_report
+from tests.results.samples import LIFT, sample_folder, sample_record, sample_run
+from tests.rig_sessions import toys
+from tests.rig_sessions.operator import Operator, Stand, contenders, run
+
+EPISODES = 15
+LAST = 5
+UNDO, INVALID = 4, 7
+"""Trials in which the operator takes a press back, and which is invalid once."""
+REASON = "A person came into the way."
+
+
+def said(trial: int) -> int:
+    """The stage that the operator sees in a trial."""
+    return random.Random(trial).choice([0, 1, 2, 4, LAST, LAST])
+
+
+class Scripted:
+    """What the operator does in fifteen trials of each, and what he saw of the page."""
+
+    def __init__(self) -> None:
+        self.names: set[str] = set()
+        self.over: dict[str, object] = {}
+
+    def __call__(self, operator: Operator) -> None:
+        number, spoiled = 0, False
+        while number < 2 * EPISODES:
+            operator.begin()
+            self.names.add(json.dumps(operator.status))
+            stage = said(number)
+            if number == UNDO:
+                operator.play([[3], [None, 1], [2]])
+                operator.finish()
+            elif number == INVALID and not spoiled:
+                operator.play([[1]])
+                operator.invalid(REASON)
+                spoiled = True
+                continue
+            else:
+                operator.play([[stage] if stage else []])
+                if stage == LAST and number % 2:
+                    operator.say("at_end", holds=False)
+                if number == 0:
+                    operator.say("note", text="The first one.")
+                operator.finish()
+            number += 1
+        self.over = operator.until(lambda status: status.get("results"))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrialsFolder, TrialsReport, Scripted]:
+    """All trials played and reported."""
+    script = Scripted()
+    stand = Stand(
+        tmp_path_factory.mktemp("whole") / "trials", contenders(), episodes=EPISODES, blind=True
+    )
+
+    def report() -> dict[str, object]:
+        results = write_trials_report(stand.folder)
+        return {"results": [each.row() for each in results.policies], "files": "here"}
+
+    with stand.ending:
+        assert run(stand, script, report)
+    return stand.folder, write_trials_report(stand.folder), script
+
+
+def records(folder: TrialsFolder) -> dict[str, list[EpisodeRecord]]:
+    return {letter: read_source(folder.run(letter).path)[1] for letter in "AB"}
+
+
+def test_every_trial_is_recorded_as_it_was_judged(
+    whole: tuple[TrialsFolder, TrialsReport, Scripted],
+) -> None:
+    folder, _, _ = whole
+    played = records(folder)
+    trials = folder.read_plan().trials()
+    for trial in trials:
+        record = played["AB"[trial.policy]][trial.episode]
+        expected = 2 if trial.number == UNDO else said(trial.number)
+        assert record.final_stage == expected
+        assert record.success == (expected == LAST)
+        assert record.success_at_end == (record.success and trial.number % 2 == 0)
+        assert record.judged is not None
+        assert record.judged.rater == "operator"
+        assert record.layout["poses"].keys() >= {"white_cube", "black_bowl"}
+        assert record.targets() is not None
+    again = played["AB"[trials[INVALID].policy]][trials[INVALID].episode]
+    assert again.judged is not None
+    assert again.judged.repeated == (REASON,)
+
+
+def test_undone_presses_stay(whole: tuple[TrialsFolder, TrialsReport, Scripted]) -> None:
+    folder, _, _ = whole
+    trial = folder.read_plan().trials()[UNDO]
+    record = records(folder)["AB"[trial.policy]][trial.episode]
+    assert record.judged is not None
+    presses = record.judged.presses
+    assert [(press.stage, press.step) for press in presses] == [
+        *((3, 0), (None, toys.CHUNK), (1, toys.CHUNK), (2, 2 * toys.CHUNK))
+    ]
+    assert record.stage_changes == ((toys.CHUNK, 1), (2 * toys.CHUNK, 2))
+    logged = [
+        (entry.stage, entry.step)
+        for entry in folder.read_log()
+        if entry.kind is Kind.PRESS and entry.trial == UNDO
+    ]
+    assert logged == [(press.stage, press.step) for press in presses]
+
+
+def test_policies_take_turns_over_the_same_layouts(
+    whole: tuple[TrialsFolder, TrialsReport, Scripted],
+) -> None:
+    folder, _, _ = whole
+    played = records(folder)
+    for one, other in zip(played["A"], played["B"], strict=True):
+        assert (one.seed, one.layout) == (other.seed, other.layout)
+    firsts = {trial.policy for trial in folder.read_plan().trials()[::2]}
+    assert firsts == {0, 1}
+
+
+def test_page_hides_the_names_until_the_end(
+    whole: tuple[TrialsFolder, TrialsReport, Scripted],
+) -> None:
+    _, _, script = whole
+    for text in script.names:
+        assert "Patient" not in text
+        assert "Keen" not in text
+    assert "Patient" in json.dumps(script.over)
+
+
+def test_report_has_intervals_and_invalid_trials(
+    whole: tuple[TrialsFolder, TrialsReport, Scripted],
+) -> None:
+    folder, report, _ = whole
+    for one, played in zip(report.policies, records(folder).values(), strict=True):
+        successes = sum(record.success for record in played)
+        assert (one.score.successes, one.score.episodes) == (successes, EPISODES)
+        assert one.score.interval == wilson_interval(successes, EPISODES)
+    assert report.invalid == ((REASON, 1),)
+    page = folder.page.read_text()
+    assert REASON in page
+    assert "real arms" in folder.run("A").page.read_text()
+    assert (folder.comparison / "index.html").exists()
+
+
+def test_nothing_can_be_played_again(whole: tuple[TrialsFolder, TrialsReport, Scripted]) -> None:
+    folder, _, _ = whole
+    found = verify(open_source(folder.run("A").path))
+    assert not found.is_verified
+    assert {each.verdict for each in found.findings} == {Verdict.UNVERIFIABLE}
+    assert "real arms" in found.findings[0].reason
+
+
+def test_bundle_is_read_as_the_folder(
+    whole: tuple[TrialsFolder, TrialsReport, Scripted], tmp_path: Path
+) -> None:
+    folder, _, _ = whole
+    write_bundle(folder.run("B"), tmp_path / "b.duobench.zip")
+    assert read_source(tmp_path / "b.duobench.zip") == read_source(folder.run("B").path)
+
+
+def test_mixed_table(whole: tuple[TrialsFolder, TrialsReport, Scripted], tmp_path: Path) -> None:
+    folder, report, _ = whole
+    task = folder.read_plan().task
+    run_ = sample_run(tasks=(task,), episodes=2)
+    simulated = [sample_record(task, 0, (1, 2, 3, 4, 5)), sample_record(task, 1, (9,))]
+    sim = sample_folder(tmp_path / "sim", run_, simulated)
+    sources = [f"sim={sim.path}", *(str(folder.run(letter).path) for letter in "AB")]
+    rows = read_mixed(sources)
+    assert [row.trained_on for row in rows] == ["sim", "mixed"]
+    assert rows[0].cells["sim"].successes == 1
+    by_training = {one.trained_on: one.score for one in report.policies}
+    for row in rows:
+        assert row.cells["real"].successes == by_training[row.trained_on].successes
+        assert row.cells["real"].interval == by_training[row.trained_on].interval
+    page = write_mixed(rows, tmp_path / "mixed").read_text()
+    assert "Evaluated in real arms" in page
+    assert "n = 15" in (tmp_path / "mixed" / "mixed.md").read_text()
+    with pytest.raises(EvaluationError, match="not known"):
+        read_mixed([str(sim.path)])
+    with pytest.raises(EvaluationError, match="second run"):
+        read_mixed([sources[0], sources[0]])
+
+
+def test_training_is_one_of_three(tmp_path: Path) -> None:
+    sim = sample_folder(
+        tmp_path / "sim", sample_run(tasks=(LIFT,), episodes=1), [sample_record(LIFT, 0, (1, 2))]
+    )
+    with pytest.raises(EvaluationError, match="sim, real, mixed"):
+        read_mixed([f"dreams={sim.path}"])

@@ -1,0 +1,147 @@
+"""What is decided before Ray is needed, and without it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from duobench.cli import main
+from duobench.cli.shared.options import command_line
+from duobench.errors import EvaluationError
+from duobench.results.folder import RunFolder
+from duobench.runners import ray_cluster as cluster
+from duobench.runners import ray_host as host
+from duobench.runners.evaluate import evaluate
+from duobench.runners.messages import Progress, Rehearsed
+from duobench.runners.ray_cluster import AUTH_MODE, Cluster, check_environment
+from duobench.sim import probe
+from duobench.versions import __version__
+from tests.evaluation.conftest import small_suite
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ray as if it were there; nothing here loads it."""
+    monkeypatch.setattr(cluster.importlib.util, "find_spec", lambda _name: object())
+
+
+@pytest.mark.parametrize("address", ["ray://127.0.0.1:10001", "", " "])
+def test_addresses_that_are_none_are_rejected(address: str) -> None:
+    with pytest.raises(EvaluationError, match="HOST:PORT of its head"):
+        Cluster(address=address)
+
+
+@pytest.mark.parametrize("gpus", [-1.0, float("nan"), float("inf")])
+def test_numbers_of_graphics_cards_are_checked(gpus: float) -> None:
+    with pytest.raises(EvaluationError, match="0 or more"):
+        Cluster(policy_gpus=gpus)
+
+
+@pytest.mark.parametrize("mode", [None, "", "disabled"])
+@pytest.mark.usefixtures("installed")
+def test_a_cluster_without_token_is_refused(
+    mode: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if mode is None:
+        monkeypatch.delenv(AUTH_MODE, raising=False)
+    else:
+        monkeypatch.setenv(AUTH_MODE, mode)
+    with pytest.raises(EvaluationError, match="RAY_AUTH_MODE=token"):
+        check_environment()
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_token_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(AUTH_MODE, "token")
+    check_environment()
+
+
+def test_missing_ray_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(cluster.importlib.util, "find_spec", lambda _name: None)
+    with pytest.raises(EvaluationError, match=r"duobench-fr3\[ray\]"):
+        evaluate("hold", small_suite(), RunFolder(tmp_path / "run"), cluster=Cluster())
+    assert not (tmp_path / "run").exists()
+
+
+def test_nothing_loads_ray_that_does_not_need_it() -> None:
+    modules = "duobench.cli.evaluate, duobench.runners.evaluate, duobench.runners.ray_executor"
+    code = f"import sys, {modules}; sys.exit('ray' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_cluster_has_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(AUTH_MODE, "token")
+    folder = RunFolder(tmp_path / "run")
+    with pytest.raises(EvaluationError, match="at least one worker"):
+        evaluate("hold", small_suite(), folder, workers=0, cluster=Cluster())
+
+
+def test_options_of_the_cluster_are_for_ray(tmp_path: Path) -> None:
+    words = ["--policy", "hold", "--tasks", "bin_sort", "--out", str(tmp_path / "run")]
+    for option in (["--address", "10.0.0.1:6379"], ["--policy-gpus", "1"]):
+        with pytest.raises(SystemExit, match="are for --executor ray"):
+            main(["eval", *words, *option])
+
+
+def test_where_a_run_was_played_is_no_part_of_it() -> None:
+    def verb(policy: str, executor: str = "processes", address: str = "auto") -> None:
+        del policy, executor, address
+
+    given = {"policy": "hold", "executor": "ray", "address": "10.0.0.1:6379"}
+    assert command_line("eval", verb, given) == "duobench eval --policy hold"
+
+
+def test_nodes_without_token_or_of_another_version_play_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv(AUTH_MODE, raising=False)
+    assert "anybody who reaches it" in host._objection(__version__)
+    monkeypatch.setenv(AUTH_MODE, "token")
+    assert host._objection(__version__) == ""
+    assert "Install the same everywhere" in host._objection("0.1")
+
+
+@pytest.fixture
+def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
+    """A temporary folder of its own, and what was chosen in it."""
+    calls: list[int] = []
+    monkeypatch.setattr(host.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(probe, "choose", lambda processes: calls.append(processes) or "osmesa")
+    monkeypatch.setenv(probe.CHOSEN, "")
+    return calls
+
+
+def test_only_how_far_an_episode_is_waits_for_other_messages() -> None:
+    assert Progress.__struct_config__.tag == host.PROGRESS
+    assert host._may_wait(msgspec.json.encode({"type": host.PROGRESS, "record": {}}))
+    assert not host._may_wait(msgspec.json.encode(Rehearsed()))
+
+
+def test_rendering_is_chosen_once_a_node(chosen: list[int]) -> None:
+    assert [host.choose_once("a", 4) for _ in range(3)] == ["osmesa"] * 3
+    assert chosen == [4]
+    assert os.environ[probe.CHOSEN] == "osmesa"
+    host.choose_once("b", 2)
+    assert chosen == [4, 2]
+
+
+def test_a_choice_that_is_none_is_made_anew(chosen: list[int], tmp_path: Path) -> None:
+    host.choose_once("a", 4)
+    (file,) = tmp_path.glob("duobench-*/*")
+    file.write_text("nonsense that is longer than any name")
+    host.choose_once("a", 4)
+    assert chosen == [4, 4]
+    assert file.read_text() == "osmesa"
+
+
+def test_choices_of_somebody_else_are_not_taken(chosen: list[int], tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (tmp_path / f"duobench-{os.getuid()}").symlink_to(elsewhere)
+    with pytest.raises(PermissionError, match="somebody else's"):
+        host.choose_once("a", 4)
+    assert chosen == []
