@@ -18,6 +18,8 @@ from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
 from duobench.types import HEAD
 from tests.hardware.rigs import new_rig
 
+pytest.importorskip("cv2", reason="It is not installed here: make test-hardware")
+
 
 @cache
 def scene(right: float = 0.0, down: float = 0.0) -> np.ndarray:

@@ -126,7 +126,7 @@ def wrist(
         ruler: Length of the board's printed ruler in mm, measured with another ruler.
         paper: Sheet of the board.
     """
-    from duobench.hardware.calibration.wrist import calibrate_wrist
+    from duobench.hardware.calibration.places import calibrate_wrist
 
     known, sheet, arm = _rig(rig), _measured(paper, ruler), Side(side)
     name = wrist_name(arm)
@@ -216,7 +216,7 @@ def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) 
 
 def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet: Board) -> None:
     """Take an image at each Enter; nothing moves by itself."""
-    from duobench.hardware.calibration.detection import Detector
+    from duobench.hardware.calibration.board import Detector
     from duobench.hardware.clock import SystemClock
     from duobench.hardware.opening import open_rig
 
