@@ -19,6 +19,7 @@ FLOORS = (
     (
         *("types", "randomness", "files", "machine", "references", "versions", "pages"),
         "lerobot_keys",
+        "sheets",
     ),
     ("spatial", "backend", "video"),
     ("robot",),
