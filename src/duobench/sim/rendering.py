@@ -22,8 +22,7 @@ from duobench.looks.look import Look
 from duobench.robot.cameras import check_image_size
 from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import OffscreenRenderer
-from duobench.sim.opengl import RenderingInfo, RenderThread
-from duobench.sim.probe import choose
+from duobench.sim.opengl import RenderingInfo, RenderThread, choose
 
 T = TypeVar("T")
 

@@ -16,11 +16,9 @@ from duobench.objects.solid import Solid, corner_points
 from duobench.robot.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
 from duobench.sim.contacts import Contacts, HingeAxis
-from duobench.sim.duo import HOME, Duo
-from duobench.sim.handles import resolve
+from duobench.sim.duo import HOME, Duo, resolve
 from duobench.sim.layout import Layout
-from duobench.sim.scaling import PhysicsScaler
-from duobench.sim.stepper import Stepper
+from duobench.sim.physics import PhysicsScaler, Stepper
 from duobench.spatial import SE3
 from duobench.types import Array, DuoCommand, DuoState
 
