@@ -22,11 +22,7 @@ class StateError(DuoBenchError):
 
 
 def required(part: T | None, wrapper: str) -> T:
-    """A part of a state that a wrapper needs.
-
-    Raises:
-        StateError: The state was saved by an environment without that wrapper.
-    """
+    """A part of a state that a wrapper needs."""
     if part is None:
         raise StateError(
             f"This state was saved without the {wrapper} that this environment has; restore it in "

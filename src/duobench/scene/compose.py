@@ -55,9 +55,6 @@ def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoc
     Returns:
         A specification that is ready to be compiled. Body, joint and geom names are those of
         `scene.naming` and of the props.
-
-    Raises:
-        DuoBenchError: Two props share a name, or the overview is seen from outside the room.
     """
     _check_in_room(overview)
     spec = mujoco.MjSpec()

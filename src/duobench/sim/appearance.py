@@ -74,12 +74,7 @@ class GeomMaterials:
 
 
 def resolve_materials(model: mujoco.MjModel, look: Look) -> GeomMaterials:
-    """Resolve the materials of a look against a model.
-
-    Raises:
-        UnknownNameError: The look names an object that the model has not.
-        AssetError: An image file cannot be read.
-    """
+    """Resolve the materials of a look against a model."""
     materials = GeomMaterials()
     colours = [(r, g, b) for r, g, b, _ in model.geom_rgba.tolist()]
     _add_objects(materials, _objects(model), colours, look)
@@ -208,12 +203,6 @@ class Appearance:
     """A look, resolved against a model once."""
 
     def __init__(self, model: mujoco.MjModel, look: Look) -> None:
-        """Resolve every name, and make the textures.
-
-        Raises:
-            UnknownNameError: The look names an object that the model has not.
-            AssetError: An image file cannot be read.
-        """
         self.look = look
         materials = resolve_materials(model, look)
         self.textures = materials.textures

@@ -32,11 +32,7 @@ def names_of(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
 
 
 def resolve(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
-    """Id of a named element.
-
-    Raises:
-        UnknownNameError: No element of that kind has the name; near misses are listed.
-    """
+    """Id of a named element."""
     number = mujoco.mj_name2id(model, kind, name)
     if number < 0:
         raise UnknownNameError(_KINDS[kind][0], name, names_of(model, kind))
@@ -62,12 +58,6 @@ class Duo:
     """Translates between flat commands and the engine's arrays of one model."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Resolve every name of the robot in a model.
-
-        Raises:
-            UnknownNameError: The model lacks a part of the robot.
-            DuoBenchError: The actuators are not in the order of a flat command.
-        """
         joint, site = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
         joints = np.array([resolve_all(model, joint, arm_joint_names(side)) for side in SIDES])
         fingers = [f"{gripper_name(s)}/{finger}_driver" for s in SIDES for finger in FINGERS]

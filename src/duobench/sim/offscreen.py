@@ -75,13 +75,6 @@ class OffscreenRenderer:
     def __init__(
         self, model: mujoco.MjModel, height: int, width: int, samples: int, backend: str
     ) -> None:
-        """Make a context, current on the calling thread, and upload the model's meshes.
-
-        The arguments are those of the `Renderer`, and a backend of `duobench.sim.opengl`.
-
-        Raises:
-            RenderingError: The backend does not work.
-        """
         self._model = model
         self._context = open_context(backend, height, width)
         self.info = info_of(backend)

@@ -94,9 +94,6 @@ def choose(processes: int = 1) -> str:
 
     Returns:
         One of `BACKENDS`, or what `MUJOCO_GL` says.
-
-    Raises:
-        RenderingError: Rendering is switched off, or no backend works.
     """
     name = os.environ.get(ASKED, "").lower().strip()
     if name in _OFF:
@@ -188,11 +185,7 @@ def _outcome(child: subprocess.Popen[str], deadline: float) -> RenderingInfo | s
 
 
 def open_context(backend: str, height: int, width: int) -> Any:
-    """Make an OpenGL context and make it current on the calling thread.
-
-    Raises:
-        RenderingError: The backend is not known or does not work here.
-    """
+    """Make an OpenGL context and make it current on the calling thread."""
     if _openers[:1] not in ([], [os.getpid()]):
         # Drivers hang in such a process, while they hold the interpreter.
         raise RenderingError(
@@ -262,11 +255,7 @@ class RenderThread:
         self._worker.start()
 
     def call(self, job: Callable[[], T]) -> T:
-        """Run a job on the thread, and return or raise what it returns or raises.
-
-        Raises:
-            RenderingError: The job, or one before it, did not end within `FRAME_TIMEOUT_S`.
-        """
+        """Run a job on the thread, and return or raise what it returns or raises."""
         future: Future[T] = Future()
         if not self._lost:
             self._jobs.put((future, job))

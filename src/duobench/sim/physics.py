@@ -24,7 +24,6 @@ class Stepper:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Run steps of a model."""
         self._model, self._data = model, data
         self._sparse = bool(mujoco.mj_isSparse(model))
         self._given, self._needed = data.qfrc_smooth, data.qfrc_constraint
@@ -87,15 +86,14 @@ _STATISTICS = ("meaninertia", "meanmass", "meansize", "extent")
 
 
 class PhysicsScaler:
-    """Multiplies the physics of some bodies of a model; the numbers that were compiled are kept."""
+    """Multiplies the physics of some bodies of a model; the numbers that were compiled are kept.
+
+    Args:
+        model: The model, which is written to by `apply`.
+        roots: Ids of the root bodies of the objects.
+    """
 
     def __init__(self, model: mujoco.MjModel, roots: Iterable[int]) -> None:
-        """Note what the model was compiled with.
-
-        Args:
-            model: The model, which is written to by `apply`.
-            roots: Ids of the root bodies of the objects.
-        """
         self._model = model
         names = [name for name in (*_SCALED, *_DERIVED) if hasattr(model, name)]
         self._compiled = {name: getattr(model, name).copy() for name in names}

@@ -51,15 +51,14 @@ class _Corners:
 
 
 class Simulation:
-    """The FR3 Duo and a task's props, stepping at the control rate."""
+    """The FR3 Duo and a task's props, stepping at the control rate.
+
+    Args:
+        props: The task's objects.
+        overview: What the camera for people sees.
+    """
 
     def __init__(self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> None:
-        """Compose and compile the model.
-
-        Args:
-            props: The task's objects.
-            overview: What the camera for people sees.
-        """
         props = tuple(props)
         self.model: mujoco.MjModel = compose(props, overview).compile()
         self.props = {prop.name: prop for prop in props}
@@ -129,9 +128,6 @@ class Simulation:
         """Continue from a saved state of the same model.
 
         In an environment use its `restore_state`, which also brings what this state does not hold.
-
-        Raises:
-            SimulationError: The state has another size, so it belongs to another model.
         """
         if np.shape(state) != (self._state_size,):
             raise SimulationError(
@@ -163,9 +159,6 @@ class Simulation:
 
         The targets move linearly over the step. Afterwards poses, velocities and contacts are those
         of the new state.
-
-        Raises:
-            SimulationError: The physics diverged or a buffer overflowed.
         """
         self._stepper.run(partial(self.duo.interpolate, command), self.get_state, self.set_state)
         self._raise_on_warning()
@@ -204,12 +197,7 @@ class Simulation:
     # --- props ---------------------------------------------------------------------------------
 
     def apply(self, layout: Layout) -> None:
-        """Put every prop where a layout says, at rest, and choose the variants of its shapes.
-
-        Raises:
-            LayoutError: The layout does not name exactly the props of the simulation, or a variant
-                is missing or unknown.
-        """
+        """Put every prop where a layout says, at rest, and choose the variants of its shapes."""
         given, needed = set(layout.poses), set(self.props)
         if given != needed:
             raise LayoutError(
@@ -262,11 +250,7 @@ class Simulation:
         return prop
 
     def body_id(self, name: str) -> int:
-        """Id of a body.
-
-        Raises:
-            UnknownNameError: No body has the name.
-        """
+        """Id of a body."""
         number = self._bodies.get(name)
         return resolve(self.model, mujoco.mjtObj.mjOBJ_BODY, name) if number is None else number
 
