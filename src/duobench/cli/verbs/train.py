@@ -1,0 +1,100 @@
+"""`duobench train`: train a policy with LeRobot, by one command of its own."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from duobench.cli.shared.console import console
+
+if TYPE_CHECKING:
+    from duobench.training.training import Training
+
+
+def train(  # noqa: PLR0913 - each is an argument of the command line
+    policy: tyro.conf.Positional[Literal["act", "diffusion", "pi05", "xvla"]],
+    more: tyro.conf.Positional[tuple[str, ...]] = (),
+    *,
+    data: Path,
+    out: Path,
+    tasks: tuple[str, ...] = (),
+    steps: int | None = None,
+    small: bool = False,
+    domain_ids: bool = False,
+    only_print: Annotated[bool, tyro.conf.arg(name="print")] = False,
+) -> None:
+    """Train a policy with LeRobot: print the command that does it, with its reasons, and run it.
+
+    The same command goes on where it was stopped, from the last checkpoint. Several tasks of a kind
+    that learns one are trained one after the other, each in a folder of its own.
+
+    Args:
+        policy: Kind of policy: act and diffusion learn one task, pi05 and xvla all of them;
+            diffusion learns from object states, and act from them or from images.
+        more: More options of lerobot-train, after --, such as -- --batch_size=8.
+        data: Folder of a data set of LeRobot with this benchmark's names and sizes, such as
+            duobench export lerobot makes; or of several, as its --per-task makes them.
+        out: Folder of the training, or of one folder for each task.
+        tasks: Ids of the tasks to learn, or all, those of the data set; act learns each of them by
+            itself.
+        steps: Steps of the optimizer.
+        small: Take a small model for a processor without graphics card (act only), to see that
+            everything works together.
+        domain_ids: Tell the policy which episodes are simulated and which are real (xvla only);
+            the paper does not, and an evaluation says simulation everywhere.
+        only_print: Print the command and do not run it.
+    """
+    from duobench.cli.shared.advice import AdvisedError
+    from duobench.data.dataset import DESCRIPTION
+    from duobench.errors import DataError
+    from duobench.training import training
+
+    try:
+        trainings = training.plan_all(
+            policy, data, out, tasks=tasks, steps=steps, small=small, domain_ids=domain_ids
+        )
+    except DataError as error:
+        if not (data / DESCRIPTION).exists():
+            raise
+        export = f"duobench export lerobot {data} --out {data}-lerobot"
+        raise AdvisedError(f"{error} The command: {export}") from error
+    missing = [each for each in trainings if not each.is_finished(more)]
+    _show(trainings, missing, more)
+    if only_print:
+        return
+    screen = console()
+    for number, each in enumerate(missing, start=1):
+        if len(missing) > 1:
+            screen.print(f"Training {number} of {len(missing)}: {' '.join(each.tasks)}")
+        words = each.command(more)[1:]
+        code = subprocess.run([training.program(), *words], check=False).returncode
+        each.name_features()
+        if code:
+            sys.exit(code)
+    for each in trainings:
+        names = "".join(f" {task}" for task in each.tasks)
+        screen.print(
+            f"Evaluate it: duobench eval --policy lerobot:{each.checkpoint}"
+            f"{' --tasks' + names if names else ''} --episodes 100 "
+            f"--out {each.folder / 'evaluation'}",
+        )
+
+
+def _show(trainings: Sequence[Training], missing: Sequence[Training], more: Sequence[str]) -> None:
+    """Print the commands; their reasons apart, so that the commands can be piped into a shell."""
+    screen = console()
+    for each in trainings:
+        if each in missing:
+            screen.print(" \\\n  ".join(map(shlex.quote, each.command(more))))
+        else:
+            screen.print(f"# Finished: {each.checkpoint}")
+    for each in missing[:1]:  # the others have the same reasons
+        width = max(len(setting.argument) for setting in each.settings)
+        for setting in each.settings:
+            sys.stderr.write(f"{setting.argument:{min(width, 48)}}  {setting.why}\n")

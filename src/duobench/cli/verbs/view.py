@@ -1,0 +1,49 @@
+"""`duobench view`: a task, recorded episodes or those of a run, in 3D in a browser."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import tyro
+
+from duobench.cli.shared.console import console
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.page import serve_page
+
+
+def view(
+    what: tyro.conf.Positional[str],
+    tasks: tuple[str, ...] = (),
+    port: int = 0,
+    lan: bool = False,
+    look: str = "default",
+    import_tasks: bool = False,
+) -> None:
+    """Show a task, a data set or a run on a page in the browser, until Ctrl-C.
+
+    A task is shown as its resets leave it. Recorded episodes are shown as their states were;
+    episodes of a run are played again from the joint targets in their records. Everybody who has
+    the page open sees the same, and may choose.
+
+    Args:
+        what: Id of a task (see: duobench list) or module:ATTRIBUTE, the folder of a data set or of
+            a run, or a file that duobench bundle has written.
+        tasks: Only the episodes of these tasks; of all if none is named.
+        port: Port of the page; 0 takes a free one.
+        lan: Let other machines in the network open the page, which is encrypted then.
+        look: Look of the scene, without textures: wood_table, dark, random:7, ... (see
+            docs/looks.md).
+        import_tasks: Import tasks of a run that are not of the benchmark, which runs the code of
+            the modules that the run names.
+    """
+    load_engine()
+    from duobench.replay.sources import open_view
+    from duobench.replay.viewer import Viewer
+
+    source = open_view(what, look, tasks, import_tasks=import_tasks)
+    with closing(serve_page(port, lan)) as server:
+        viewer = Viewer(source, server)
+        with stopping(viewer.stop):
+            console().print(f"Open {server.url}\nCtrl-C ends it.")
+            viewer.run()
