@@ -113,7 +113,7 @@ class PolicyTimeoutError(PolicyError):
 
 
 class CalibrationError(DuoBenchError):
-    """A camera cannot be calibrated from what was seen."""
+    """A camera cannot be calibrated from its images."""
 
 
 class LeaderError(DuoBenchError):

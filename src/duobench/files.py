@@ -44,7 +44,7 @@ class Readable(Protocol):
 CHECKSUM = "sha256"
 """Key of a file's checksum."""
 TEMPORARY_SUFFIX = ".tmp"
-"""Ending of a file that is being written; whatever still carries it after a crash is rubbish."""
+"""Ending of a file that is being written; what still has it after a crash is rubbish."""
 
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
 """What file systems without locks answer; work there goes on unprotected."""

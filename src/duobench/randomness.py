@@ -83,7 +83,7 @@ def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
     """Seed (32 bits) that a policy gets in the episode of a seed.
 
     An environment that is reset with it shows another layout, so that no policy makes the layout of
-    its episode again by accident, or with a simulator of its own. It is no secret: whoever hashes
+    its episode again by accident, or with a simulator of its own. It is no secret: hashing
     all seeds of a suite, which are published, finds the one that it comes from.
 
     Args:

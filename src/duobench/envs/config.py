@@ -48,8 +48,8 @@ class EnvConfig:
     horizon: int | None = None
     """Control steps after which an episode is truncated; None takes the task's."""
     instructions: str = FIXED
-    """What policies are told: the task's instruction ("fixed"), or in each episode one that is
-    sampled from it and the task's paraphrases ("varied")."""
+    """Which instruction policies get: the task's ("fixed"), or in each episode one that is sampled
+    from it and the task's paraphrases ("varied")."""
     split: str = EVAL
     """Layouts that resets sample from: "eval", or "train" for demonstrations."""
     speed_fraction: float = 1.0
@@ -214,7 +214,7 @@ def checked_reset_options(options: Any, known: Collection[str] | None = None) ->
 
 
 def checked_instruction(value: Any, count: int) -> int | str:
-    """The instruction of an episode: text as it is told, or the number of one of the task's.
+    """The instruction of an episode: text, or the number of one of the task's.
 
     Args:
         value: What was given; None takes the task's own, number 0.

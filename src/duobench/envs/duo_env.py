@@ -1,7 +1,7 @@
 """The base environment: two arms, simulated or real, without reward, end or randomness.
 
 What makes it a benchmark task is wrapped around it: random resets, stages, a time limit, action
-modes, action chunks, cameras. Each wrapper works on its own; `envs.make` puts them together.
+modes, action chunks, cameras. Each wrapper works on its own; `envs.protocol` puts them together.
 """
 
 from __future__ import annotations

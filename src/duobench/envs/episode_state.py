@@ -46,7 +46,7 @@ class EpisodeState:
     scale: PhysicsScale = UNSCALED
     """Factors on the physics of the model, where an episode is shifted so."""
     instruction: str | None = None
-    """What the policy is told; None is the task's own. No part of the hash: nothing moves by it."""
+    """The policy's; None is the task's own. No part of the hash: nothing moves by it."""
     progress: ProgressState | None = None
     """Stage, and what its constraints remember."""
     steps: int | None = None

@@ -58,7 +58,7 @@ class Step:
     action: NDArray[np.floating]
     """The action (n,) that was executed."""
     observation: dict[str, Any]
-    """What the environment showed afterwards; it has images only if somebody needs them."""
+    """The observation afterwards; it has images only where they are needed."""
     reward: float
     """The reward of the step."""
     terminated: bool

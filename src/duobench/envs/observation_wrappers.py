@@ -35,8 +35,8 @@ class Cameras(ObservingWrapper):
     """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
 
     It belongs outside action chunks: one image of each camera is rendered for each step and each
-    reset, nothing before the first reset. `set_rendering` leaves images out that nobody looks
-    at; `env.get_wrapper_attr` finds it through any wrappers.
+    reset, nothing before the first reset. `set_rendering` leaves out images that are not
+    needed; `env.get_wrapper_attr` finds it through any wrappers.
 
     Args:
         cameras: Names of cameras.
@@ -72,7 +72,7 @@ class Cameras(ObservingWrapper):
         self._is_rendering = is_on
 
     def observe(self, observation: Observation) -> Observation:
-        """The observation with an image of each camera, unless nobody looks at them."""
+        """The observation with an image of each camera, unless they are switched off."""
         if not self._is_rendering:
             return observation
         return {**observation, PIXELS: self.base.backend.images(self._cameras, self._shape)}
@@ -81,7 +81,7 @@ class Cameras(ObservingWrapper):
 class ObjectStates(ObservingWrapper):
     """Adds `environment_state` to the observation: the numbers (n,) of `Task.object_state`.
 
-    They are privileged: read from the simulation, not seen. `object_state_names` says what each is.
+    They are privileged: read from the simulation. `object_state_names` says what each is.
 
     Args:
         env: A `SimEnv`, wrapped or not.
@@ -158,7 +158,7 @@ class Sensing(DuoWrapper):
         """Advance one step, and see what sensors show of it."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._past.append(self._base.simulation.get_state())
-        # Every camera has its number, also one that nobody looks through.
+        # Every camera has its number, also one that is not used.
         chances = self._frames.uniform(size=len(POLICY_CAMERAS)).tolist()
         for camera, chance in zip(POLICY_CAMERAS, chances, strict=True):
             is_dropped = chance < levels.DROPPED_SHARE[self._level]

@@ -57,8 +57,8 @@ class SimEnv(DuoEnv):
 
     The options of a reset: `layout` is the layout, as a `Layout` or as its JSON form; without it,
     `layout_seed` samples one from the task's `split`, "eval" or "train". `look` is the look of this
-    episode, a name, a `Look` or its JSON form; without it, the environment's. `instruction` is what
-    a policy is told, as text, or as the number of one of the task's `instructions`; without it, the
+    episode, a name, a `Look` or its JSON form; without it, the environment's. `instruction` is the
+    policy's, as text, or as the number of one of the task's `instructions`; without it, the
     task's own. Info also holds `layout` (JSON form). A reset raises a LayoutError for a layout that
     is incomplete, overlapping or out of reach, an UnknownNameError where there is no such option,
     split or look, and an OptionError for a look, a seed or an instruction that is none. Observation
@@ -66,7 +66,7 @@ class SimEnv(DuoEnv):
 
     Args:
         task: What is on the table.
-        render_mode: "rgb_array", or None if nobody calls `render`.
+        render_mode: "rgb_array", or None for no `render`.
         render_size: Height and width of the image that `render` gives, in pixels.
         look: How images look; a name or a look.
         speed_fraction: Part of the joints' speed limits that the arms use; see `EnvConfig`.

@@ -128,7 +128,7 @@ class Look:
     ambient: RGB | None = None
     """Light that comes from everywhere; None keeps that of the workcell."""
     clutter: int = 0
-    """Pieces of furniture along the walls, seen and never touched."""
+    """Pieces of furniture along the walls, visible and out of reach."""
     cameras: Mapping[str, CameraOffset] = field(default_factory=dict)
     """Offsets by the name of the camera."""
     exposure: float = 0.0

@@ -23,7 +23,7 @@ FILE = "robot_meshes.npz"
 vertices and triangles, and one mesh after the other `points` (n, 3) on the grid and `faces` (m, 3).
 """
 SHA256 = "485c87be44e231ad27eb7e0bb349f7de128cfac48f59821f65245509ccc70b1e"
-"""Digest of the file: any other bytes are rejected, so that nobody simulates another robot."""
+"""Digest of the file: any other bytes are rejected: they are another robot."""
 POINTS_PER_METRE = 100_000
 """Grid of the coordinates, which are kept as whole numbers."""
 

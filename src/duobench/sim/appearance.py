@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image as Pillow
 
 from duobench.errors import AssetError, check_known
-from duobench.looks.clutter import Piece, pieces
+from duobench.looks.clutter import Furniture, pieces
 from duobench.looks.colours import RGB, shifted
 from duobench.looks.look import EVERY_OBJECT, CameraOffset, Light, Look, Material
 from duobench.looks.textures import texture
@@ -248,7 +248,7 @@ class Appearance:
             scene.ngeom += 1
 
 
-def _as_geom(piece: Piece) -> tuple[int, Array, Array, Array, NDArray[np.float32]]:
+def _as_geom(piece: Furniture) -> tuple[int, Array, Array, Array, NDArray[np.float32]]:
     """Type, size, position, rotation and colour of a piece of furniture, as the engine wants it."""
     x, y, z = (length / 2 for length in piece.size)
     kind, size = mujoco.mjtGeom.mjGEOM_BOX, (x, y, z)

@@ -132,7 +132,7 @@ class OffscreenRenderer:
         return images
 
     def segment(self, data: mujoco.MjData, camera: int) -> NDArray[np.int32]:
-        """Geom ids seen by a camera."""
+        """Geom ids by pixel."""
         self._update(data, camera)
         self._scene.flags[_SEGMENTATION] = 1
         try:

@@ -42,8 +42,8 @@ FRAME_TIMEOUT_S = 60.0
 PROBE_TIMEOUT_S = 30.0
 """A child that has not rendered by then hangs; it needs less than a second on an idle machine."""
 PARALLEL_PROBES = 8
-"""Most processes that a probe runs at the same time: with eight, a data-centre driver was
-seen to hang that serves one [mujoco issue 3444]."""
+"""Most processes that a probe runs at the same time: with eight, a data-centre driver
+hung that serves one [mujoco issue 3444]."""
 PARALLEL_PROBE_S = 1.0
 """How long they render at the same time."""
 HELP = f"""Install one of these, then try again:

@@ -107,7 +107,7 @@ class Renderer:
         return self._run(lambda offscreen: offscreen.render(data, numbers))
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
-        """Render which geom is seen where; a look's furniture is no geom, and is not in the way.
+        """Render which geom each pixel shows; a look's furniture is no geom, and is not in the way.
 
         Returns:
             A new array (height, width) of geom ids, -1 where there is nothing.

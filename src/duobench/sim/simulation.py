@@ -290,7 +290,7 @@ class Simulation:
         return self._velocity(prop)[:3]
 
     def relative_speed(self, prop: str, frame: str) -> float:
-        """Speed in m/s of a prop's origin, seen from the frame of another prop that may move."""
+        """Speed in m/s of a prop's origin, in the frame of another prop that may move."""
         px, py, pz = self.relative_position(prop, frame)
         x, y, z = self._velocity(prop)[:3]
         ox, oy, oz, wx, wy, wz = self._velocity(frame)
