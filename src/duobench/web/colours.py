@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.sim.materials import GeomMaterials, Texture
+from duobench.sim.appearance import GeomMaterials, Texture
 from duobench.types import Array
 
 _CELLS = 32
