@@ -18,7 +18,7 @@ FLOORS = (
     ("errors",),
     (
         *("types", "randomness", "files", "processes", "references", "versions", "pages"),
-        *("installing", "network"),
+        *("installing", "network", "serving_thread"),
     ),
     ("checks", "lerobot_keys"),
     ("spatial", "backend", "video"),

@@ -14,7 +14,7 @@ from duobench.cli.evaluate import evaluate
 from duobench.cli.serve import serve
 from duobench.policy import Batching, BatchPolicy, SessionPolicy, make
 from duobench.policy.serving.message_format import read_format
-from duobench.policy.serving.vla_eval_specs import MODES
+from duobench.policy.serving.vla_eval import MODES
 from tests.docs.markdown import DOCS, table
 
 PAGE = (Path(__file__).parents[2] / "docs" / "serving.md").read_text(encoding="utf-8")

@@ -22,7 +22,7 @@ from duobench.envs.execution import Step
 from duobench.errors import OptionError, PolicyError, check_known
 from duobench.interop.episodes import Episodes
 from duobench.interop.vla_eval_options import Resolution, format_for, tasks_by_id
-from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
+from duobench.policy.serving.vla_eval import action_spec, observation_spec
 from duobench.tasks import catalog
 
 

@@ -111,6 +111,11 @@ class Peers:
         for peer in self._peers:
             peer.put(place, message)
 
+    def put_to_driver(self, place: str, message: str | bytes) -> None:
+        """Let a message wait for the one that drives."""
+        if self.driver is not None:
+            self.driver.put(place, message)
+
     def _tell_roles(self) -> None:
         drivers = int(self.driver is not None)
         for peer in self._peers:

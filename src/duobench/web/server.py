@@ -1,7 +1,4 @@
-"""The server of the page: its files, its scenes, and a socket for each browser that has it open.
-
-It answers in a thread of its own, so that whoever computes what is shown never waits for a browser.
-"""
+"""The server of the page: its files, its scenes, and a socket for each browser that has it open."""
 
 from __future__ import annotations
 
@@ -10,19 +7,18 @@ import gzip
 import http
 import logging
 import re
-import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
 import websockets
-from websockets.asyncio.server import ServerConnection, serve
+from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from duobench.errors import DuoBenchError, MessageError, ServingError
+from duobench.serving_thread import ServingThread
 from duobench.web.access import Admission, check_address
 from duobench.web.certificate import Certificate
 from duobench.web.messages import MAX_MESSAGE, read_message
@@ -64,7 +60,17 @@ _SECURITY = {
 class PageServer:
     """Shows a page with a scene, frames and a status, and takes what people do on it.
 
-    Newest wins: a browser that is slow skips frames and statuses, and slows nobody.
+    Newest wins: a browser that is slow skips frames and statuses, and slows no other down.
+
+    Args:
+        assets: Content type and content by path; "/" is the page.
+        host: Address to listen at.
+        port: Port to listen at; 0 takes a free one.
+        token: What the address of the page must hold; None makes one up.
+        certificate: Encrypts; any host but this machine's own needs one.
+
+    Raises:
+        ServingError: The address cannot be had, or needs a certificate; or the token is none.
     """
 
     def __init__(
@@ -76,18 +82,6 @@ class PageServer:
         token: str | None = None,
         certificate: Certificate | None = None,
     ) -> None:
-        """Begin to serve.
-
-        Args:
-            assets: Content type and content by path; "/" is the page.
-            host: Address to listen at.
-            port: Port to listen at; 0 takes a free one.
-            token: What the address of the page must hold; None makes one up.
-            certificate: Encrypts; any host but this machine's own needs one.
-
-        Raises:
-            ServingError: The address cannot be had, or needs a certificate; or the token is none.
-        """
         check_address(host, certificate)
         names = () if certificate is None else certificate.hosts
         self._admission = Admission(token, names)
@@ -102,18 +96,24 @@ class PageServer:
         returns, or the text of a `DuoBenchError` that it raises, is why the message is refused."""
         self.on_driver_lost: Callable[[], None] = lambda: None
         """Called in the server's thread when whoever drove has left, or had to give way."""
-        listening: Future[tuple[int, asyncio.AbstractEventLoop]] = Future()
-        self._over = asyncio.Event()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve(host, port, certificate, listening)),
+        self._server = ServingThread(
+            self._serve_peer,
+            host,
+            port,
             name="page-server",
-            daemon=True,
+            ending=self._flush,
+            process_request=self._answer,
+            ssl=None if certificate is None else certificate.context,
+            max_size=MAX_MESSAGE,
+            write_limit=MAX_MESSAGE,
+            ping_interval=_PING_S,
+            ping_timeout=_PING_S,
+            open_timeout=_TIMEOUT_S,
+            close_timeout=_TIMEOUT_S,
         )
-        self._thread.start()
-        actual, self._events = listening.result()
         scheme, name = ("http", host) if certificate is None else ("https", certificate.hosts[0])
         name = f"[{name}]" if ":" in name else name
-        self.url = f"{scheme}://{name}:{actual}/?token={self._admission.token}"
+        self.url = f"{scheme}://{name}:{self._server.port}/?token={self._admission.token}"
         """Address of the page, with the token."""
 
     # --- what is shown; from any thread ----------------------------------------------------------
@@ -140,7 +140,7 @@ class PageServer:
         while len(self._scenes) > MAX_SCENES:
             del self._scenes[next(iter(self._scenes))]
         url = f"/scene/{name}.bin?token={self._admission.token}"
-        self._call(self._show_scene, encode(kind="scene", name=name, url=url))
+        self._server.call(self._show_scene, encode(kind="scene", name=name, url=url))
 
     def publish_image(self, name: str, data: bytes) -> str:
         """Give an image or a film out from now on.
@@ -167,11 +167,11 @@ class PageServer:
 
     def publish_frame(self, frame: bytes) -> None:
         """Show a frame; see `web.messages.pack_frame`, or a JPEG where a page shows images."""
-        self._call(self._show, FRAME, frame)
+        self._server.call(self._show, FRAME, frame)
 
     def publish_status(self, status: Mapping[str, Any]) -> None:
         """Show a status: all of it, since whoever comes later sees this one alone."""
-        self._call(self._show, "status", encode(kind="status", **status))
+        self._server.call(self._show, "status", encode(kind="status", **status))
 
     def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
         """Show what cameras see, again and again: a page that hears nothing says so.
@@ -181,7 +181,7 @@ class PageServer:
                 image (None before the first), and `stale_s`, its age in seconds if that is too
                 old, else None.
         """
-        self._call(self._peers.put, "cameras", encode(kind="cameras", cameras=cameras))
+        self._server.call(self._peers.put, "cameras", encode(kind="cameras", cameras=cameras))
 
     def pulse(self, side: str, strength: float, ms: int) -> None:
         """Let a controller of the driver rumble.
@@ -192,16 +192,13 @@ class PageServer:
             ms: How long, in milliseconds.
         """
         text = encode(kind="pulse", side=side, strength=strength, ms=ms)
-        self._call(lambda: self._peers.driver and self._peers.driver.put(f"pulse {side}", text))
+        self._server.call(
+            lambda: self._peers.driver and self._peers.driver.put(f"pulse {side}", text)
+        )
 
     def close(self) -> None:
         """Let every browser take what waits for it, then go; closing twice is harmless."""
-        self._call(self._over.set)
-        self._thread.join()
-
-    def _call(self, function: Callable[..., object], *arguments: object) -> None:
-        with suppress(RuntimeError):  # it is over already
-            self._events.call_soon_threadsafe(function, *arguments)
+        self._server.close()
 
     # --- in the server's thread ------------------------------------------------------------------
 
@@ -218,42 +215,12 @@ class PageServer:
             self._latest[place] = message
             self._peers.put(place, message)
 
-    async def _serve(
-        self,
-        host: str,
-        port: int,
-        certificate: Certificate | None,
-        listening: Future[tuple[int, asyncio.AbstractEventLoop]],
-    ) -> None:
-        try:
-            server = await serve(
-                self._serve_peer,
-                host,
-                port,
-                process_request=self._answer,
-                ssl=None if certificate is None else certificate.context,
-                compression=None,
-                max_size=MAX_MESSAGE,
-                write_limit=MAX_MESSAGE,
-                ping_interval=_PING_S,
-                ping_timeout=_PING_S,
-                open_timeout=_TIMEOUT_S,
-                close_timeout=_TIMEOUT_S,
-                server_header=None,
-                logger=_silent(),
-            )
-        except (OSError, OverflowError, ValueError) as error:
-            reason = str(getattr(error, "strerror", None) or error).rstrip(".")
-            listening.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
-            return
-        async with server:
-            actual = next(iter(server.sockets)).getsockname()[1]
-            listening.set_result((actual, asyncio.get_running_loop()))
-            await self._over.wait()
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_TIMEOUT_S):
-                    while any(peer.has_waiting for peer in self._peers):
-                        await asyncio.sleep(_LOOK_S)
+    async def _flush(self) -> None:
+        """Give every browser the time to take what waits for it."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_TIMEOUT_S):
+                while any(peer.has_waiting for peer in self._peers):
+                    await asyncio.sleep(_LOOK_S)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer what asks for a file, and turn away who may not connect."""
@@ -263,7 +230,7 @@ class PageServer:
         if not self._admission.has_token(url.query):
             return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
         if url.path == SOCKET_PATH:
-            return self._objection(connection, request)
+            return self._rejection(connection, request)
         if (found := self._shown(url.path)) is not None:
             return _found(*found, request)
         return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")
@@ -280,7 +247,7 @@ class PageServer:
         kind, data = self._images.get(image[1], ("", None))
         return None if data is None else (kind, (data, None))
 
-    def _objection(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _rejection(self, connection: ServerConnection, request: Request) -> Response | None:
         """Why a page may not connect; None if it may."""
         origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
         origin = origins[0] if origins else None
@@ -369,9 +336,3 @@ def _found(kind: str, content: tuple[bytes, str | None], request: Request) -> Re
     if encoding is not None:
         headers["Content-Encoding"] = encoding
     return Response(http.HTTPStatus.OK, "OK", headers, body)
-
-
-def _silent() -> logging.Logger:
-    logger = logging.getLogger(f"{__name__}.connections")
-    logger.setLevel(logging.CRITICAL + 1)
-    return logger
