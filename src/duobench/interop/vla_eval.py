@@ -27,7 +27,29 @@ from duobench.tasks import catalog
 
 
 class DuoBench(StepBenchmark):
-    """The tasks of DuoBench, with actions and observations as a format says."""
+    """The tasks of DuoBench, with actions and observations as a format says.
+
+    Args:
+        task_ids: Ids of tasks, or "module:ATTRIBUTE"; all tasks if none is given.
+        seed: Index of the first episode: vla-eval's episode i is episode `seed + i` of
+            `duobench eval`.
+        frequency: Control steps a second; there is only 30.
+        max_steps: Control steps after which an episode is truncated, as a chunk of H actions
+            takes H of them; None takes each task's own.
+        send_state: Whether observations have a state.
+        send_wrist_image: Whether the wrist cameras are shown.
+        camera_resolution: [height, width] of the images, or a map from each camera to the same.
+        control_mode: "joints", "cartesian_tquat" or "cartesian_rotvec"; None takes the
+            format's, which is "joints".
+        relative_to: "none" or "last_step"; None takes the format's, which is "none".
+        binary_gripper: Whether openings are rounded to open or closed.
+        format: Names and orders of observations and actions: the name of a format, or the path
+            of a TOML file.
+        look: How images look.
+
+    Raises:
+        DuoBenchError: If there is no such task or format, or no environment like that.
+    """
 
     _ALL_RECORD_FIELDS: ClassVar = frozenset({"reward", "done", "success", "stage", "steps"})
     render_backends: ClassVar = frozenset({"gpu", "cpu"})
@@ -48,29 +70,6 @@ class DuoBench(StepBenchmark):
         format: str = "vla_eval",
         look: str = "default",
     ) -> None:
-        """Choose what is played; the environment is made at the first reset.
-
-        Args:
-            task_ids: Ids of tasks, or "module:ATTRIBUTE"; all tasks if none is given.
-            seed: Index of the first episode: vla-eval's episode i is episode `seed + i` of
-                `duobench eval`.
-            frequency: Control steps a second; there is only 30.
-            max_steps: Control steps after which an episode is truncated, as a chunk of H actions
-                takes H of them; None takes each task's own.
-            send_state: Whether observations have a state.
-            send_wrist_image: Whether the wrist cameras are shown.
-            camera_resolution: [height, width] of the images, or a map from each camera to the same.
-            control_mode: "joints", "cartesian_tquat" or "cartesian_rotvec"; None takes the
-                format's, which is "joints".
-            relative_to: "none" or "last_step"; None takes the format's, which is "none".
-            binary_gripper: Whether openings are rounded to open or closed.
-            format: Names and orders of observations and actions: the name of a format, or the path
-                of a TOML file.
-            look: How images look.
-
-        Raises:
-            DuoBenchError: If there is no such task or format, or no environment like that.
-        """
         super().__init__()
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
             raise OptionError(f"seed is the index of an episode, counted from 0; got {seed!r}.")

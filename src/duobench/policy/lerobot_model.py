@@ -57,18 +57,16 @@ class LeRobotPolicy:
     stay empty, so that the state of an episode is in its session alone. A model that sees the last
     n observations is shown n consecutive ones, as in training: the last n - 1 actions of a chunk
     are given one at a time.
+
+    Args:
+        text: What stands after `lerobot:` in its name; see `lerobot_checkpoint.Address`.
+
+    Raises:
+        PolicyError: It cannot be loaded, or does not fit this benchmark.
+        UnknownNameError: There is no such option.
     """
 
     def __init__(self, text: str) -> None:
-        """Load a checkpoint.
-
-        Args:
-            text: What stands after `lerobot:` in its name; see `lerobot_checkpoint.Address`.
-
-        Raises:
-            PolicyError: It cannot be loaded, or does not fit this benchmark.
-            UnknownNameError: There is no such option.
-        """
         address = checkpoint.parse(text)
         folder = checkpoint.find(address.checkpoint)
         device = _device(address.device)
@@ -267,14 +265,12 @@ class EpisodeNoise(TorchFunctionMode):
     does in every denoising step, X-VLA takes none. All of them sample with torch and put the batch
     first, so noise is replaced there. It is made on the processor by NumPy, so that it is the same
     on every device.
+
+    Args:
+        keys: Seed of the episode and number of the call in it, for each row of the batch.
     """
 
     def __init__(self, keys: Sequence[tuple[int, int]]) -> None:
-        """Begin a call of the model.
-
-        Args:
-            keys: Seed of the episode and number of the call in it, for each row of the batch.
-        """
         super().__init__()
         self._generators = [np.random.default_rng((NOISE_STREAM, *key)) for key in keys]
         # Whatever else a model samples follows from the whole batch, at least.
@@ -284,7 +280,6 @@ class EpisodeNoise(TorchFunctionMode):
     def __torch_function__(
         self, func: Any, types: Any, args: tuple[Any, ...] = (), kwargs: Any = None
     ) -> Any:
-        """Call a function of torch, and replace the noise that it returns."""
         kwargs = kwargs or {}
         result = func(*args, **kwargs)
         if func not in _NORMAL or not result.ndim or len(result) != len(self._generators):
@@ -314,9 +309,6 @@ def _check_loaded(model: Any, file: Path) -> None:
     Args:
         model: A policy of LeRobot.
         file: The safetensors file that it was loaded from.
-
-    Raises:
-        PolicyError: Weights of the model are not in the file, or have other values.
     """
     state = model.state_dict()
     with safe_open(file, framework="pt") as weights:

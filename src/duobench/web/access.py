@@ -33,18 +33,17 @@ def check_address(host: str, certificate: Certificate | None) -> None:
 
 
 class Admission:
-    """Decides about requests: a token in the address, and pages of this server alone."""
+    """Decides about requests: a token in the address, and pages of this server alone.
+
+    Args:
+        token: What the address must hold; None makes one up.
+        hosts: Names and addresses by which other machines may know the server.
+
+    Raises:
+        ServingError: The token is none that can stand in an address as it is.
+    """
 
     def __init__(self, token: str | None, hosts: Collection[str]) -> None:
-        """Remember what is asked for.
-
-        Args:
-            token: What the address must hold; None makes one up.
-            hosts: Names and addresses by which other machines may know the server.
-
-        Raises:
-            ServingError: The token is none that can stand in an address as it is.
-        """
         self.token = secrets.token_urlsafe(_TOKEN_BYTES) if token is None else token
         """What the address must hold."""
         if not self.token or set(self.token) - _UNRESERVED:

@@ -68,20 +68,18 @@ class Geometry:
     What never moves is one part of the scene. A variant of a prop is what the model holds when this
     is made: after a layout with other variants, make another one. What is half transparent is shown
     opaque.
+
+    Args:
+        model: The compiled model; `Simulation.model`.
+        look: How it looks; None is the scene as it was composed.
+
+    Raises:
+        DuoBenchError: More than 255 bodies move, or a geom is of a kind that is not shown.
+        UnknownNameError: The look names an object that the model has not.
+        AssetError: An image file of the look cannot be read.
     """
 
     def __init__(self, model: mujoco.MjModel, look: Look | None = None) -> None:
-        """Collect what is seen.
-
-        Args:
-            model: The compiled model; `Simulation.model`.
-            look: How it looks; None is the scene as it was composed.
-
-        Raises:
-            DuoBenchError: More than 255 bodies move, or a geom is of a kind that is not shown.
-            UnknownNameError: The look names an object that the model has not.
-            AssetError: An image file of the look cannot be read.
-        """
         seen = (model.geom_group < COLLISION_GEOM_GROUP) & (model.geom_rgba[:, 3] > 0)
         geoms = np.flatnonzero(seen).tolist()
         carriers = {geom: _carrier(model, int(model.geom_bodyid[geom])) for geom in geoms}
@@ -153,7 +151,6 @@ def _shown(
     materials: GeomMaterials,
     look: Look,
 ) -> _Piece:
-    """A geom of the model."""
     body_from_geom = _pose(model.geom_pos[geom], model.geom_quat[geom])
     texels = texels_of(model, geom, materials)
     surface = triangles_of(model, geom, cells_for(texels))

@@ -50,13 +50,6 @@ class Replay:
     list, as in `replay-1`."""
 
     def __post_init__(self) -> None:
-        """Reject what cannot be played.
-
-        Raises:
-            OptionError: The rate is not positive, changes of the stage are out of order, or an id
-                is no word.
-            DataError: The track is none.
-        """
         length(self.track)
         if not self.rate_hz > 0:
             raise OptionError(f"A replay has a positive rate in Hz, got {self.rate_hz}.")
@@ -169,7 +162,6 @@ def bundle(modules: Iterable[str]) -> str:
 
 
 def _row(id: str, replay: Replay) -> dict[str, object]:
-    """An episode in the list."""
     stage = max((stage for _, stage in replay.stage_changes), default=0)
     seconds = max(0, length(replay.track) - 1) / replay.rate_hz
     detail = f"{seconds:.1f} s"

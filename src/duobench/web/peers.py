@@ -24,7 +24,6 @@ class Peer:
     """One browser. Of everything the newest waits for it, so that a slow one skips the rest."""
 
     def __init__(self, connection: ServerConnection) -> None:
-        """Take a connection, of which all system buffers are kept small."""
         self.connection = connection
         """The connection."""
         self._waiting: dict[str, str | bytes] = {}
@@ -74,17 +73,14 @@ class Peers:
     """All browsers. One of them may drive; the others watch."""
 
     def __init__(self) -> None:
-        """Begin without any."""
         self._peers: dict[Peer, None] = {}
         self.driver: Peer | None = None
         """The one that drives."""
 
     def __len__(self) -> int:
-        """How many there are."""
         return len(self._peers)
 
     def __iter__(self) -> Iterator[Peer]:
-        """In the order in which they came."""
         return iter(self._peers)
 
     def add(self, peer: Peer) -> None:

@@ -259,7 +259,6 @@ class PageServer:
         return None
 
     async def _serve_peer(self, connection: ServerConnection) -> None:
-        """Serve one browser until it leaves."""
         peer = Peer(connection)
         self._peers.add(peer)
         for place in ("scene", "status", FRAME):

@@ -99,7 +99,6 @@ def _plane(half_x: float, half_y: float, cells: tuple[int, int]) -> Triangles:
 
 
 def _box(x: float, y: float, z: float) -> Triangles:
-    """A box by its half sizes."""
     points, normals, corners = [], [], []
     for axis in range(3):
         for sign in (1.0, -1.0):

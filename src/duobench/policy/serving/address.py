@@ -49,7 +49,6 @@ class RemoteServer:
     """Seconds to wait for a server that is not there."""
 
     def __post_init__(self) -> None:
-        """Reject what is no address, or holds more than one."""
         parts = self.parts
         if parts.scheme not in _SCHEMES or not _is_host(parts.hostname):
             raise ServingError(_FORM)

@@ -155,11 +155,7 @@ class OpenpiPolicy(ConnectedPolicy):
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:
-    """What a server of ours tells about its policy, and how it is asked.
-
-    Raises:
-        ServingError: If it speaks another version of the protocol, or describes it wrongly.
-    """
+    """What a server of ours tells about its policy, and how it is asked."""
     try:
         protocol = facts.get("protocol") if isinstance(facts, dict) else facts
         if type(protocol) is not int or protocol != PROTOCOL:

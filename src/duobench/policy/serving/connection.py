@@ -50,7 +50,16 @@ _LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
 
 
 class ConnectedPolicy(ABC):
-    """A policy at a server; a subclass knows what is said there."""
+    """A policy at a server; a subclass knows what is said there.
+
+    Args:
+        server: Where the policy is served.
+
+    Raises:
+        ServingError: If the server asks for another key, cannot be understood, or contradicts
+            the format.
+        MachineryError: If there is no server of this kind.
+    """
 
     metadata: PolicyMetadata
     """What the policy expects of the environment."""
@@ -62,16 +71,6 @@ class ConnectedPolicy(ABC):
     """Name of the format of a server for which none is given; None takes openpi's keys."""
 
     def __init__(self, server: RemoteServer) -> None:
-        """Connect, and learn what is served.
-
-        Args:
-            server: Where the policy is served.
-
-        Raises:
-            ServingError: If the server asks for another key, cannot be understood, or contradicts
-                the format.
-            MachineryError: If there is no server of this kind.
-        """
         self._server = server
         default = self._default_format
         self._format = server.message_format or (

@@ -136,18 +136,13 @@ class VlaEvalPolicy(ConnectedPolicy):
         return self._format.chunk([actions] if dimensions(actions) == 1 else actions)
 
     def _send(self, connection: ClientConnection, kind: str, payload: dict[str, Any]) -> int:
-        """Send a message; its number."""
         self._seq += 1
         message = {"type": kind, "payload": payload, "seq": self._seq, "timestamp": time.time()}
         connection.send(pack(message, is_text_keyed=True))
         return self._seq
 
     def _receive(self, connection: ClientConnection) -> tuple[str, dict[str, Any], int]:
-        """Type, payload and number of the next message.
-
-        Raises:
-            MessageError: If it is none of the protocol.
-        """
+        """Type, payload and number of the next message."""
         frame = connection.recv(self._left())
         if isinstance(frame, str):
             raise MessageError("A message is binary, got text.")
