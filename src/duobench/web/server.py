@@ -7,6 +7,7 @@ import gzip
 import http
 import logging
 import re
+import socket
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
@@ -19,10 +20,8 @@ from websockets.http11 import Request, Response
 
 from duobench.errors import DuoBenchError, MessageError, ServingError
 from duobench.serving_thread import ServingThread
-from duobench.web.access import Admission, check_address
-from duobench.web.certificate import Certificate
-from duobench.web.messages import MAX_MESSAGE, read_message
-from duobench.web.peers import FRAME, Peer, Peers, encode
+from duobench.web.access import Admission, Certificate, check_address
+from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, encode, read_message
 
 _log = logging.getLogger(__name__)
 
@@ -45,6 +44,10 @@ _TIMEOUT_S = 2.0
 """Seconds for opening a connection, and for saying goodbye."""
 _LOOK_S = 0.01
 """How often is looked whether browsers have taken what waits, in seconds."""
+SEND_BUFFER = 16 << 10
+"""Bytes that the system keeps for a peer that does not read: a dozen frames, and not seconds."""
+FRAME = "frame"
+"""Where the newest frame waits; all else that waits is text."""
 _NAME = r"[\w.-]{1,100}"
 _SECURITY = {
     "Cache-Control": "no-store",
@@ -55,6 +58,55 @@ _SECURITY = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
+
+
+class Peer:
+    """One browser. Of everything the newest waits for it, so that a slow one skips the rest."""
+
+    def __init__(self, connection: ServerConnection) -> None:
+        self.connection = connection
+        """The connection."""
+        self._waiting: dict[str, str | bytes] = {}
+        self._changed = asyncio.Event()
+        self._next_frame = 0.0
+        if raw := connection.transport.get_extra_info("socket"):
+            with suppress(OSError):
+                raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+
+    def put(self, place: str, message: str | bytes) -> None:
+        """Let a message wait, in place of what waits there."""
+        self._waiting[place] = message
+        self._changed.set()
+
+    @property
+    def has_waiting(self) -> bool:
+        """Whether something waits to be sent."""
+        return bool(self._waiting)
+
+    def forget_frame(self) -> None:
+        """Drop the frame that waits: it belongs to another scene."""
+        self._waiting.pop(FRAME, None)
+
+    def refuse(self, reason: str) -> None:
+        """Say why a message was refused."""
+        self.put("refused", encode(kind="refused", reason=reason))
+
+    async def send_all(self) -> None:
+        """Send what waits, text first, as fast as it is read, until the connection ends."""
+        loop = asyncio.get_running_loop()
+        with suppress(websockets.ConnectionClosed):
+            while True:
+                await self._changed.wait()
+                self._changed.clear()
+                while (text := next((each for each in self._waiting if each != FRAME), None)) or (
+                    FRAME in self._waiting and loop.time() >= self._next_frame
+                ):
+                    await self.connection.send(self._waiting.pop(text or FRAME))
+                    if text is None:
+                        period = 1 / FRAMES_HZ
+                        self._next_frame = max(self._next_frame + period, loop.time() - period / 2)
+                if FRAME in self._waiting:
+                    loop.call_at(self._next_frame, self._changed.set)
 
 
 class PageServer:
@@ -89,7 +141,8 @@ class PageServer:
         self._scenes: dict[str, bytes] = {}
         self._images: dict[str, tuple[str, bytes]] = {}
         self._latest: dict[str, str | bytes] = {}
-        self._peers = Peers()
+        self._peers: dict[Peer, None] = {}  # in the order in which they came
+        self._driver: Peer | None = None
         self.on_message: Callable[[bool, bytes], str | None] = lambda _is_driver, _data: None
         """Called in the server's thread with every message that is not the server's own affair:
         whether its sender drives, and the message, JSON with a `kind`. It must return soon. What it
@@ -181,7 +234,7 @@ class PageServer:
                 image (None before the first), and `stale_s`, its age in seconds if that is too
                 old, else None.
         """
-        self._server.call(self._peers.put, "cameras", encode(kind="cameras", cameras=cameras))
+        self._server.call(self._put, "cameras", encode(kind="cameras", cameras=cameras))
 
     def pulse(self, side: str, strength: float, ms: int) -> None:
         """Let a controller of the driver rumble.
@@ -192,9 +245,7 @@ class PageServer:
             ms: How long, in milliseconds.
         """
         text = encode(kind="pulse", side=side, strength=strength, ms=ms)
-        self._server.call(
-            lambda: self._peers.driver and self._peers.driver.put(f"pulse {side}", text)
-        )
+        self._server.call(lambda: self._driver and self._driver.put(f"pulse {side}", text))
 
     def close(self) -> None:
         """Let every browser take what waits for it, then go; closing twice is harmless."""
@@ -213,7 +264,20 @@ class PageServer:
     def _show(self, place: str, message: str | bytes) -> None:
         if place == FRAME or self._latest.get(place) != message:
             self._latest[place] = message
-            self._peers.put(place, message)
+            self._put(place, message)
+
+    def _put(self, place: str, message: str | bytes) -> None:
+        for peer in self._peers:
+            peer.put(place, message)
+
+    def _let_drive(self, peer: Peer | None) -> None:
+        """Let one browser drive, or none, and tell all who drives and who watches."""
+        self._driver = peer
+        drivers = int(peer is not None)
+        viewers = len(self._peers) - drivers
+        for each in self._peers:
+            role = "driver" if each is peer else "viewer"
+            each.put("role", encode(kind="role", role=role, drivers=drivers, viewers=viewers))
 
     async def _flush(self) -> None:
         """Give every browser the time to take what waits for it."""
@@ -260,7 +324,8 @@ class PageServer:
 
     async def _serve_peer(self, connection: ServerConnection) -> None:
         peer = Peer(connection)
-        self._peers.add(peer)
+        self._peers[peer] = None
+        self._let_drive(self._driver)
         for place in ("scene", "status", FRAME):
             if place in self._latest:
                 peer.put(place, self._latest[place])
@@ -272,7 +337,10 @@ class PageServer:
             pass
         finally:
             sending.cancel()
-            if self._peers.remove(peer):
+            del self._peers[peer]
+            was_driver = peer is self._driver
+            self._let_drive(None if was_driver else self._driver)
+            if was_driver:
                 self._lose_driver()
 
     def _receive(self, peer: Peer, data: str | bytes) -> None:
@@ -285,12 +353,12 @@ class PageServer:
         match message.kind:
             case "ping":
                 peer.put("pong", encode(kind="pong", sent=message.sent))
-            case "drive" if self._peers.driver not in (None, peer):
+            case "drive" if self._driver not in (None, peer):
                 peer.refuse("Somebody else drives. Watch, or take over.")
             case "drive" | "take_over":
-                if self._peers.driver not in (None, peer):
+                if self._driver not in (None, peer):
                     self._lose_driver()
-                self._peers.let_drive(peer)
+                self._let_drive(peer)
             case _:
                 self._pass_on(peer, data)
 
@@ -303,7 +371,7 @@ class PageServer:
     def _pass_on(self, peer: Peer, data: str | bytes) -> None:
         content = data.encode() if isinstance(data, str) else data
         try:
-            reason = self.on_message(peer is self._peers.driver, content)
+            reason = self.on_message(peer is self._driver, content)
         except DuoBenchError as error:
             reason = str(error)
         except Exception:  # noqa: BLE001 - whatever fails there, the session goes on
