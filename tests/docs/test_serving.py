@@ -14,7 +14,6 @@ from duobench.cli.evaluate import evaluate
 from duobench.cli.serve import serve
 from duobench.policy import Batching, BatchPolicy, SessionPolicy, make
 from duobench.policy.serving.message_format import read_format
-from duobench.policy.serving.vla_eval import MODES
 from tests.docs.markdown import DOCS, table
 
 PAGE = (Path(__file__).parents[2] / "docs" / "serving.md").read_text(encoding="utf-8")
@@ -70,11 +69,6 @@ def test_table_of_parameters_names_those_of_the_benchmark() -> None:
     )
     rows = table(DOCS / "serving.md", "parameter")
     assert [row["parameter"] for row in rows] == [word.arg for word in made.args.kwonlyargs]
-
-
-def test_table_of_control_modes_is_that_of_the_code() -> None:
-    rows = [tuple(row.values()) for row in table(DOCS / "serving.md", "control_mode")]
-    assert rows == [(*key, mode) for key, mode in MODES.items()]
 
 
 def test_shown_commands_have_options_that_exist() -> None:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, advising, find_folder
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
+from duobench.cli.shared.advice import AdvisedError, advising, find_folder
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
 from duobench.errors import DataError, DuoBenchError, NamesTakenError, OutputError
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
     table.add_row("All tasks", *map(str, whole), style="bold")
     screen = console()
     screen.print(table)
-    screen.print(_chatter(summary))
+    screen.print(_smoothness(summary))
     screen.print(f"Episodes: {summary.domains}")
     if summary.left_out:
         screen.print(f"Frames missing in videos, left out by a late encoder: {summary.left_out}")
@@ -88,7 +88,7 @@ def _actors(summary: Summary) -> Iterator[str]:
             yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
 
 
-def _chatter(summary: Summary) -> Table:
+def _smoothness(summary: Summary) -> Table:
     """What joint targets do that is hard to learn, task by task."""
     from rich import box
     from rich.table import Table
@@ -98,7 +98,7 @@ def _chatter(summary: Summary) -> Table:
     for heading in ("Steps at a joint limit", "Reversals an episode", "Steps with a jump"):
         table.add_column(heading, justify="right")
     for task in summary.tasks:
-        found = task.chatter
+        found = task.smoothness
         shares = f"{found.at_limit:.1%}", f"{found.reversals:.1f}", f"{found.jumps:.1%}"
         table.add_row(task.task, *shares)
     return table
@@ -112,7 +112,7 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
         workers: Processes that check side by side.
     """
     source = opened(data)
-    from duobench.cli.display.progress import display
+    from duobench.cli.shared.progress import display
     from duobench.data import find_problems
 
     screen = console()

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from duobench.cli.display.console import command_line, console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import raising
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import raising
+from duobench.cli.shared.options import command_line
 from duobench.errors import EvaluationError, OptionError, PolicyError
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from duobench.evaluation.policies import PolicyChoice
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
-    from duobench.replay.watching import RunWatch
     from duobench.results.metrics import Results
     from duobench.results.run import Run
     from duobench.results.suite import Suite
@@ -57,8 +56,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     levels: tuple[int, ...] = (),
     wait: float = 60.0,
     key_file: Path | None = None,
-    watch: bool = False,
-    watch_port: int = 0,
     layout: str | None = None,
     executor: Literal["processes", "ray"] = "processes",
     address: str = "auto",
@@ -116,9 +113,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         levels: Of the suite robust, these levels alone, 1 to 5; no shift is always played.
         wait: Seconds to wait for a server that is not there.
         key_file: File with the key for the server, in place of DUOBENCH_API_KEY.
-        watch: Show on a page in the browser what is played. It costs nothing while nobody looks,
-            and no result depends on it.
-        watch_port: Port of that page; 0 takes a free one.
         layout: Renamed: give --format.
         executor: ray plays on a Ray cluster that is there (extra ray, docs/scale.md): --workers
             simulators on its nodes, the policy in actors, and this process, which alone writes.
@@ -127,8 +121,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
-    from duobench.cli.advice import advising, for_evaluation, relative
-    from duobench.cli.display.progress import EpisodesPlayed, display
+    from duobench.cli.shared.advice import advising, for_evaluation, relative
+    from duobench.cli.shared.progress import EpisodesPlayed, display
     from duobench.evaluation.policies import PolicyChoice
     from duobench.results.folder import RunFolder
     from duobench.results.limits import TimeLimits
@@ -154,17 +148,15 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     asked = played.execution.execute or PAPER_EXECUTE
     remote = _remote(policy, server, format, asked, wait, key_file)
     choice = PolicyChoice.parse(policy, batching=batching, server=remote)
-    limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
+    limits = TimeLimits(act_timeout=act_timeout, episode_timeout=episode_timeout)
     part = None if shard is None else Shard.parse(shard)
     conditions = _conditions(played, axes, levels)
     screen = console()
     if workers == 0 and not choice.is_scripted:
         screen.print("The policy plays in the process of the simulator, which it can see and move.")
     if conditions:
-        if watch or unplayed_count_as_failures:
-            raise OptionError(
-                "--watch and --unplayed-count-as-failures do not go with --suite robust."
-            )
+        if unplayed_count_as_failures:
+            raise OptionError("--unplayed-count-as-failures does not go with --suite robust.")
         run_shifts = partial(
             _evaluate_shifts, choice, played, out, conditions, screen, shard=part, command=command
         )
@@ -181,7 +173,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     advised = advising(partial(for_evaluation, folder, policy))
     with (
         advised,
-        _watching(screen, watch, watch_port) as live,
         raising(screen),
         display(screen, "episode") as shown,
     ):
@@ -197,7 +188,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             fresh=fresh,
             unplayed_count_as_failures=unplayed_count_as_failures,
             command=command,
-            watch=live,
             shard=part,
             cluster=_cluster(executor, address, policy_gpus),
         )
@@ -250,8 +240,8 @@ def _evaluate_shifts(
     **options: Any,
 ) -> None:
     """Play a suite under shifts, and report it; the exit code is 1 if an episode has an error."""
-    from duobench.cli.advice import advising, for_evaluation, relative
-    from duobench.cli.display.progress import EpisodesPlayed, display
+    from duobench.cli.shared.advice import advising, for_evaluation, relative
+    from duobench.cli.shared.progress import EpisodesPlayed, display
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results
     from duobench.results.robustness.conditions import read_robustness
@@ -277,23 +267,9 @@ def _evaluate_shifts(
         sys.exit(1)
 
 
-@contextmanager
-def _watching(screen: Console, is_on: bool, port: int) -> Iterator[RunWatch | None]:
-    """What shows a run on a page as long as the block lasts, if anything does."""
-    if not is_on:
-        yield None
-        return
-    from duobench.cli.view import serve_page
-    from duobench.replay.watching import RunWatch
-
-    with closing(serve_page(port, lan=False)) as server:
-        screen.print(f"Watch at {server.url}")
-        yield RunWatch(server)
-
-
 def _show(run: Run, results: Results, page: Path, screen: Console) -> None:
     """Print the results; the exit code is 1 if an episode failed with an error."""
-    from duobench.cli.display.table import results_table
+    from duobench.cli.shared.table import results_table
 
     screen.print(results_table(run, results))
     screen.print(f"Report: {page}")

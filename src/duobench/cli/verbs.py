@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 import tyro
 
 from duobench.cli import data, export
-from duobench.cli.display.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
@@ -17,7 +16,6 @@ from duobench.cli.real import calibrate as real_calibrate
 from duobench.cli.real import doctor as real_doctor
 from duobench.cli.real import evaluate as real_evaluate
 from duobench.cli.real import home as real_home
-from duobench.cli.real import rate as real_rate
 from duobench.cli.real import record as real_record
 from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
@@ -30,6 +28,7 @@ from duobench.cli.results.leaderboard import leaderboard
 from duobench.cli.results.report import report
 from duobench.cli.results.verify import verify
 from duobench.cli.serve import serve
+from duobench.cli.shared.console import console
 from duobench.cli.spelling import check_spelling
 from duobench.cli.teleop import teleop
 from duobench.cli.train import train
@@ -78,7 +77,6 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
         "calibrate": real_calibrate.calibrate,
         "record": real_record.record,
         "eval": real_evaluate.evaluate,
-        "rate": real_rate.rate,
         "teleop": real_teleop.teleop,
     },
     "real calibrate": {
@@ -109,4 +107,5 @@ def run(arguments: Sequence[str] | None) -> None:
         description=description,
         args=words,
         sort_subcommands=False,
+        config=(tyro.conf.EnumChoicesFromValues,),
     )

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench import checks
 from duobench.errors import PolicyError, escaped
-from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, real_array
+from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, as_count, as_size, real_array
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -77,14 +76,14 @@ class PolicyMetadata:
 
 
 def _image_size(size: Any) -> tuple[int, int] | None:
-    pixels = checks.size(size)
+    pixels = as_size(size)
     if size is not None and pixels is None:
         raise ValueError("it is (height, width) in pixels, or one number for a square")
     return pixels
 
 
 def _horizon(actions: Any) -> int | None:
-    number = checks.count(actions)
+    number = as_count(actions)
     if actions is not None and number is None:
         raise ValueError("it is at least 1 action")
     return number

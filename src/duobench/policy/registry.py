@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, SessionPolicy
 from duobench.policy.policy import Policy, PolicyMetadata

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
 from duobench.errors import ServingError
-from duobench.installing import install_extra
-from duobench.network import is_loopback
+from duobench.machine import install_extra, is_loopback
 
 _TOKEN_BYTES = 16
 _UNRESERVED = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~")

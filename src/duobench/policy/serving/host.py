@@ -21,7 +21,6 @@ import websockets
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from duobench.checks import whole
 from duobench.errors import DuoBenchError, MessageError, PolicyError, PolicyTimeoutError
 from duobench.policy.batch import Batching, BatchPolicy, Session
 from duobench.policy.inference import BusyError, InferenceLoop
@@ -31,6 +30,7 @@ from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 from duobench.serving_thread import ServingThread
+from duobench.types import as_whole
 
 T = TypeVar("T")
 
@@ -180,7 +180,7 @@ class _EpisodeKey:
         session_id = request.pop("session_id", self.session_id)
         if not isinstance(prompt, str):
             raise MessageError(f"A prompt is a text, got a {type(prompt).__name__}.")
-        number = whole(seed)
+        number = as_whole(seed)
         if number is None or not 0 <= number <= limits.MAX_SEED:
             raise MessageError(f"A seed is a whole number from 0, got {seed!r:.40}.")
         if not isinstance(session_id, str | int | None):
