@@ -16,7 +16,7 @@ from duobench.errors import ServingError
 
 _log = logging.getLogger(__name__)
 _connections = logging.getLogger(f"{__name__}.connections")
-_connections.setLevel(logging.CRITICAL + 1)  # what clients do wrong they are told themselves
+_connections.setLevel(logging.CRITICAL + 1)  # a client hears what it does wrong
 
 
 async def _nothing() -> None:

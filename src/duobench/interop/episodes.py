@@ -98,11 +98,11 @@ class Episodes:
         try:
             *_, self._last = execute(self._env, chunk, before=before, render_last=render_last)
         except BaseException:
-            self.close()  # whatever broke may have left it in any state
+            self.close()  # it may be in any state now
             raise
         return self._last
 
-    def shown(self, observation: Observation) -> dict[str, Any]:
+    def request(self, observation: Observation) -> dict[str, Any]:
         """An observation of the running episode as the format says."""
         return self.message_format.request(observation, self._instruction)
 

@@ -154,7 +154,7 @@ class DuoBench(StepBenchmark):
 
     def make_obs(self, raw_obs: Step, task: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002 - their signature
         """What the model server sees."""
-        return self._episodes.shown(raw_obs.observation)
+        return self._episodes.request(raw_obs.observation)
 
     def get_step_result(self, step_result: StepResult) -> dict[str, Any]:
         """How the episode has gone so far: `success`, `progress` 0..1 and the highest `stage`."""

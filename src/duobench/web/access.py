@@ -1,7 +1,7 @@
 """Who may see a page: what an address needs, a certificate, the token, the pages that may connect.
 
 Browsers give WebXR to secure pages only, and a token is a secret only where no one listens. A
-certificate that nobody has signed protects from listeners; a browser still asks once whether to
+certificate without a signature protects from listeners; a browser still asks once whether to
 trust it.
 """
 

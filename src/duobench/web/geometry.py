@@ -68,7 +68,7 @@ class Triangles:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Surface:
-    """A geom as it is shown."""
+    """A geom as a browser draws it."""
 
     order: tuple[int, ...]
     """Layer (0 room, 1 without shadow, 2 with), and what puts equal meshes beside each other."""
@@ -101,11 +101,11 @@ class Geometry:
     """
 
     def __init__(self, model: mujoco.MjModel, look: Look | None = None) -> None:
-        seen = (model.geom_group < COLLISION_GEOM_GROUP) & (model.geom_rgba[:, 3] > 0)
-        geoms = np.flatnonzero(seen).tolist()
+        is_visible = (model.geom_group < COLLISION_GEOM_GROUP) & (model.geom_rgba[:, 3] > 0)
+        geoms = np.flatnonzero(is_visible).tolist()
         carriers = {geom: _carrier(model, int(model.geom_bodyid[geom])) for geom in geoms}
         self.bodies: tuple[int, ...] = tuple(sorted({root for root, _ in carriers.values()} - {0}))
-        """Ids of the bodies that move and are seen, in the order of their poses."""
+        """Ids of the visible bodies that move, in the order of their poses."""
         if len(self.bodies) > MAX_BODIES:
             raise DuoBenchError(
                 f"A browser is shown at most {MAX_BODIES} moving bodies, and this model has "
@@ -115,23 +115,23 @@ class Geometry:
         look = look or Look()
         numbers = {0: 0} | {body: n for n, body in enumerate(self.bodies, start=1)}
         materials = GeomMaterials() if look == Look() else resolve_materials(model, look)
-        shown = [
-            _shown(model, geom, numbers[root], pose, materials, look)
+        surfaces = [
+            _surface(model, geom, numbers[root], pose, materials, look)
             for geom, (root, pose) in carriers.items()
         ]
-        shown = sorted([*shown, *_furniture(look)], key=lambda piece: piece.order)
+        surfaces = sorted([*surfaces, *_furniture(look)], key=lambda surface: surface.order)
         self.header: dict[str, Any] = {
             "format": 1,
-            "vertices": sum(len(piece.shape.points) for piece in shown),
-            "corners": sum(piece.shape.corners.size for piece in shown),
-            "layers": [_size(shown, layer) for layer in range(3)],
+            "vertices": sum(len(piece.shape.points) for piece in surfaces),
+            "corners": sum(piece.shape.corners.size for piece in surfaces),
+            "layers": [_size(surfaces, layer) for layer in range(3)],
             "bodies": len(self.bodies),
             "camera": camera_of(model),
             **lights_of(model, look),
         }
         """Counts; corners of the room, of what else casts no shadow, and of what does; camera for
         people; lights."""
-        self.data: bytes = _packed(self.header, shown)
+        self.data: bytes = _packed(self.header, surfaces)
         """The scene file."""
         self.name: str = hashlib.sha256(self.data).hexdigest()[:12]
         """What only scenes with the same file have in common."""
@@ -164,7 +164,7 @@ def _pose(position: Array, wxyz: Array) -> SE3:
     return SE3(matrix_from_wxyz(wxyz), position)
 
 
-def _shown(
+def _surface(
     model: mujoco.MjModel,
     geom: int,
     body: int,
@@ -218,22 +218,22 @@ def _moved(shape: Triangles, pose: SE3) -> Triangles:
     )
 
 
-def _size(shown: list[_Surface], layer: int) -> int:
-    return sum(piece.shape.corners.size for piece in shown if piece.order[0] == layer)
+def _size(surfaces: list[_Surface], layer: int) -> int:
+    return sum(piece.shape.corners.size for piece in surfaces if piece.order[0] == layer)
 
 
-def _packed(header: dict[str, Any], shown: list[_Surface]) -> bytes:
-    counts = [len(piece.shape.points) for piece in shown]
+def _packed(header: dict[str, Any], surfaces: list[_Surface]) -> bytes:
+    counts = [len(piece.shape.points) for piece in surfaces]
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]]).tolist()
-    points = np.concatenate([piece.shape.points for piece in shown])
-    normals = np.concatenate([piece.shape.normals for piece in shown])
-    colours = np.concatenate([piece.colours for piece in shown])
+    points = np.concatenate([piece.shape.points for piece in surfaces])
+    normals = np.concatenate([piece.shape.normals for piece in surfaces])
+    colours = np.concatenate([piece.colours for piece in surfaces])
     corners = np.concatenate(
-        [start + piece.shape.corners.ravel() for start, piece in zip(starts, shown, strict=True)]
+        [start + piece.shape.corners.ravel() for start, piece in zip(starts, surfaces, strict=True)]
     )
-    emission = np.repeat([_byte(piece.emission) for piece in shown], counts)
-    specular = np.repeat([_byte(piece.specular) for piece in shown], counts)
-    numbers = [piece.body + (0 if piece.takes_shadows else _NO_SHADOWS) for piece in shown]
+    emission = np.repeat([_byte(piece.emission) for piece in surfaces], counts)
+    specular = np.repeat([_byte(piece.specular) for piece in surfaces], counts)
+    numbers = [piece.body + (0 if piece.takes_shadows else _NO_SHADOWS) for piece in surfaces]
     text = json.dumps(header, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     planes = (

@@ -148,7 +148,7 @@ class PageServer:
         whether its sender drives, and the message, JSON with a `kind`. It must return soon. What it
         returns, or the text of a `DuoBenchError` that it raises, is why the message is refused."""
         self.on_driver_lost: Callable[[], None] = lambda: None
-        """Called in the server's thread when whoever drove has left, or had to give way."""
+        """Called in the server's thread when the driver has left, or had to give way."""
         self._server = ServingThread(
             self._serve_peer,
             host,
@@ -223,7 +223,7 @@ class PageServer:
         self._server.call(self._show, FRAME, frame)
 
     def publish_status(self, status: Mapping[str, Any]) -> None:
-        """Show a status: all of it, since whoever comes later sees this one alone."""
+        """Show a status: all of it, since a browser that comes later gets this one alone."""
         self._server.call(self._show, "status", encode(kind="status", **status))
 
     def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
@@ -365,7 +365,7 @@ class PageServer:
     def _lose_driver(self) -> None:
         try:
             self.on_driver_lost()
-        except Exception:  # noqa: BLE001 - whatever fails there, the session goes on
+        except Exception:  # noqa: BLE001 - the session goes on
             _log.exception("The loss of the driver made something fail; the session goes on.")
 
     def _pass_on(self, peer: Peer, data: str | bytes) -> None:
@@ -374,7 +374,7 @@ class PageServer:
             reason = self.on_message(peer is self._driver, content)
         except DuoBenchError as error:
             reason = str(error)
-        except Exception:  # noqa: BLE001 - whatever fails there, the session goes on
+        except Exception:  # noqa: BLE001 - the session goes on
             _log.exception("A message from a page made something fail; the session goes on.")
             reason = "Something failed here."
         if reason is not None:

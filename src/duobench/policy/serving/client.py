@@ -155,7 +155,7 @@ class OpenpiPolicy(ConnectedPolicy):
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:
-    """What a server of ours tells about its policy, and how it is asked."""
+    """Metadata and batching of the policy at a server of ours."""
     try:
         protocol = facts.get("protocol") if isinstance(facts, dict) else facts
         if type(protocol) is not int or protocol != PROTOCOL:
@@ -176,7 +176,7 @@ _MILLI = 1e3
 
 
 class OwnPolicy(OpenpiPolicy):
-    """A policy in a process of its own, which is told of as if it were in this one."""
+    """A policy in a process of its own, whose errors are those of one in this process."""
 
     intended_action: Any = None
     """What it wanted its last action to be, if it has disturbed it."""

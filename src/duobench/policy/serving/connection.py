@@ -1,4 +1,4 @@
-"""A policy at a server, at the other end of a WebSocket, whatever is said there.
+"""A policy at a server, at the other end of a WebSocket, in any protocol.
 
 What the server's policy does wrong is a `PolicyError`, which fails an episode. What happens to the
 connection is a `MachineryError`, after which an episode can be played again from its start. Nothing

@@ -164,7 +164,7 @@ class PolicyHost:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _EpisodeKey:
-    """What tells one episode of a client from the next."""
+    """What distinguishes one episode of a client from the next."""
 
     prompt: str = ""
     seed: int = 0
@@ -227,7 +227,7 @@ class ClientSession:
         return self._session is not None
 
     def note_sent(self) -> None:
-        """An answer was sent; the next one tells how long it took."""
+        """Note that an answer was sent; the next one says how long it took."""
         self._timing = {"prev_total_ms": (time.monotonic() - self._received) * _MILLI}
 
     def close(self) -> None:
@@ -281,7 +281,7 @@ class ClientSession:
 
 
 def _words(error: DuoBenchError) -> str:
-    """What a client is told of an error: a traceback of the policy, or what went wrong."""
+    """The text of an error for a client: a traceback of the policy, or what went wrong."""
     if isinstance(error, PolicyTimeoutError):
         return f"{PolicyTimeoutError.__name__}: {error}"
     return str(error)
