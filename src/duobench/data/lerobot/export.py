@@ -103,9 +103,6 @@ def export_lerobot(
         view_of: Gives the view of each real camera, which makes its images those of the
             simulation's camera; it can be pickled.
 
-    Returns:
-        What it came to.
-
     Raises:
         DataError: There is nothing to export, or a recording cannot be read or shown.
         SeveralTasksError: Tasks whose object states differ are to be in one data set.
