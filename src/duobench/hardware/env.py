@@ -25,7 +25,7 @@ from duobench.envs.episode_wrappers import Judge, TaskStages
 from duobench.envs.protocol import stack_on
 from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import OptionError, check_known
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import Rig
@@ -53,11 +53,11 @@ class RealEnv(DuoEnv):
     and `layout_seed` (kept in info), and `instruction`.
     """
 
-    backend: HardwareDuo
+    backend: FrankaDuo
 
     def __init__(
         self,
-        backend: HardwareDuo,
+        backend: FrankaDuo,
         task: Task,
         *,
         prepare: Callable[[Mapping[str, Any]], None] | None = None,
@@ -145,7 +145,7 @@ def _layout_of(task: Task, given: Any, seed: int, split: str) -> Layout:
 
 
 def make_real_env(
-    rig: HardwareDuo | Rig | Path | str,
+    rig: FrankaDuo | Rig | Path | str,
     task: str | Task,
     *,
     judge: Judge | None = None,
@@ -168,7 +168,7 @@ def make_real_env(
         OptionError: A value is invalid, or asks for what only a simulation has.
         BackendError: A device cannot be reached.
     """
-    duo = rig if isinstance(rig, HardwareDuo) else open_rig(rig)
+    duo = rig if isinstance(rig, FrankaDuo) else open_rig(rig)
     definition = cast("Task", catalog.get(task))
     config = EnvConfig.from_options({"cameras": tuple(duo.cameras), **options})
     if config.object_state or config.render_mode is not None or config.shift != NO_SHIFT:

@@ -22,7 +22,7 @@ from duobench.data.views import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
 from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.drivers.frames import STALE_S
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, HEAD
@@ -58,7 +58,7 @@ _JPEG_QUALITY = 85
 class HeadCamera:
     """The head camera of a rig that may have none."""
 
-    def __init__(self, duo: HardwareDuo) -> None:
+    def __init__(self, duo: FrankaDuo) -> None:
         self._duo = duo
 
     def image(self, shape: tuple[int, int]) -> Image | None:
@@ -146,7 +146,7 @@ class CameraFeed:
         server: The page.
     """
 
-    def __init__(self, duo: HardwareDuo, server: PageServer) -> None:
+    def __init__(self, duo: FrankaDuo, server: PageServer) -> None:
         self._duo, self._server = duo, server
         self._shown: dict[str, tuple[Frame, str]] = {}  # what each camera's address shows
         self._is_over = threading.Event()

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import Protocol
 
 from duobench.errors import DuoBenchError
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.session import HELD_BY_OPERATOR, Phase, RigSession, Stopped
 
@@ -48,7 +48,7 @@ class Operator(Protocol):
         ...
 
 
-def ask_to_recover(duo: HardwareDuo, operator: Operator) -> bool:
+def ask_to_recover(duo: FrankaDuo, operator: Operator) -> bool:
     """Have what is wrong with the arms set right; False if the operator ends it instead."""
     while duo.supervisor.fault is not None:
         if operator.ask(FAULT.format(duo.supervisor.reason), f"r{QUIT}") == QUIT:

@@ -18,7 +18,7 @@ from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import FAULT_KIND
 from duobench.policy.serving.address import RemoteServer
 from duobench.results.limits import TimeLimits
@@ -64,7 +64,7 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
 
 
 def make_rig_recorder(
-    env: gym.Env, duo: HardwareDuo, data: DataSet | str | Path, actor: Actor, **options: Any
+    env: gym.Env, duo: FrankaDuo, data: DataSet | str | Path, actor: Actor, **options: Any
 ) -> Recorder:
     """Record an environment on a rig with all its cameras; every episode waits for a decision.
 

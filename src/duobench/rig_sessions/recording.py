@@ -20,7 +20,7 @@ from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE, INSTRUCTION, LAYOUT, SPLIT
 from duobench.errors import OptionError, OutputError, PolicyError
 from duobench.evaluation.policies import PolicySource
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.policy import PolicyMetadata
 from duobench.randomness import TRAIN, episode_seed
@@ -133,7 +133,7 @@ class RigRecording(RigSession):
 
     def __init__(  # noqa: PLR0913 - what can be chosen about it
         self,
-        duo: HardwareDuo,
+        duo: FrankaDuo,
         task: str,
         data: DataSet,
         source: PolicySource,

@@ -22,7 +22,7 @@ from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
 from duobench.errors import DuoBenchError
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import RealEnv, make_real_env
 from duobench.randomness import TRAIN
 from duobench.rig_sessions.operator import QUIT, Operator, ask_to_recover
@@ -55,7 +55,7 @@ class EndedError(DuoBenchError):
 class ConfirmedHoming:
     """Asks the operator before the arms go home, as `RealEnv` wants it."""
 
-    def __init__(self, duo: HardwareDuo, operator: Operator) -> None:
+    def __init__(self, duo: FrankaDuo, operator: Operator) -> None:
         self._duo, self._operator = duo, operator
 
     def __call__(self, options: Mapping[str, Any]) -> None:
@@ -74,7 +74,7 @@ class ConfirmedHoming:
 
 
 def make_real_recorder(
-    duo: HardwareDuo,
+    duo: FrankaDuo,
     task: str | Task,
     data: DataSet | str | Path,
     actor: Actor,

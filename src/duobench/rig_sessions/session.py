@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from duobench.errors import BackendError, MessageError
 from duobench.evaluation.rollout import Watcher
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge, StageLabel
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
@@ -94,7 +94,7 @@ class RigSession:
     view: SessionView
     """What the operator sees."""
 
-    def __init__(self, duo: HardwareDuo, judge: HumanJudge) -> None:
+    def __init__(self, duo: FrankaDuo, judge: HumanJudge) -> None:
         self.duo, self.judge = duo, judge
         self.phase = Phase.PLACING
         self.message = ""

@@ -19,7 +19,7 @@ from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.fabrication.sheet import layout_sheet
 from duobench.files import write
 from duobench.hardware.devices import FaultKind
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.judge import HumanJudge
 from duobench.results.limits import TimeLimits
@@ -72,7 +72,7 @@ class TrialsSession(RigSession):
         folder: TrialsFolder,
         plan: TrialsPlan,
         sources: Sequence[PolicySource],
-        duo: HardwareDuo,
+        duo: FrankaDuo,
         overlay: Overlay,
         server: PageServer,
         *,
@@ -277,7 +277,7 @@ def _run_of(plan: TrialsPlan, candidate: Candidate, source: PolicySource, comman
 
 def open_session(  # noqa: PLR0913 - everything that can be chosen
     folder: TrialsFolder,
-    duo: HardwareDuo,
+    duo: FrankaDuo,
     task: TaskInfo,
     policies: Sequence[tuple[str, str]],
     server: PageServer,
