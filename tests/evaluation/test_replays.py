@@ -7,7 +7,8 @@ import pytest
 
 import duobench
 from duobench.envs.sim_env import sim_of
-from duobench.replay.tracks import MOST, choose_few, make_replays
+from duobench.replay.render import MOST_REPLAYS as MOST
+from duobench.replay.render import choose_few, make_replays
 from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results
 from duobench.results.report import write_report

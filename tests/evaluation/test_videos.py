@@ -6,7 +6,7 @@ import av
 import pytest
 
 from duobench.errors import EvaluationError, UnknownNameError
-from duobench.replay.videos import choose, make_videos
+from duobench.replay.render import choose, make_videos
 from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results
 from duobench.results.source import read_source
@@ -122,9 +122,9 @@ def test_what_cannot_be_shown_is_told_and_leaves_no_video(play: Play) -> None:
     folder, results = play("random", episodes=1, videos=0, tasks=WAVE)
     (record,) = results.tasks[0].records
     for changes, why in (
-        ({"sent": None}, "does not have what was sent"),
-        ({"sent": b"x"}, "cannot be played"),
-        ({"stage_changes": ((1, 1),), "final_stage": 1, "success": False}, "other stages here"),
+        ({"sent": None}, "no joint targets"),
+        ({"sent": b"x"}, "does not hold as many"),
+        ({"stage_changes": ((1, 1),), "final_stage": 1, "success": False}, "comes out differently"),
     ):
         videos, told = made_anew(folder, **changes)
         assert [(each.episode, why in reason) for each, reason in videos.impossible] == [(0, True)]

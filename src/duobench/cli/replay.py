@@ -53,7 +53,7 @@ def replay(
 
 def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
     from duobench.data import Recording
-    from duobench.replay import replay_all
+    from duobench.replay import replay as play_again
     from duobench.tasks import catalog
 
     screen = console()
@@ -62,7 +62,7 @@ def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
     for task in tasks or data.tasks:
         paths = data.episodes_of([catalog.get(task).id])
         results = []
-        for path, result in zip(paths, replay_all(task, map(Recording.read, paths)), strict=True):
+        for path, result in zip(paths, play_again(task, map(Recording.read, paths)), strict=True):
             results.append(result)
             if not result.is_exact:
                 screen.print(

@@ -16,11 +16,10 @@ from functools import partial
 from duobench.data.processes import Progress, run_all
 from duobench.errors import DuoBenchError, ImportPathError, UnknownNameError, escaped
 from duobench.replay.claims import differing_bits, disagreements
-from duobench.replay.player import TargetPlayer, actual_task, obstacle
+from duobench.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.reader import RunReader
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
-from duobench.results.suite import TaskInfo
 from duobench.versions import differing_arithmetic
 
 
@@ -109,7 +108,7 @@ def verify(
         DataError: A process ended by itself.
     """
     run = source.read_run()
-    tasks, unknown, objections = _tasks(run, import_tasks)
+    unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[tuple[str, int], Finding] = {}
     jobs: list[EpisodeRecord] = []
     for episode in source.finished(run):
@@ -121,13 +120,14 @@ def verify(
             continue
         if wrong := _other_versions(run, record):
             findings[key] = _finding(*key, Verdict.CONTRADICTED, wrong)
-        elif reason := unknown.get(record.task) or obstacle(record):
+        elif reason := unknown.get(record.task) or why_not(record):
             findings[key] = _finding(*key, Verdict.UNVERIFIABLE, reason)
         else:
             jobs.append(record)
     order = [*findings, *((record.task, record.episode) for record in jobs)]
     progress(len(findings), len(order))
-    with closing(run_all(partial(_checker, run, tasks), jobs, workers)) as results:
+    check = partial(_checker, run, import_tasks)
+    with closing(run_all(check, jobs, workers)) as results:
         for finding in results:
             findings[finding.task, finding.episode] = finding
             progress(len(findings), len(order))
@@ -146,13 +146,8 @@ def _finding(task: str, episode: int, verdict: Verdict, reason: str = "") -> Fin
     return Finding(task=task, episode=episode, verdict=verdict, reason=line)
 
 
-Tasks = Mapping[str, TaskInfo]
-"""Tasks as they are, by their ids."""
-
-
-def _tasks(run: Run, import_tasks: bool) -> tuple[Tasks, Mapping[str, str], list[str]]:
-    """The tasks of a run, why others cannot be played, and what the run says wrongly of them."""
-    tasks: dict[str, TaskInfo] = {}
+def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[str]]:
+    """Why tasks of a run cannot be played, by id, and what the run says wrongly of others."""
     unknown: dict[str, str] = {}
     objections: list[str] = []
     for claimed in run.suite.tasks:
@@ -161,14 +156,13 @@ def _tasks(run: Run, import_tasks: bool) -> tuple[Tasks, Mapping[str, str], list
         except (UnknownNameError, ImportPathError) as error:
             unknown[claimed.id] = str(error)
             continue
-        tasks[claimed.id] = actual
         objections += [
             f"The run says of {claimed.id} that its {name} is {getattr(claimed, name)}, not "
             f"{getattr(actual, name)}."
             for name in ("id", "category", "max_stage", "horizon")
             if getattr(claimed, name) != getattr(actual, name)
         ]
-    return tasks, unknown, [escaped(sentence) for sentence in objections]
+    return unknown, [escaped(sentence) for sentence in objections]
 
 
 def _other_versions(run: Run, record: EpisodeRecord) -> str:
@@ -180,25 +174,19 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
     )
 
 
-def _checker(run: Run, tasks: Tasks) -> Callable[[EpisodeRecord], Finding]:
+def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:
     """What checks one record after the other; it keeps the environment of one for the next."""
-    players: dict[str, TargetPlayer] = {}
+    player = RecordPlayer(run, import_tasks=import_tasks)
 
     def check(record: EpisodeRecord) -> Finding:
-        if record.task not in players:
-            for player in players.values():
-                player.close()
-            players.clear()
-            players[record.task] = TargetPlayer(tasks[record.task])
-        verdict, reason = _judged(run, record, players[record.task])
-        return _finding(record.task, record.episode, verdict, reason)
+        return _finding(record.task, record.episode, *_judged(record, player))
 
     return check
 
 
-def _judged(run: Run, record: EpisodeRecord, player: TargetPlayer) -> tuple[Verdict, str]:
+def _judged(record: EpisodeRecord, player: RecordPlayer) -> tuple[Verdict, str]:
     try:
-        replay = player.play(run, record)
+        replay = player.replay(record)
     except DuoBenchError as error:
         return Verdict.CONTRADICTED, f"its targets cannot be played: {error}"
     different, bits = disagreements(record, replay), differing_bits(record, replay)

@@ -8,22 +8,22 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import DuoBenchError, MessageError
-from duobench.replay.commands import Command, Play, Seek, Select, read_command
-from duobench.replay.playback import Playback
 from duobench.replay.sources import ViewSource
+from duobench.replay.trajectory import Trajectory
 from duobench.types import CONTROL_HZ
 from duobench.web.messages import pack_frame
 
 if TYPE_CHECKING:
     from duobench.web.server import PageServer
 
-MAX_PLAYBACKS = 64
+MAX_TRAJECTORIES = 64
 """Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""
 _MAX_COMMANDS = 100
 MAX_ITEMS = 500
@@ -32,6 +32,42 @@ _MAX_LATE_S = 1.0
 """After a longer pause, such as while nobody looked, it goes on where it was, in seconds."""
 _IDLE_S = 0.1
 """How often is looked whether an episode is ready, or somebody came, in seconds."""
+
+
+class Select(msgspec.Struct, tag="select", tag_field="kind", frozen=True):
+    """Show an item, from its beginning."""
+
+    id: Annotated[str, msgspec.Meta(max_length=300)]
+
+
+class Seek(msgspec.Struct, tag="seek", tag_field="kind", frozen=True):
+    """Go to a control step."""
+
+    step: Annotated[int, msgspec.Meta(ge=0, le=10**9)]
+
+
+class Play(msgspec.Struct, tag="play", tag_field="kind", frozen=True):
+    """Go on, or stop."""
+
+    on: bool
+
+
+Command = Select | Seek | Play
+_decoder = msgspec.json.Decoder(Command)
+
+
+def read_command(data: bytes) -> Command:
+    """Read a command.
+
+    Raises:
+        MessageError: It is none.
+    """
+    try:
+        return _decoder.decode(data)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise MessageError(
+            f"Here one selects, seeks and plays; got something else: {error}."
+        ) from error
 
 
 class Viewer:
@@ -55,10 +91,10 @@ class Viewer:
         self._known = {item["id"] for item in self._items}
         self._commands: queue.Queue[Command] = queue.Queue(_MAX_COMMANDS)
         self._loader = ThreadPoolExecutor(1, "viewer")
-        self._loading: Future[Playback] | None = None
-        self._load = lru_cache(MAX_PLAYBACKS)(source.load)
+        self._loading: Future[Trajectory] | None = None
+        self._load = lru_cache(MAX_TRAJECTORIES)(source.load)
         self._selected = ""
-        self._shown: Playback | None = None
+        self._shown: Trajectory | None = None
         self._poses: NDArray[np.float32] = np.empty((0, 0, 7), np.float32)
         self._step, self._plays, self._note, self._due = 0, False, "", 0.0
         self._over = threading.Event()
@@ -70,7 +106,7 @@ class Viewer:
         try:
             while not self._over.is_set():
                 self._act()
-                self._look_for_playback()
+                self._begin_loaded()
                 self._advance()
         finally:
             self._loader.submit(self._source.close)
@@ -130,21 +166,21 @@ class Viewer:
         self._loading = self._loader.submit(self._load, item)
         self._tell()
 
-    def _look_for_playback(self) -> None:
+    def _begin_loaded(self) -> None:
         """Begin to play what has been loaded."""
         if self._loading is None or not self._loading.done():
             return
         loading, self._loading = self._loading, None
         try:
-            playback = loading.result()
+            trajectory = loading.result()
         except DuoBenchError as error:
             self._note = str(error)
             self._tell()
             return
-        self._shown, self._poses, self._note = playback, playback.poses(), playback.note
+        self._shown, self._poses, self._note = trajectory, trajectory.poses(), trajectory.note
         self._plays = self._last > 0
         self._due = time.monotonic()
-        self._server.publish_scene(playback.scene, playback.scene_data)
+        self._server.publish_scene(trajectory.scene, trajectory.scene_data)
         self._show(0)
         self._tell()
 
@@ -181,11 +217,11 @@ class Viewer:
                 "items": self._items,
                 "selected": self._selected,
                 "note": self._note,
-                **self._of_playback(),
+                **self._of_trajectory(),
             }
         )
 
-    def _of_playback(self) -> dict[str, Any]:
+    def _of_trajectory(self) -> dict[str, Any]:
         shown = self._shown
         if shown is None:
             return {}

@@ -72,12 +72,12 @@ def test_a_recorded_episode_is_shown_as_its_states_were(
     assert isinstance(source, DataSource)
     (item,) = source.items
     assert (item.id, item.title, item.state) == (f"{TASK}/00000", f"{TASK} 00000", "failure")
-    playback = source.load(item.id)
+    trajectory = source.load(item.id)
     (path,) = DataSet.open(data).episodes()
     recording = Recording.read(path)
-    poses = playback.poses()
+    poses = trajectory.poses()
     assert len(poses) == HORIZON + 1
-    assert playback.instruction == recording.info.instruction
+    assert trajectory.instruction == recording.info.instruction
     with closing(SimEnv(catalog.get(TASK))) as env:
         env.reset(options={"layout": recording.info.layout})
         geometry = Geometry(env.simulation.model)
@@ -100,11 +100,11 @@ def test_episodes_of_a_run_are_played_from_their_targets(
         for item, record in zip(
             source.items, [each for task in results.tasks for each in task.records], strict=True
         ):
-            playback = source.load(item.id)
-            assert playback.stage_changes == record.stage_changes
-            assert len(playback.poses()) == record.steps + 1
-            assert playback.stage_after(record.steps) == record.final_stage
-            assert playback.note == record.missing
+            trajectory = source.load(item.id)
+            assert trajectory.stage_changes == record.stage_changes
+            assert len(trajectory.poses()) == record.steps + 1
+            assert trajectory.stage_after(record.steps) == record.final_stage
+            assert trajectory.note == record.missing
             assert item.detail == f"{item.state}, stage {record.final_stage} of {record.max_stage}"
 
 

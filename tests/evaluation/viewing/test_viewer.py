@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from duobench.errors import EvaluationError
-from duobench.replay.playback import Playback
 from duobench.replay.sources import Item
+from duobench.replay.trajectory import Trajectory
 from duobench.replay.viewer import Viewer
 from duobench.types import CONTROL_HZ
 from duobench.web import track
@@ -21,12 +21,12 @@ from tests.web.pages import open_page, wait_until
 STEPS = 20
 
 
-def playback(scene: str) -> Playback:
+def trajectory(scene: str) -> Trajectory:
     """One body that rises by a centimetre a step."""
     poses = np.zeros((STEPS + 1, 1, 7))
     poses[:, 0, 2] = 0.01 * np.arange(STEPS + 1)
     poses[:, 0, 3] = 1
-    return Playback(
+    return Trajectory(
         task="rise",
         instruction="Rise.",
         stages=("risen", "high"),
@@ -54,14 +54,14 @@ class Rises:
         self.go_on = threading.Event()
         self.threads: set[int] = set()
 
-    def load(self, item: str) -> Playback:
+    def load(self, item: str) -> Trajectory:
         self.loads.append(item)
         self.threads.add(threading.get_ident())
         if item == "broken":
             raise EvaluationError("It is broken.")
         if item == "slow":
             assert self.go_on.wait(30)
-        made = playback(f"scene-{item}")
+        made = trajectory(f"scene-{item}")
         return replace(made, track=track.encode(made.poses()[:1])) if item == "still" else made
 
     def close(self) -> None:

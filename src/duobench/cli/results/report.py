@@ -17,7 +17,7 @@ from duobench.cli.shared.engine import load_engine
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.replay.missing import Made
+    from duobench.replay.render import RenderResult
     from duobench.results.folder import RunFolder
     from duobench.results.reader import RunReader
 
@@ -70,8 +70,7 @@ def report(
     impossible = 0
     if videos or replays:
         load_engine()
-        from duobench.replay.tracks import choose_few, make_replays
-        from duobench.replay.videos import choose, make_videos
+        from duobench.replay.render import choose, choose_few, make_replays, make_videos
 
         for what, words, pick, make in (
             ("video", videos, choose, make_videos),
@@ -118,7 +117,7 @@ def _place(reader: RunReader, out: Path | None) -> RunFolder:
     return RunFolder(out or reader.path)
 
 
-def _make(what: str, make: Callable[..., Made], screen: Console, import_tasks: bool) -> int:
+def _make(what: str, make: Callable[..., RenderResult], screen: Console, import_tasks: bool) -> int:
     """Make videos or replays, and return how many cannot be made."""
     from duobench.cli.shared.progress import display
     from duobench.tasks import catalog

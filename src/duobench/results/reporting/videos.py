@@ -68,7 +68,7 @@ class PageVideos:
         """The command that makes videos, with DIR for the folder, as in the run's own command.
 
         Args:
-            choice: Of which episodes, as `duobench.replay.videos.choose` takes it.
+            choice: Of which episodes, as `duobench.replay.render.choose` takes it.
             what: "videos" or "replays".
 
         Returns:

@@ -4,27 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.envs.sim_env import sim_of
+from duobench.envs.execution import Step
+from duobench.envs.sim_env import SimEnv, sim_of
+from duobench.evaluation.rollout import Info, Observation
 from duobench.looks.look import Look
 from duobench.sim.simulation import Simulation
 from duobench.web import track
 from duobench.web.geometry import Geometry
 
-if TYPE_CHECKING:
-    from duobench.envs.execution import Step
-    from duobench.evaluation.rollout import Info, Observation
-
-StageChanges = tuple[tuple[int, int], ...]
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Playback:
+class Trajectory:
     """One episode, with all that is shown of it."""
 
     task: str
@@ -35,7 +30,7 @@ class Playback:
     """Names of the stages 1, 2, ..."""
     subinstructions: tuple[str, ...]
     """What to do at stage 0, 1, ... to reach the next one."""
-    stage_changes: StageChanges
+    stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage), as in `EpisodeRecord`."""
     scene: str
     """Name of the scene; see `Geometry.name`."""
@@ -64,58 +59,66 @@ class SceneCache:
     """The geometry of what is shown, made again only when it changes."""
 
     def __init__(self) -> None:
-        """Begin without any."""
         self._shown: tuple[Simulation, Mapping[str, str], Look] | None = None
         self._geometry: Geometry | None = None
 
     def of(self, simulation: Simulation, look: Look) -> Geometry:
         """The geometry of a simulation in its layout's variants, in a look."""
-        before = self._shown
+        wanted = (simulation, dict(simulation.variants), look)
         is_same = (
-            before is not None and before[0] is simulation and before[1:] == _what(simulation, look)
+            self._shown is not None
+            and self._shown[0] is simulation
+            and self._shown[1:] == wanted[1:]
         )
         if self._geometry is None or not is_same:
-            self._geometry = Geometry(simulation.model, look)
-            self._shown = (simulation, *_what(simulation, look))
+            self._geometry, self._shown = Geometry(simulation.model, look), wanted
         return self._geometry
 
 
-def _what(simulation: Simulation, look: Look) -> tuple[Mapping[str, str], Look]:
-    return dict(simulation.variants), look
-
-
-class PoseCollector:
-    """Watches an episode, and keeps the poses after every control step."""
+class TrajectoryRecorder:
+    """Watches an episode, and keeps its trajectory, with geometry of a cache in a look."""
 
     def __init__(self, scenes: SceneCache, look: Look) -> None:
-        """Collect with geometry of a cache, in a look."""
         self._scenes, self._look = scenes, look
-        self._simulation: Simulation | None = None
+        self._env: SimEnv | None = None
+        self._geometry: Geometry | None = None
+        self._instruction = ""
         self._poses: list[NDArray[np.float32]] = []
-        self.geometry: Geometry | None = None
-        """What is shown, once the episode has begun."""
-        self.subinstructions: tuple[str, ...] = ()
-        """What to do at stage 0, 1, ... to reach the next one."""
+        self._stage_changes: list[tuple[int, int]] = []
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """Keep the poses of the start."""
-        base = sim_of(env)
-        self._simulation = base.simulation
-        self.geometry = self._scenes.of(base.simulation, self._look)
-        self.subinstructions = tuple(text for _, text in sorted(base.subinstructions.items()))
-        self._collect()
+        """Keep the start."""
+        self._env = sim_of(env)
+        self._geometry = self._scenes.of(self._env.simulation, self._look)
+        self._instruction = info["instruction"]
+        self._collect(0, info.get("stage", 0))
 
-    def on_step(self, step: Step) -> None:  # noqa: ARG002 - the protocol's signature
-        """Keep the poses after a step."""
-        self._collect()
+    def on_step(self, step: Step) -> None:
+        """Keep the poses after a step, and a stage that was newly reached."""
+        self._collect(step.number, step.info["stage"])
 
     def on_episode_end(self, error: BaseException | None) -> None:
         """Do nothing: what there was is shown."""
 
-    def track(self) -> bytes:
-        """All poses so far, packed."""
-        return track.encode(np.array(self._poses))
+    def trajectory(self, note: str = "") -> Trajectory:
+        """All of it so far."""
+        if self._env is None or self._geometry is None:
+            raise AssertionError("An episode begins before it is shown.")
+        return Trajectory(
+            task=self._env.definition.id,
+            instruction=self._instruction,
+            stages=tuple(stage.name for stage in self._env.definition.stages),
+            subinstructions=tuple(text for _, text in sorted(self._env.subinstructions.items())),
+            stage_changes=tuple(self._stage_changes),
+            scene=self._geometry.name,
+            scene_data=self._geometry.data,
+            track=track.encode(np.array(self._poses)),
+            note=note,
+        )
 
-    def _collect(self) -> None:
-        if self.geometry is not None and self._simulation is not None:
-            self._poses.append(self.geometry.poses(self._simulation.data))
+    def _collect(self, number: int, stage: int) -> None:
+        if self._env is None or self._geometry is None:
+            raise AssertionError("An episode begins before its steps.")
+        self._poses.append(self._geometry.poses(self._env.simulation.data))
+        if stage > (self._stage_changes[-1][1] if self._stage_changes else 0):
+            self._stage_changes.append((number, stage))
