@@ -35,8 +35,7 @@ from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.stopwatch import Stopwatch
 from duobench.policy import Policy
-from duobench.policy.compatibility import check_fits
-from duobench.policy.policy import as_chunk
+from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, episode_seed
 from duobench.results.limits import TimeLimits

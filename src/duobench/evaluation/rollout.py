@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from duobench.envs.config import SPLIT
 from duobench.envs.duo_env import base_of
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution, Step, execute, optional_method
-from duobench.policy.compatibility import check_fits
-from duobench.policy.policy import Policy, as_chunk
+from duobench.policy.policy import Policy, as_chunk, check_fits
 from duobench.randomness import EVAL, policy_seed
 from duobench.results.run import Run
 

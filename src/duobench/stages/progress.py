@@ -29,7 +29,6 @@ class Stage:
     instruction: str
     """What to do to reach it, in the imperative."""
     holds: Predicate
-    """The conjunction of its constraints."""
     stays: Predicate | None = None
     """What later stages take for granted of it. Where it is lost, this stage's instruction is what
     is to be done now, though the stage was reached. None if nothing can be lost."""
@@ -75,7 +74,6 @@ class ProgressState:
     """The stage of an episode, and all that its constraints remember."""
 
     stage: int
-    """The highest stage so far."""
     final_holds: bool = False
     """Whether the last stage's constraints hold."""
     remembered: tuple[bool, ...] = ()
