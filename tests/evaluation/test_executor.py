@@ -11,10 +11,10 @@ import pytest
 from duobench.errors import MachineryError, RenderingError, UnplayedError
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
-from duobench.runners import channel
+from duobench.runners import process
 from duobench.runners import process_executor as executor
-from duobench.runners.channel import Channel
-from duobench.runners.messages import EpisodeError, Report, Request
+from duobench.runners.process import Channel
+from duobench.runners.worker import EpisodeError, Report, Request
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until
@@ -95,7 +95,7 @@ def test_time_to_read_a_message_grows_with_its_length_alone(
     """Eight times as long takes eight times as long, on any machine; were all looked through again
     with each piece that comes, it would be up to sixty-four times.
     """
-    monkeypatch.setattr(channel, "_PIECE", 4096)
+    monkeypatch.setattr(process, "_PIECE", 4096)
     short, long = (reading_time(length << 20) for length in (2, 16))
     assert long < 20 * short
 

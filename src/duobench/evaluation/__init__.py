@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from duobench.evaluation.policies import PolicyChoice as PolicyChoice
     from duobench.evaluation.policies import PolicySource as PolicySource
     from duobench.evaluation.policies import source as source
-    from duobench.evaluation.recorder import VideoRecorder as VideoRecorder
     from duobench.evaluation.rollout import Observer as Observer
     from duobench.evaluation.rollout import Watcher as Watcher
     from duobench.evaluation.rollout import rollout as rollout
+    from duobench.evaluation.video import VideoRecorder as VideoRecorder
     from duobench.results.bundle import write_bundle as write_bundle
     from duobench.results.folder import RunFolder as RunFolder
     from duobench.results.limits import TimeLimits as TimeLimits

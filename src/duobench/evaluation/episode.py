@@ -27,13 +27,11 @@ from duobench.errors import (
     escaped,
     traceback_text,
 )
-from duobench.evaluation.clock import EpisodeClock
-from duobench.evaluation.overview import Overview
-from duobench.evaluation.picture import Picture
+from duobench.evaluation.clock import EpisodeClock, Stopwatch
 from duobench.evaluation.policies import PolicyChoice, PolicySource
-from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
+from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
-from duobench.evaluation.stopwatch import Stopwatch
+from duobench.evaluation.video import Overview, Picture, VideoRecorder
 from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
@@ -83,11 +81,8 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """What plays episodes, and how: what executors, runners and workers need to know."""
 
     policy: PolicyChoice
-    """The policy."""
     suite: Suite
-    """The episodes."""
     limits: TimeLimits = TimeLimits()
-    """How long the policy may take."""
     videos: int = 0
     """How many episodes of each task, from the first on, have a video."""
     command: str = ""
@@ -100,7 +95,6 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """An episode that was played."""
 
     record: EpisodeRecord
-    """Its record."""
     video: bytes | None = None
     """Its video as a WebM file, if there is one."""
     recording: bytes | None = None
@@ -109,13 +103,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """How long it took, and what with; None if unknown."""
 
     def objection(self, episode: Episode, run: Run, plan: RecordingPlan | None) -> str | None:
-        """Why this is not what was asked for; None if it is.
-
-        Args:
-            episode: The episode that was to be played.
-            run: What it belongs to.
-            plan: Which recordings are wanted, if any.
-        """
+        """Why this is not the episode of a run that was to be played; None if it is."""
         if (wrong := run.objection(self.record, episode)) is not None:
             return f"its record is another one: {wrong}"
         if self.video is not None and not episode.has_video:
@@ -141,7 +129,20 @@ def _inference(source: PolicySource) -> str | None:
 
 
 class EpisodeRunner:
-    """Plays episodes with one policy, one after the other."""
+    """Plays episodes with one policy, one after the other; environments are made when needed.
+
+    Args:
+        source: The policy of the job, which belongs to the runner from now on.
+        job: How it plays.
+        clock: Where its times are noted, for another process.
+        tell: Takes the record of an episode so far, whenever it has reached a new stage, and before
+            it is played on after its horizon: that one stands whatever happens then.
+        is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
+
+    Raises:
+        UnknownNameError: The policy expects a camera or an action mode that does not exist.
+        OptionError: It expects images of an invalid size, or another control rate.
+    """
 
     def __init__(
         self,
@@ -152,20 +153,6 @@ class EpisodeRunner:
         *,
         is_interruptible: bool = True,
     ) -> None:
-        """Take a policy; environments are made when they are needed.
-
-        Args:
-            source: The policy of the job, which belongs to the runner from now on.
-            job: How it plays.
-            clock: Where its times are noted, for another process.
-            tell: Takes the record of an episode so far, whenever it has reached a new stage, and
-                before it is played on after its horizon: that one stands whatever happens then.
-            is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
-
-        Raises:
-            UnknownNameError: The policy expects a camera or an action mode that does not exist.
-            OptionError: It expects images of an invalid size, or another control rate.
-        """
         self._source = source
         act_s = math.inf if source.waits_for_others else job.limits.act_timeout
         self._limits = replace(job.limits, act_timeout=act_s)
@@ -277,11 +264,7 @@ class EpisodeRunner:
     def _play_on(
         self, env: gym.Env, following: Iterator[Step], record: EpisodeRecord
     ) -> int | None:
-        """Play on an episode that its horizon has cut off, if that is asked for.
-
-        Returns:
-            The control step that reached the last stage, if one did.
-        """
+        """Play on after the horizon, if asked to; the step that reached the last stage, if any."""
         limit = round(self.run.suite.overtime * record.horizon)
         if record.success or not record.steps == record.horizon < limit:
             return None

@@ -15,10 +15,8 @@ from duobench.errors import (
     VideoError,
     check_known,
 )
-from duobench.evaluation.overview import Overview
-from duobench.evaluation.picture import Picture
-from duobench.evaluation.recorder import FRAME_EVERY, VideoRecorder
 from duobench.evaluation.rollout import Watcher
+from duobench.evaluation.video import FRAME_EVERY, Overview, Picture, VideoRecorder
 from duobench.files import write
 from duobench.looks.catalog import as_look
 from duobench.randomness import SUITE_VERSION

@@ -9,16 +9,12 @@ from typing import Protocol
 from duobench.errors import EvaluationError, MachineryError, RenderingError
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
-from duobench.policy.registry import PolicyKind
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.runners.process_executor import ProcessExecutor
-from duobench.runners.ray_cluster import Cluster
+from duobench.runners.ray_cluster import Cluster, RayLauncher, check_environment
 from duobench.runners.schedule import Schedule
 from duobench.sim import rendering
-
-_MAY_SEE = (PolicyKind.LEROBOT, PolicyKind.MODULE, PolicyKind.SERVED)
-"""Kinds of policies that may ask for images."""
 
 
 class Executor(Protocol):
@@ -83,7 +79,6 @@ class LocalExecutor:
     """
 
     def __init__(self, job: Job) -> None:
-        """Remember what to play, and how."""
         self._job = job
         self._schedule = Schedule()
         self._runner: EpisodeRunner | None = None
@@ -115,7 +110,7 @@ class LocalExecutor:
             yield result
 
     def failures(self) -> Iterator[EpisodeResult]:
-        """None."""
+        """Nothing."""
         return iter(())
 
     def close(self) -> None:
@@ -149,24 +144,17 @@ def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Exec
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
     if cluster is not None:
-        return _on_cluster(job, workers, cluster)
+        if workers == 0:
+            raise EvaluationError("On a cluster there is at least one worker; got 0.")
+        check_environment()
+        return ProcessExecutor(job, workers, RayLauncher(cluster, job, workers))
     if workers == 0:
         return LocalExecutor(job)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if job.videos:
         rendering.choose(processes=workers)
-    elif job.policy.name.kind in _MAY_SEE and workers > 1:
+    elif job.policy.may_see and workers > 1:
         with suppress(RenderingError):
             rendering.choose(processes=workers)
     return ProcessExecutor(job, workers)
-
-
-def _on_cluster(job: Job, workers: int, cluster: Cluster) -> Executor:
-    from duobench.runners.ray_cluster import check_environment
-    from duobench.runners.ray_executor import RayExecutor
-
-    if workers == 0:
-        raise EvaluationError("On a cluster there is at least one worker; got 0.")
-    check_environment()
-    return RayExecutor(job, workers, cluster)

@@ -95,7 +95,7 @@ def _by_states(
     look: str,
 ) -> None:
     from duobench.data import ImageSource, Recording
-    from duobench.evaluation.recorder import FRAME_RATE
+    from duobench.evaluation.video import FRAME_RATE
     from duobench.files import replacing
     from duobench.results.folder import VIDEO_SUFFIX
     from duobench.tasks import catalog
@@ -119,7 +119,7 @@ def _frames(source: ImageSource, recording: Recording) -> Iterator[Image]:
     """The images of all cameras side by side, for a video."""
     import numpy as np
 
-    from duobench.evaluation.recorder import FRAME_EVERY
+    from duobench.evaluation.video import FRAME_EVERY
 
     for row in range(0, len(recording) + 1, FRAME_EVERY):
         yield np.concatenate(list(source.images(recording, row).values()), axis=1)

@@ -1,8 +1,9 @@
-"""A child: a process of its own, as its parent sees it, and what it does itself.
+"""Processes that others start: what both ends say to each other, and how they end.
 
-A child leads a process group, in a session of its own. Its parent ends it as a group, and it ends
-its group itself when its parent is gone, so that what a policy has started ends with it (unless
-that has left the group, as a daemon does).
+`Transport` is a process as the one sees it that has started it; `WorkerProcess` is one on this
+machine. It leads a process group, in a session of its own. Its parent ends it as a group, and it
+ends its group itself when its parent is gone, so that what a policy has started ends with it
+(unless that has left the group, as a daemon does).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, ClassVar, Generic, NoReturn, TypeVar
+from typing import Any, Generic, NoReturn, Protocol, TypeVar
 
 import msgspec
 
@@ -28,65 +29,153 @@ from duobench.errors import (
     DuoBenchError,
     EvaluationError,
     MachineryError,
+    MessageError,
     escaped,
     traceback_text,
 )
-from duobench.evaluation.clock import EpisodeClock
+from duobench.evaluation.clock import ClockReading, EpisodeClock
 from duobench.machine import watch_parent
-from duobench.runners.channel import Channel
 
 T = TypeVar("T")
 Requests = queue.SimpleQueue[Any]
 
 DEATH_S = 10.0
 """How long a killed process is waited for, in seconds."""
+DEATH_SEEN_S = 1.0
+"""How long after a lost connection the end of a process may be seen, in seconds."""
+_PIECE = 1 << 20
+"""Bytes that are read at a time."""
 _START = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[3]); "
-    "from {module} import main; main(int(sys.argv[1]), int(sys.argv[2]))"
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from {module} import main; main(int(sys.argv[2]), int(sys.argv[3]), *sys.argv[4:])"
 )
 
 
+class Transport(Protocol):
+    """A process, as the one sees it that has started it, wherever it is."""
+
+    def send(self, request: msgspec.Struct) -> None:
+        """Send a request; whether the process still lives is found out elsewhere."""
+        ...
+
+    def receive(self) -> list[Any]:
+        """What it has said and was not received yet.
+
+        Raises:
+            EOFError: Nothing will come any more.
+            MessageError: A message is none of the expected kind.
+        """
+        ...
+
+    def death(self) -> str | None:
+        """How it ended, in words; None while it lives."""
+        ...
+
+    def clock(self) -> ClockReading:
+        """How long a policy in it, or one that it waits for, has been busy."""
+        ...
+
+    def kill(self) -> None:
+        """End it, and all that it has started."""
+        ...
+
+
+def death_within(process: Transport, seconds: float) -> str | None:
+    """How a process ended, in words, where it may take a moment to be seen."""
+    deadline = time.monotonic() + seconds
+    while (death := process.death()) is None and time.monotonic() < deadline:
+        time.sleep(seconds / 100)
+    return death
+
+
 class Refused(msgspec.Struct, tag=True, frozen=True):
-    """From a child: what it is for cannot be done by any of its kind."""
+    """From a process: what it is for cannot be done by any of its kind."""
 
     error: str
     """Name of the class of the error."""
     message: str
 
 
-class Child(Generic[T]):
-    """A child as its parent sees it."""
+class Stop(msgspec.Struct, tag=True, frozen=True):
+    """To a process: free everything and leave."""
 
-    module: ClassVar[str]
-    """The module whose `main(connection, clock)` it runs."""
 
-    def __init__(self, kind: Any, hidden: Collection[str] = ()) -> None:
-        """Start the process, which waits to be told what to do.
+class Channel(Generic[T]):
+    """One end of a connection, on which every message is a line of JSON.
 
-        Args:
-            kind: Type of the messages that it sends.
-            hidden: Environment variables that it does not get.
+    Args:
+        connection: A connected socket, which belongs to the channel from now on.
+        kind: Type of the messages that are received, or a union of such types.
+    """
+
+    def __init__(self, connection: socket.socket, kind: Any) -> None:
+        self.socket = connection
+        """The socket, to wait for, and to close."""
+        self._decoder = msgspec.json.Decoder(kind)
+        self._rest = bytearray()
+
+    def send(self, message: Any) -> None:
+        """Send a message.
 
         Raises:
-            MachineryError: The process cannot be started.
+            OSError: The other end is closed.
         """
+        self.socket.sendall(msgspec.json.encode(message) + b"\n")
+
+    def receive(self) -> list[T]:
+        """Read what has arrived; the messages that are complete.
+
+        It waits only if nothing has arrived: an end of the channel that dies in the middle of a
+        message leaves it incomplete, also while a child of it keeps the channel open.
+
+        Raises:
+            EOFError: The other end is closed.
+            MessageError: A message is none of the expected kind.
+        """
+        try:
+            piece = self.socket.recv(_PIECE)
+        except ConnectionError:
+            piece = b""
+        if not piece:
+            raise EOFError
+        self._rest += piece
+        if b"\n" not in piece:  # of a long message, such as one with a video
+            return []
+        *lines, self._rest = self._rest.split(b"\n")
+        try:
+            return [self._decoder.decode(line) for line in lines]
+        except (msgspec.MsgspecError, DuoBenchError) as error:
+            raise MessageError(str(error)) from error
+
+
+class WorkerProcess:
+    """A process on this machine that runs `main(connection, clock, *arguments)` of a module.
+
+    Args:
+        module: The module.
+        kind: Type of the messages that it sends.
+        arguments: Further arguments.
+        hidden: Environment variables that it does not get.
+
+    Raises:
+        MachineryError: The process cannot be started.
+    """
+
+    def __init__(
+        self, module: str, kind: Any, *arguments: str, hidden: Collection[str] = ()
+    ) -> None:
         ours, theirs = socket.socketpair()
-        self.channel: Channel[T] = Channel(ours, kind)
-        """The connection to it."""
+        self._channel: Channel[Any] = Channel(ours, kind)
         memory = os.memfd_create("duobench-clock")
         os.ftruncate(memory, EpisodeClock.SIZE)
-        self.clock = EpisodeClock(memory)
-        """What a policy in it is doing, or one that it waits for."""
-        self.is_ready = False
-        """Whether it has said that it is."""
+        self._clock = EpisodeClock(memory)
         files = (theirs.fileno(), memory)
         # In safe mode (-P), the current folder does not come before the standard library.
         flags = subprocess._args_from_interpreter_flags()  # pyright: ignore[reportAttributeAccessIssue]
-        start = _START.format(module=self.module)
-        command = [sys.executable, *flags, "-P", "-c", start, *map(str, files)]
+        command = [sys.executable, *flags, "-P", "-c", _START.format(module=module)]
         try:
             self._process = subprocess.Popen(
-                [*command, json.dumps(_module_folders())],
+                [*command, json.dumps(_module_folders()), *map(str, files), *arguments],
                 pass_fds=files,
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
@@ -98,14 +187,22 @@ class Child(Generic[T]):
             theirs.close()
             os.close(memory)
 
-    def send(self, request: msgspec.Struct) -> None:
-        """Send a request; whether the child still lives is found out elsewhere."""
-        with suppress(OSError):
-            self.channel.send(request)
+    def fileno(self) -> int:
+        """Descriptor of the connection, to wait for."""
+        return self._channel.socket.fileno()
 
-    def receive(self) -> list[T]:
+    def send(self, request: Any) -> None:
+        """Send a request; whether the process still lives is found out elsewhere."""
+        with suppress(OSError):
+            self._channel.send(request)
+
+    def receive(self) -> list[Any]:
         """Read what has arrived; see `Channel.receive`."""
-        return self.channel.receive()
+        return self._channel.receive()
+
+    def clock(self) -> ClockReading:
+        """What its clock shows."""
+        return self._clock.read()
 
     def death(self) -> str | None:
         """How the process ended, in words; None while it lives.
@@ -123,13 +220,6 @@ class Child(Generic[T]):
             return f"its process was ended by {signal.Signals(end.si_status).name}."
         return f"its process was ended by signal {end.si_status}."
 
-    def death_within(self, seconds: float) -> str | None:
-        """How the process ended, in words, where it may take a moment to be seen."""
-        deadline = time.monotonic() + seconds
-        while (death := self.death()) is None and time.monotonic() < deadline:
-            time.sleep(seconds / 100)
-        return death
-
     def kill(self) -> None:
         """End the process and all of its group."""
         with suppress(OSError):
@@ -137,7 +227,7 @@ class Child(Generic[T]):
         # A process that a driver keeps from dying is not waited for.
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(DEATH_S)
-        self.channel.socket.close()
+        self._channel.socket.close()
 
 
 def _module_folders() -> list[str]:
@@ -165,7 +255,7 @@ class Parent(Channel[Any]):
 
 
 def run_child(connection: int, kind: Any, do: Callable[[Parent, Requests], None]) -> NoReturn:
-    """What a child does until it is done, is asked to stop, or its parent is gone.
+    """What a process does until it is done, is asked to stop, or its parent is gone.
 
     Args:
         connection: File descriptor of its socket.
