@@ -18,7 +18,7 @@ from duobench.looks.look import Look
 from duobench.replay.trajectory import SceneCache, TrajectoryRecorder
 from duobench.results.suite import Episode, find_tasks
 from duobench.tasks import catalog
-from duobench.web.page import Replay, replay_page
+from duobench.web.page import EpisodeReplay, replay_page
 
 FOLDER = Path(__file__).parent / "replays"
 EPISODE = 0
@@ -36,7 +36,7 @@ def page(name: str) -> str:
     shown = recorder.trajectory()
     if shown.stage_changes[-1][1] != task.max_stage:
         raise SystemExit(f"The expert did not solve {name}.")
-    replay = Replay(
+    replay = EpisodeReplay(
         title=f"{task.title}: the scripted expert, episode {EPISODE}",
         scene=shown.scene,
         track=shown.track,

@@ -18,7 +18,7 @@ from duobench.runners.evaluate import evaluate
 from duobench.runners.ray_cluster import Cluster, check_environment
 from duobench.runners.ray_process import AUTH_MODE
 from duobench.runners.worker import Progress, Rehearsed
-from duobench.sim import probe
+from duobench.sim import opengl
 from duobench.versions import __version__
 from tests.evaluation.conftest import small_suite
 
@@ -111,8 +111,8 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
     """A temporary folder of its own, and what was chosen in it."""
     calls: list[int] = []
     monkeypatch.setattr(host.tempfile, "gettempdir", lambda: str(tmp_path))
-    monkeypatch.setattr(probe, "choose", lambda processes: calls.append(processes) or "osmesa")
-    monkeypatch.setenv(probe.CHOSEN, "")
+    monkeypatch.setattr(opengl, "choose", lambda processes: calls.append(processes) or "osmesa")
+    monkeypatch.setenv(opengl.CHOSEN, "")
     return calls
 
 
@@ -126,7 +126,7 @@ def test_only_how_far_an_episode_is_waits_for_other_messages() -> None:
 def test_rendering_is_chosen_once_a_node(chosen: list[int]) -> None:
     assert [host.choose_once("a", 4) for _ in range(3)] == ["osmesa"] * 3
     assert chosen == [4]
-    assert os.environ[probe.CHOSEN] == "osmesa"
+    assert os.environ[opengl.CHOSEN] == "osmesa"
     host.choose_once("b", 2)
     assert chosen == [4, 2]
 

@@ -143,7 +143,7 @@ def choose_once(node: str, renderers: int) -> str:
 
     It is put into the environment of this process, which is one of so many renderers there.
     """
-    from duobench.sim.probe import BACKENDS, CHOSEN, choose
+    from duobench.sim.opengl import BACKENDS, CHOSEN, choose
 
     folder = Path(tempfile.gettempdir(), f"duobench-{os.getuid()}")
     folder.mkdir(mode=0o700, exist_ok=True)
