@@ -17,7 +17,7 @@ from duobench.runners import ray_process as host
 from duobench.runners.evaluate import evaluate
 from duobench.runners.ray_cluster import Cluster, check_environment
 from duobench.runners.ray_process import AUTH_MODE
-from duobench.runners.worker import Progress, Rehearsed
+from duobench.runners.worker import EpisodeProgress, Rehearsed
 from duobench.sim import opengl
 from duobench.versions import __version__
 from tests.evaluation.conftest import small_suite
@@ -117,7 +117,7 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
 
 
 def test_only_how_far_an_episode_is_waits_for_other_messages() -> None:
-    tag = Progress.__struct_config__.tag
+    tag = EpisodeProgress.__struct_config__.tag
     assert host._may_wait(msgspec.json.encode({"type": tag, "record": {}}))
     assert msgspec.json.encode(Rehearsed()).startswith(b'{"type":"')  # the tag comes first
     assert not host._may_wait(msgspec.json.encode(Rehearsed()))

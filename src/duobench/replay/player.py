@@ -66,11 +66,7 @@ class Player:
         self._latest: Latest[gym.Env] = Latest()
 
     def environment(self, task: str | Task, config: EnvConfig) -> gym.Env:
-        """An environment in a configuration.
-
-        Raises:
-            DuoBenchError: It cannot be made.
-        """
+        """An environment in a configuration."""
         options = {field.name: getattr(config, field.name) for field in fields(EnvConfig)}
         return self._latest.get((task, config), lambda: make_env(task, **options))
 
@@ -160,13 +156,7 @@ class RecordPlayer(Player):
         has_images: bool = False,
         chunk: int | None = None,
     ) -> EpisodeRecord:
-        """Play the targets of a record from the episode's own seed on.
-
-        Args:
-            record: The record.
-            watchers: Who watches the replay; called in this order.
-            has_images: Whether observations have the images of the policy.
-            chunk: See `play`.
+        """Play the targets of a record from the episode's own seed on; see `play`.
 
         Returns:
             The record of that, with the error of the given one.
@@ -249,12 +239,7 @@ def command_config(config: EnvConfig) -> EnvConfig:
 
 
 def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
-    """A task of a run as it is, whatever the run says about it.
-
-    Args:
-        claimed: What the run says.
-        import_tasks: Whether to import a task that is not of the benchmark, which runs the code of
-            the module that the run names.
+    """A task of a run as it is, whatever the run says about it; see `RecordPlayer`.
 
     Raises:
         UnknownNameError: It is none of the benchmark, and is not to be imported, or there is none.

@@ -40,10 +40,7 @@ _OF_AN_EPISODE = (EvaluationError, ActionError, BackendError, UnknownNameError, 
 def choose(run: Run, records: Iterable[EpisodeRecord], words: Sequence[str]) -> list[EpisodeRecord]:
     """The finished episodes that words choose, in the order of the run.
 
-    Args:
-        run: The run.
-        records: Its records.
-        words: "failures", "all" or "TASK:EPISODE", such as "bin_sort:3"; several add up.
+    Words are "failures", "all" or "TASK:EPISODE", such as "bin_sort:3"; several add up.
 
     Raises:
         EvaluationError: A word is none of these, or names an episode that is not finished.
@@ -80,10 +77,6 @@ def choose_few(
 
     The first episode of each task and last stage comes first, then the second, until there are
     `MOST_REPLAYS`.
-
-    Raises:
-        EvaluationError: A word is none of these, or names an episode that is not finished.
-        UnknownNameError: A word names a task that is not in the run.
     """
     several = {FAILURES, ALL}
     named = choose(run, records, [word for word in words if word not in several])
@@ -143,7 +136,7 @@ def make_videos(
             "in which what was sent leads elsewhere. Make videos with the version that played it."
         )
     is_there = [folder.video(each.task, each.episode).exists() for each in records]
-    with closing(Renderer(folder, run, import_tasks=import_tasks)) as renderer:
+    with closing(EpisodeRenderer(folder, run, import_tasks=import_tasks)) as renderer:
         return render_missing(run, records, is_there, renderer.make_video, progress)
 
 
@@ -160,7 +153,7 @@ def make_replays(
     See `make_videos`; nothing is rendered for them, and those of another suite are impossible.
     """
     is_there = [folder.replay(each.task, each.episode) is not None for each in records]
-    with closing(Renderer(folder, run, import_tasks=import_tasks)) as renderer:
+    with closing(EpisodeRenderer(folder, run, import_tasks=import_tasks)) as renderer:
         return render_missing(run, records, is_there, renderer.make_replay, progress)
 
 
@@ -171,18 +164,7 @@ def render_missing(
     render: Callable[[EpisodeRecord], None],
     progress: Progress,
 ) -> RenderResult:
-    """Make what is missing of episodes, task by task.
-
-    Args:
-        run: The run.
-        records: Of which of its episodes.
-        is_there: Whether it is there already, for each.
-        render: Makes it.
-        progress: Told about the progress.
-
-    Raises:
-        DuoBenchError: Another error of `render`.
-    """
+    """Make what `is_there` says is missing of episodes, task by task."""
     there = [record for record, is_made in zip(records, is_there, strict=True) if is_made]
     missing = [record for record, is_made in zip(records, is_there, strict=True) if not is_made]
     places = {task.id: place for place, task in enumerate(run.suite.tasks)}
@@ -200,7 +182,7 @@ def render_missing(
     return RenderResult(made=tuple(made), there=tuple(there), impossible=tuple(impossible))
 
 
-class Renderer:
+class EpisodeRenderer:
     """Makes videos and replays of episodes of a run, in its folder; see `RecordPlayer`."""
 
     def __init__(self, folder: RunFolder, run: Run, *, import_tasks: bool = False) -> None:
@@ -212,12 +194,7 @@ class Renderer:
         self._scenes = SceneCache()
 
     def make_video(self, record: EpisodeRecord) -> None:
-        """Make the video of an episode.
-
-        Raises:
-            EvaluationError: It cannot be played, or comes out differently here.
-            DuoBenchError: The same; or the environment cannot be made, or nothing be rendered.
-        """
+        """Make the video of an episode, if it comes out here as its record says."""
         _check(record)
         env = self._player.environment_of(record, has_images=True)
         overview = self._overview.get(env, lambda: Overview(env))
@@ -228,7 +205,7 @@ class Renderer:
             write(self._folder.video(record.task, record.episode), video)
 
     def make_replay(self, record: EpisodeRecord) -> None:
-        """Make the replay in 3D of an episode; see `make_video`."""
+        """Make the replay in 3D of an episode, under the same condition."""
         _check(record)
         recorder = TrajectoryRecorder(self._scenes, as_look(record.config.look))
         self._replay(record, recorder)

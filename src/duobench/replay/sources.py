@@ -38,11 +38,9 @@ class Item:
     """Something that can be chosen."""
 
     id: str
-    """What it is known by."""
     title: str
     """What people read."""
     detail: str = ""
-    """What else they read."""
     state: str = ""
     """How it ended; empty where nothing did."""
 
@@ -61,11 +59,7 @@ class ViewSource(Protocol):
         ...
 
     def load(self, item: str) -> Trajectory:
-        """Make what is shown of an item; always called in the same thread, and it may take long.
-
-        Raises:
-            DuoBenchError: It cannot be shown.
-        """
+        """Make what is shown of an item; always called in the same thread, and it may take long."""
         ...
 
     def close(self) -> None:
@@ -158,11 +152,6 @@ class RunSource:
         tasks: Only the episodes of these tasks; of all if none is named.
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
             the modules that the run names.
-
-    Raises:
-        UnknownNameError: There is no such look, or the run has no such task.
-        EvaluationError: There is no run, or a record is of another one.
-        FileError: A file of it cannot be read.
     """
 
     def __init__(
@@ -224,9 +213,7 @@ def open_view(
         import_tasks: See `RunSource`.
 
     Raises:
-        UnknownNameError: It is no such file, and no task either.
-        EvaluationError: Nothing in it can be viewed.
-        DuoBenchError: It cannot be read.
+        DuoBenchError: There is no such thing, nothing in it can be viewed, or it cannot be read.
     """
     path = Path(what)
     if (path / DATA_SET).exists():

@@ -43,11 +43,8 @@ class Finding:
     """What was found out about one record."""
 
     task: str
-    """Id of the task."""
     episode: int
-    """Index of the episode."""
     verdict: Verdict
-    """What the replay says."""
     reason: str = ""
     """Why it is not verifiable or not equal to the bit, or what the record says and what its
     replay gives, in one line; empty where it agrees."""
@@ -58,7 +55,6 @@ class Verification:
     """What was found out about a run."""
 
     run: Run
-    """The run."""
     findings: tuple[Finding, ...]
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()

@@ -34,34 +34,30 @@ _IDLE_S = 0.1
 """How often is looked whether an episode is ready, or somebody came, in seconds."""
 
 
-class Select(msgspec.Struct, tag="select", tag_field="kind", frozen=True):
+class SelectItem(msgspec.Struct, tag="select", tag_field="kind", frozen=True):
     """Show an item, from its beginning."""
 
     id: Annotated[str, msgspec.Meta(max_length=300)]
 
 
-class Seek(msgspec.Struct, tag="seek", tag_field="kind", frozen=True):
+class SeekStep(msgspec.Struct, tag="seek", tag_field="kind", frozen=True):
     """Go to a control step."""
 
     step: Annotated[int, msgspec.Meta(ge=0, le=10**9)]
 
 
-class Play(msgspec.Struct, tag="play", tag_field="kind", frozen=True):
+class SetPlaying(msgspec.Struct, tag="play", tag_field="kind", frozen=True):
     """Go on, or stop."""
 
     on: bool
 
 
-Command = Select | Seek | Play
+Command = SelectItem | SeekStep | SetPlaying
 _decoder = msgspec.json.Decoder(Command)
 
 
 def read_command(data: bytes) -> Command:
-    """Read a command.
-
-    Raises:
-        MessageError: It is none.
-    """
+    """Read a command, or raise a `MessageError`."""
     try:
         return _decoder.decode(data)
     except (msgspec.MsgspecError, RecursionError) as error:
@@ -71,18 +67,16 @@ def read_command(data: bytes) -> Command:
 
 
 class Viewer:
-    """Shows a source on a page, and does what its visitors ask for.
+    """Shows a source on a page, its first item at first, and does what its visitors ask for.
 
     All of them see the same. Nothing moves while nobody looks.
+
+    Args:
+        source: What can be viewed; closed at the end of `run`.
+        server: The page, which takes its messages here from now on.
     """
 
     def __init__(self, source: ViewSource, server: PageServer) -> None:
-        """Show the first item.
-
-        Args:
-            source: What can be viewed; closed at the end of `run`.
-            server: The page, which takes its messages here from now on.
-        """
         self._source, self._server = source, server
         self._items = [asdict(item) for item in source.items[:MAX_ITEMS]]
         self._title = source.title
@@ -98,7 +92,7 @@ class Viewer:
         self._poses: NDArray[np.float32] = np.empty((0, 0, 7), np.float32)
         self._step, self._plays, self._note, self._due = 0, False, "", 0.0
         self._over = threading.Event()
-        server.on_message = self._take
+        server.on_message = self._on_message
         self._select(self._items[0]["id"])
 
     def run(self) -> None:
@@ -118,10 +112,10 @@ class Viewer:
 
     # --- what visitors ask for -------------------------------------------------------------------
 
-    def _take(self, _is_driver: bool, data: bytes) -> str | None:
+    def _on_message(self, _is_driver: bool, data: bytes) -> str | None:
         """Take a message, in the server's thread; anybody who has the page may choose."""
         command = read_command(data)
-        if isinstance(command, Select) and command.id not in self._known:
+        if isinstance(command, SelectItem) and command.id not in self._known:
             raise MessageError(f"There is no {command.id!r} to show.")
         try:
             self._commands.put_nowait(command)
@@ -137,16 +131,16 @@ class Viewer:
         except queue.Empty:
             return
         match command:
-            case Select(id=item):
+            case SelectItem(id=item):
                 self._select(item)
-            case Seek(step=step):
+            case SeekStep(step=step):
                 self._show(step)
-            case Play(on=on):
+            case SetPlaying(on=on):
                 if on and self._step >= self._last:
                     self._show(0)
                 self._plays = on and self._last > 0
                 self._due = time.monotonic() + 1 / CONTROL_HZ
-        self._tell()
+        self._publish()
 
     # --- what is shown ---------------------------------------------------------------------------
 
@@ -164,7 +158,7 @@ class Viewer:
         if self._loading is not None:
             self._loading.cancel()
         self._loading = self._loader.submit(self._load, item)
-        self._tell()
+        self._publish()
 
     def _begin_loaded(self) -> None:
         """Begin to play what has been loaded."""
@@ -175,14 +169,14 @@ class Viewer:
             trajectory = loading.result()
         except DuoBenchError as error:
             self._note = str(error)
-            self._tell()
+            self._publish()
             return
         self._shown, self._poses, self._note = trajectory, trajectory.poses(), trajectory.note
         self._plays = self._last > 0
         self._due = time.monotonic()
         self._server.publish_scene(trajectory.scene, trajectory.scene_data)
         self._show(0)
-        self._tell()
+        self._publish()
 
     def _advance(self) -> None:
         """Show the next step, when it is due."""
@@ -198,7 +192,7 @@ class Viewer:
         if self._step >= self._last:
             self._plays = False
         if not self._plays or self._stage != stage:
-            self._tell()
+            self._publish()
 
     def _show(self, step: int) -> None:
         if len(self._poses):
@@ -210,7 +204,7 @@ class Viewer:
     def _stage(self) -> int:
         return 0 if self._shown is None else self._shown.stage_after(self._step)
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         self._server.publish_status(
             {
                 "title": self._title,

@@ -39,11 +39,9 @@ class Attempt:
     """An episode that was played for a data set; sorted by task and index."""
 
     task: str
-    """Id of the task."""
     episode: int
     """Index of the episode in its split."""
     success: bool
-    """Whether it reached the last stage."""
     stage: int
     """The last stage that it reached."""
     steps: int
@@ -59,7 +57,6 @@ class Attempts:
     """All of them, by task and index."""
 
     attempts: tuple[Attempt, ...] = ()
-    """In order."""
 
 
 def record(  # noqa: PLR0913
@@ -178,13 +175,7 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
 
 
 def _kept(path: Path, plan: RecordingPlan) -> Attempt:
-    """The attempt that an episode of the data set comes from.
-
-    Raises:
-        OtherRunError: It comes from none: it was merged, renamed or recovered, or it goes on for
-            another time after success.
-        DataError: It cannot be read.
-    """
+    """The attempt that an episode of the data set comes from, or an `OtherRunError`."""
     task, index = path.parent.name, int(path.stem) if path.stem.isdecimal() else 0
     info = Recording.read_info(path)
     outcome = info.outcome

@@ -26,11 +26,7 @@ class Executor(Protocol):
         ...
 
     def prepare(self) -> Run:
-        """Make the policy, and say what is played by what.
-
-        Raises:
-            DuoBenchError: If the policy cannot be made.
-        """
+        """Make the policy, and say what is played by what."""
         ...
 
     def rehearse(self, episode: Episode) -> None:
@@ -39,24 +35,16 @@ class Executor(Protocol):
         A scripted policy is not asked: it answers whatever it sees.
 
         Raises:
-            PolicyError: If it fails, or its answer is no chunk of actions.
-            MachineryError: If it cannot be asked.
-            DuoBenchError: If the policy does not fit, or an environment cannot be made.
+            PolicyError: It fails, or its answer is no chunk of actions.
         """
         ...
 
     def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
-        """Play episodes, each exactly once, after `prepare`; what cannot be played is `unplayed`.
-
-        Args:
-            episodes: What to play, in any order.
-
-        Yields:
-            Their results, in the order in which they are finished.
+        """Play episodes in any order, each exactly once; what cannot be played is `unplayed`.
 
         Raises:
-            MachineryError: If what they need is not there.
-            DuoBenchError: If the policy does not fit, or an environment cannot be made.
+            MachineryError: What they need is not there.
+            DuoBenchError: The policy does not fit, or an environment cannot be made.
         """
         ...
 
@@ -88,8 +76,7 @@ class LocalExecutor:
     def prepare(self) -> Run:
         """Make the policy, and say what is played by what."""
         job = self._job
-        source = find_source(job.policy, job.suite.tasks, job.limits)
-        self._runner = EpisodeRunner(source, job)
+        self._runner = EpisodeRunner(find_source(job.policy, job.suite.tasks, job.limits), job)
         return self._runner.run
 
     def rehearse(self, episode: Episode) -> None:
@@ -127,17 +114,11 @@ class LocalExecutor:
 
 
 def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Executor:
-    """What does a job.
-
-    Args:
-        job: What to play.
-        workers: Processes that play side by side; with 0 this process plays.
-        cluster: The Ray cluster on which they are; None for this machine alone.
+    """What does a job, with so many processes side by side, or with 0 in this one.
 
     Raises:
-        EvaluationError: If the number of workers is negative, or 0 on a cluster, or Ray cannot be
-            used.
-        RenderingError: If there are to be videos, and nothing renders.
+        EvaluationError: The number of workers is negative, or 0 on a cluster, or there is no Ray.
+        RenderingError: There are to be videos, and nothing renders.
     """
     if workers < 0:
         raise EvaluationError(

@@ -33,12 +33,9 @@ class Answering(msgspec.Struct, tag=True, frozen=True):
 
 
 def main(connection: int, clock: int, host: str = LOOPBACK) -> None:
-    """Answer until asked to stop.
+    """Answer until asked to stop; see `WorkerProcess`.
 
-    Args:
-        connection: File descriptor of the socket to the parent.
-        clock: File descriptor of the clock.
-        host: Address at which it listens; that of another interface is reached by other machines.
+    It listens at `host`; that of another interface is reached by other machines.
     """
 
     def answer(parent: Parent, requests: Requests) -> None:

@@ -15,8 +15,8 @@ from duobench.policy.serving.address import PolicyAddress
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import Episode, TaskInfo
 from duobench.runners.policy_process import Answering, MakePolicy
-from duobench.runners.process import Refused, Stop, Transport, WorkerProcess
-from duobench.runners.worker import Play, Rehearse, Report
+from duobench.runners.process import ProcessFailed, Stop, Transport, WorkerProcess
+from duobench.runners.worker import PlayEpisode, Rehearse, Report
 
 MAX_FAILED_STARTS = 3
 """Processes that die one after the other while they start, until the run gives up."""
@@ -69,7 +69,7 @@ class LocalLauncher:
 
     def start_policy(self) -> Transport:
         """Start a process that makes a policy."""
-        return WorkerProcess(POLICY, Answering | Refused)
+        return WorkerProcess(POLICY, Answering | ProcessFailed)
 
     def start_worker(self, policy: Transport | None) -> Transport:  # noqa: ARG002 - all are near
         """Start a worker, which waits for a job."""
@@ -131,7 +131,7 @@ class Worker:
     def play(self, episode: Episode) -> None:
         """Have it play an episode."""
         self.episode, self.task, self.progress = episode, episode.task, None
-        self.process.send(Play(episode=episode))
+        self.process.send(PlayEpisode(episode=episode))
 
 
 class WorkerPool:

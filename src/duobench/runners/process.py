@@ -88,7 +88,7 @@ def death_within(process: Transport, seconds: float) -> str | None:
     return death
 
 
-class Refused(msgspec.Struct, tag=True, frozen=True):
+class ProcessFailed(msgspec.Struct, tag=True, frozen=True):
     """From a process: what it is for cannot be done by any of its kind."""
 
     error: str
@@ -150,6 +150,8 @@ class Channel(Generic[T]):
 
 class WorkerProcess:
     """A process on this machine that runs `main(connection, clock, *arguments)` of a module.
+
+    It gets file descriptors of its socket and of the memory of its clock.
 
     Args:
         module: The module.
@@ -255,13 +257,7 @@ class Parent(Channel[Any]):
 
 
 def run_child(connection: int, kind: Any, do: Callable[[Parent, Requests], None]) -> NoReturn:
-    """What a process does until it is done, is asked to stop, or its parent is gone.
-
-    Args:
-        connection: File descriptor of its socket.
-        kind: Type of the requests to it.
-        do: What it is for; takes the parent and the requests from it.
-    """
+    """Do what a process is for until it is done, or its parent is gone; see `WorkerProcess`."""
     signal.signal(signal.SIGINT, lambda _number, _frame: None)  # the parent's to handle
     parent = Parent(socket.socket(fileno=connection), kind)
     requests: Requests = queue.SimpleQueue()
@@ -270,10 +266,10 @@ def run_child(connection: int, kind: Any, do: Callable[[Parent, Requests], None]
     try:
         do(parent, requests)
     except DuoBenchError as error:
-        parent.report(Refused(error=type(error).__name__, message=escaped(str(error))))
+        parent.report(ProcessFailed(error=type(error).__name__, message=escaped(str(error))))
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
         text = f"A process of the evaluation failed.\n{traceback_text(error)}"
-        parent.report(Refused(error=EvaluationError.__name__, message=text))
+        parent.report(ProcessFailed(error=EvaluationError.__name__, message=text))
     # Exit handlers are the policy's; taking the interpreter down is skipped: graphics drivers
     # have crashed there. The parent ends whatever is left.
     atexit._run_exitfuncs()

@@ -23,9 +23,9 @@ from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.runners.policy_process import Answering
 from duobench.runners.pool import Launcher, LocalLauncher, RunningPolicy, Worker, WorkerPool
-from duobench.runners.process import DEATH_SEEN_S, Refused, death_within
+from duobench.runners.process import DEATH_SEEN_S, ProcessFailed, death_within
 from duobench.runners.schedule import Schedule
-from duobench.runners.worker import EpisodeError, Progress, Ready, Rehearsed, Report
+from duobench.runners.worker import EpisodeError, EpisodeProgress, Ready, Rehearsed, Report
 
 _log = logging.getLogger(__name__)
 
@@ -153,7 +153,7 @@ class ProcessExecutor:
         self, member: Worker | RunningPolicy, report: Report | Answering
     ) -> Iterator[EpisodeResult]:
         """Act on a report."""
-        if isinstance(report, Refused):
+        if isinstance(report, ProcessFailed):
             raise getattr(errors, report.error, EvaluationError).from_message(report.message)
         if isinstance(member, Worker):
             yield from self._receive_from_worker(member, report)
@@ -171,7 +171,7 @@ class ProcessExecutor:
                 worker.is_ready = True
             case Rehearsed():
                 self._rehearsing = worker.episode = None
-            case Progress(record=record):
+            case EpisodeProgress(record=record):
                 self._note_progress(worker, record)
             case EpisodeResult():
                 yield from self._accept(worker, report)
@@ -233,7 +233,7 @@ class ProcessExecutor:
         for worker in self._pool.wait(0):  # what they said before their policy died
             if isinstance(worker, Worker) and worker.policy is member:
                 for report in _read(worker, is_readable=True)[0]:
-                    if isinstance(report, Progress):
+                    if isinstance(report, EpisodeProgress):
                         self._note_progress(worker, report.record)
         played = self._remove(member)
         if len(played) > 1:

@@ -23,8 +23,15 @@ from duobench.evaluation.episode import Job
 from duobench.machine import install_extra
 from duobench.runners.policy_process import Answering
 from duobench.runners.pool import MAX_FAILED_STARTS, POLICY, WORKER
-from duobench.runners.process import Refused, Transport
-from duobench.runners.ray_process import AUTH_MODE, TOKEN, RemoteProcess, Status, auth_mode, load
+from duobench.runners.process import ProcessFailed, Transport
+from duobench.runners.ray_process import (
+    AUTH_MODE,
+    TOKEN,
+    ActorStatus,
+    RemoteProcess,
+    auth_mode,
+    load,
+)
 from duobench.runners.worker import Report
 from duobench.versions import __version__
 
@@ -118,7 +125,9 @@ class RayLauncher:
         """Start an actor with a process that makes a policy."""
         # It thinks while its simulators wait, so that it needs no core of its own.
         actor = _actor(num_cpus=0, num_gpus=self._cluster.policy_gpus, scheduling_strategy="SPREAD")
-        return RayTransport(actor.remote(POLICY, __version__, is_reached=True), Answering | Refused)
+        return RayTransport(
+            actor.remote(POLICY, __version__, is_reached=True), Answering | ProcessFailed
+        )
 
     def start_worker(self, policy: Transport | None) -> Transport:
         """Start an actor with a worker, which is best on the node of a policy for itself."""
@@ -182,7 +191,7 @@ class RayTransport:
         if self._death is not None or not ray.wait([self.status], timeout=0)[0]:
             return
         try:
-            status: Status = ray.get(self.status)
+            status: ActorStatus = ray.get(self.status)
         except ray.exceptions.RayError as error:
             self._death = f"its actor ended: {_first_line(error)}"
             return

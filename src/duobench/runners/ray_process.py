@@ -22,7 +22,7 @@ import msgspec
 
 from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.clock import ClockReading
-from duobench.runners.process import DEATH_SEEN_S, Refused, WorkerProcess, death_within
+from duobench.runners.process import DEATH_SEEN_S, ProcessFailed, WorkerProcess, death_within
 from duobench.versions import __version__
 
 AUTH_MODE, TOKEN = "RAY_AUTH_MODE", "token"
@@ -30,7 +30,7 @@ AUTH_MODE, TOKEN = "RAY_AUTH_MODE", "token"
 token."""
 POLL_S = 0.5
 """How long an actor waits for messages before it tells how its process is, in seconds."""
-PROGRESS = b'{"type":"Progress"'
+PROGRESS = b'{"type":"EpisodeProgress"'
 """How messages of that class begin, which is loaded where they are made."""
 SECRETS = ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH")
 """What lets a process into the cluster, which a policy does not get."""
@@ -47,7 +47,7 @@ def auth_mode() -> str:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Status:
+class ActorStatus:
     """What an actor tells about its process."""
 
     messages: tuple[bytes, ...]
@@ -76,7 +76,7 @@ class RemoteProcess:
         self._said: list[bytes] = []
         self._reading = threading.Lock()
         if reason := _objection(version):
-            self._said = [msgspec.json.encode(Refused(EvaluationError.__name__, reason))]
+            self._said = [msgspec.json.encode(ProcessFailed(EvaluationError.__name__, reason))]
             return
         if renderers:
             with suppress(RenderingError, OSError):  # who needs images complains
@@ -89,7 +89,7 @@ class RemoteProcess:
         if self._process is not None:
             self._process.send(msgspec.Raw(message))
 
-    def poll(self) -> Status:
+    def poll(self) -> ActorStatus:
         """Wait for messages, a moment at most, and tell how the process is.
 
         How far an episode is, which nobody waits for, is told with the next other message.
@@ -99,7 +99,7 @@ class RemoteProcess:
             if self._process is not None:
                 death, clock = self._read(self._process), self._process.clock()
             said, self._said = self._said, []
-            return Status(messages=tuple(said), clock=clock, node=self._node, death=death)
+            return ActorStatus(messages=tuple(said), clock=clock, node=self._node, death=death)
 
     def _read(self, process: WorkerProcess) -> str | None:
         """Take what a process says, for a moment at most; how it ended, if it did."""

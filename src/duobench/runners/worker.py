@@ -11,10 +11,10 @@ from duobench.evaluation.policies import find_source
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode
-from duobench.runners.process import Parent, Refused, Requests, Stop, run_child
+from duobench.runners.process import Parent, ProcessFailed, Requests, Stop, run_child
 
 
-class Play(msgspec.Struct, tag=True, frozen=True):
+class PlayEpisode(msgspec.Struct, tag=True, frozen=True):
     """To a worker: play an episode."""
 
     episode: Episode
@@ -39,7 +39,7 @@ class Rehearsed(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the policy has answered."""
 
 
-class Progress(msgspec.Struct, tag=True, frozen=True):
+class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the episode has begun, reached a new stage, or is played on."""
 
     record: EpisodeRecord
@@ -52,19 +52,14 @@ class EpisodeError(msgspec.Struct, tag=True, frozen=True):
     fault: str
 
 
-Request = Job | Play | Rehearse | Stop
+Request = Job | PlayEpisode | Rehearse | Stop
 """To a worker; a job comes first, which has it make the policy."""
-Report = Ready | Rehearsed | Progress | EpisodeResult | EpisodeError | Refused
+Report = Ready | Rehearsed | EpisodeProgress | EpisodeResult | EpisodeError | ProcessFailed
 """From a worker."""
 
 
 def main(connection: int, clock: int) -> None:
-    """Play episodes until asked to stop.
-
-    Args:
-        connection: File descriptor of the socket to the parent.
-        clock: File descriptor of the clock.
-    """
+    """Play episodes until asked to stop; see `WorkerProcess`."""
 
     def play(parent: Parent, requests: Requests) -> None:
         job = requests.get()
@@ -80,7 +75,7 @@ def _play(job: Job, parent: Parent, requests: Requests, clock: EpisodeClock) -> 
         find_source(job.policy, job.suite.tasks, job.limits),
         job,
         clock,
-        lambda record: parent.report(Progress(record=record)),
+        lambda record: parent.report(EpisodeProgress(record=record)),
         is_interruptible=False,
     )
     parent.report(Ready(run=runner.run, versions=runner.versions))
