@@ -34,7 +34,7 @@ from gallery_sources import sources
 
 import duobench
 from duobench.backend import Image
-from duobench.cli.display.console import console
+from duobench.cli.shared.console import console
 from duobench.errors import DuoBenchError
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout

@@ -17,7 +17,7 @@ from gallery_shots import shot
 from gallery_sources import DIGITS, model_digest
 from PIL import ImageDraw, ImageFont
 
-from duobench.cli.display.console import console
+from duobench.cli.shared.console import console
 from duobench.looks.catalog import LOOKS, look
 from duobench.robot.cameras import OVERVIEW
 from duobench.sim.rendering import Renderer

@@ -12,7 +12,7 @@ from pathlib import Path
 import gymnasium as gym
 
 import duobench
-from duobench.cli.display.console import console
+from duobench.cli.shared.console import console
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout
 from duobench.files import write

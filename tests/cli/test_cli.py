@@ -19,8 +19,9 @@ from rich.console import Console
 
 from duobench import __version__
 from duobench.cli import main
-from duobench.cli.display.console import command_line, console
 from duobench.cli.evaluate import evaluate as eval_verb
+from duobench.cli.shared.console import console
+from duobench.cli.shared.options import command_line
 from duobench.data import DataSet
 from duobench.files import decode, encode, locked
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord

@@ -22,7 +22,7 @@ from duobench.cli.train import train
 from duobench.data.schema import SCHEMA
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import base_of
-from duobench.envs.ids import VERSION
+from duobench.envs.registration import VERSION
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
 from duobench.results.limits import TimeLimits
@@ -195,7 +195,7 @@ def test_versions_are_those_of_the_code() -> None:
 def test_defaults_of_the_protocol_are_those_of_the_code() -> None:
     limits, suite = TimeLimits(), Suite(tasks=find_tasks(()))
     written = [row["default"] for row in table(EVALUATION, "limit")]
-    assert written == [f"{limits.act_s:g} s", f"{limits.episode_s:g} s", "none"]
+    assert written == [f"{limits.act_timeout:g} s", f"{limits.episode_timeout:g} s", "none"]
     assert f"episodes 0 to {suite.indices[-1]}." in text_of(EVALUATION).replace("\n", " ")
     values = {row["what"]: row["value"] for row in table(EVALUATION, "what")}
     assert values["control rate"] == f"{CONTROL_HZ:g} Hz"

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from duobench.cli import main
-from duobench.cli.display.console import command_line
+from duobench.cli.shared.options import command_line
 from duobench.errors import EvaluationError
 from duobench.results.folder import RunFolder
 from duobench.runners import ray_cluster as cluster

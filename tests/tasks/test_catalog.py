@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from duobench.envs.ids import NAMESPACE, env_id
+from duobench.envs.registration import NAMESPACE, env_id
 from duobench.tasks import catalog
 
 

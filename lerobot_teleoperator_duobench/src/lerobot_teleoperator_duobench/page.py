@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from duobench.cli.view import serve_page
+from duobench.cli.shared.page import serve_page
 from duobench.looks.look import Look
 from duobench.rig_sessions.teleop_page import WATCHING
 from duobench.sim.simulation import Simulation

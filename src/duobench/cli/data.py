@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, advising, find_folder
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
+from duobench.cli.shared.advice import AdvisedError, advising, find_folder
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
 from duobench.errors import DataError, DuoBenchError, NamesTakenError, OutputError
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
         workers: Processes that check side by side.
     """
     source = opened(data)
-    from duobench.cli.display.progress import display
+    from duobench.cli.shared.progress import display
     from duobench.data import find_problems
 
     screen = console()

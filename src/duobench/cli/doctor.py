@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Callable
-from importlib import import_module
 from statistics import median
 from timeit import repeat
 
-from duobench.cli.display.console import console
-from duobench.errors import DuoBenchError, RenderingError
+from duobench.cli.shared.console import console
+from duobench.cli.shared.engine import load_engine
+from duobench.errors import DuoBenchError
 
 FRAMES = 20
 """Images that are timed; their median is shown."""
-ASKED = "MUJOCO_GL"
-"""Environment variable that names an OpenGL library."""
 
 
 def doctor() -> None:
@@ -32,24 +29,6 @@ def doctor() -> None:
             screen.print(f"  does not work: {error}", style="red")
     if not is_well:
         sys.exit(1)
-
-
-def load_engine() -> None:
-    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names.
-
-    Raises:
-        RenderingError: `MUJOCO_GL` names something that MuJoCo does not know or cannot load.
-    """
-    try:
-        import_module("mujoco")
-    except (RuntimeError, AttributeError, ImportError, OSError) as error:
-        asked = os.environ.get(ASKED)
-        if not asked:
-            raise
-        raise RenderingError(
-            f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to egl, "
-            "osmesa or glfw, whichever is installed, or unset it: then one that works is found."
-        ) from error
 
 
 def _versions() -> dict[str, str]:

@@ -9,9 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from duobench.cli.display.console import command_line, console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import raising
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import raising
+from duobench.cli.shared.options import command_line
 from duobench.errors import EvaluationError, OptionError, PolicyError
 
 if TYPE_CHECKING:
@@ -127,8 +128,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
-    from duobench.cli.advice import advising, for_evaluation, relative
-    from duobench.cli.display.progress import EpisodesPlayed, display
+    from duobench.cli.shared.advice import advising, for_evaluation, relative
+    from duobench.cli.shared.progress import EpisodesPlayed, display
     from duobench.evaluation.policies import PolicyChoice
     from duobench.results.folder import RunFolder
     from duobench.results.limits import TimeLimits
@@ -154,7 +155,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     asked = played.execution.execute or PAPER_EXECUTE
     remote = _remote(policy, server, format, asked, wait, key_file)
     choice = PolicyChoice.parse(policy, batching=batching, server=remote)
-    limits = TimeLimits(act_s=act_timeout, episode_s=episode_timeout)
+    limits = TimeLimits(act_timeout=act_timeout, episode_timeout=episode_timeout)
     part = None if shard is None else Shard.parse(shard)
     conditions = _conditions(played, axes, levels)
     screen = console()
@@ -250,8 +251,8 @@ def _evaluate_shifts(
     **options: Any,
 ) -> None:
     """Play a suite under shifts, and report it; the exit code is 1 if an episode has an error."""
-    from duobench.cli.advice import advising, for_evaluation, relative
-    from duobench.cli.display.progress import EpisodesPlayed, display
+    from duobench.cli.shared.advice import advising, for_evaluation, relative
+    from duobench.cli.shared.progress import EpisodesPlayed, display
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results
     from duobench.results.robustness.conditions import read_robustness
@@ -283,7 +284,7 @@ def _watching(screen: Console, is_on: bool, port: int) -> Iterator[RunWatch | No
     if not is_on:
         yield None
         return
-    from duobench.cli.view import serve_page
+    from duobench.cli.shared.page import serve_page
     from duobench.replay.watching import RunWatch
 
     with closing(serve_page(port, lan=False)) as server:
@@ -293,7 +294,7 @@ def _watching(screen: Console, is_on: bool, port: int) -> Iterator[RunWatch | No
 
 def _show(run: Run, results: Results, page: Path, screen: Console) -> None:
     """Print the results; the exit code is 1 if an episode failed with an error."""
-    from duobench.cli.display.table import results_table
+    from duobench.cli.shared.table import results_table
 
     screen.print(results_table(run, results))
     screen.print(f"Report: {page}")

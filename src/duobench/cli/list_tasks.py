@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from duobench.cli.display.console import console
+from duobench.cli.shared.console import console
 
 NARROW = 80
 """Columns of a terminal below which the category stands above the instruction, not beside it."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from duobench.cli.display.console import console
+from duobench.cli.shared.console import console
 
 if TYPE_CHECKING:
     from duobench.errors import DuoBenchError
@@ -39,7 +39,7 @@ def print_(
             it may be.
         paper: Size of the sheets.
     """
-    from duobench.cli.advice import advising
+    from duobench.cli.shared.advice import advising
     from duobench.fabrication import Paper, write_prints
     from duobench.results.suite import find_tasks
     from duobench.tasks import catalog
@@ -73,7 +73,7 @@ def print_(
 def _layout(task: Task, seed: int) -> Layout:
     """The layout that a seed gives, tried on the simulated objects."""
     from duobench.envs import RandomizedReset
-    from duobench.envs.reset_options import checked_seed
+    from duobench.envs.config import checked_seed
     from duobench.envs.sim_env import SimEnv
 
     checked_seed(seed)

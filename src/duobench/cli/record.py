@@ -6,12 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from duobench.cli.display.console import command_line, console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import raising
+import tyro
+
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import raising
+from duobench.cli.shared.options import command_line
+from duobench.results.limits import TimeLimits
 
 if TYPE_CHECKING:
     from duobench.runners.demonstrations import Attempt
+
+_LIMITS = TimeLimits()
 
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -25,8 +31,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     instructions: Literal["fixed", "varied"] = "fixed",
     keep_failures: bool = False,
     after_success: float = 1.0,
-    act_timeout: float = 120.0,
-    episode_timeout: float = 1800.0,
+    limits: tyro.conf.OmitArgPrefixes[TimeLimits] = _LIMITS,
 ) -> None:
     """Record demonstrations: states and actions; images are rendered from them later.
 
@@ -48,15 +53,13 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         keep_failures: Keep every episode, whether it succeeds or not.
         after_success: Seconds that a recording goes on after success, while the hands open and
             retreat; 0 ends it there.
-        act_timeout: Seconds that the policy may take for one reset or one chunk of actions.
-        episode_timeout: Seconds that an episode may take.
+        limits: How long the policy may take.
     """
     command = command_line("record", record, locals())
     load_engine()
-    from duobench.cli.advice import advising, for_recording
-    from duobench.cli.display.progress import EpisodesKept, display
+    from duobench.cli.shared.advice import advising, for_recording
+    from duobench.cli.shared.progress import EpisodesKept, display
     from duobench.data import DataSet
-    from duobench.results.limits import TimeLimits
     from duobench.results.suite import find_tasks
     from duobench.runners import demonstrations
 
@@ -73,7 +76,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             instructions=instructions,
             keep_failures=keep_failures,
             after_success=after_success,
-            limits=TimeLimits(act_s=act_timeout, episode_s=episode_timeout),
+            limits=limits,
             workers=workers,
             observers=[EpisodesKept(shown)],
             command=command,

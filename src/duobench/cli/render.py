@@ -6,8 +6,8 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.display.console import console
-from duobench.cli.doctor import load_engine
+from duobench.cli.shared.console import console
+from duobench.cli.shared.engine import load_engine
 
 SAMPLES = 16
 """Images averaged into the one for people; what policies see has one."""
@@ -33,7 +33,7 @@ def render(
     from PIL import Image
 
     from duobench.envs import RandomizedReset
-    from duobench.envs.reset_options import checked_seed
+    from duobench.envs.config import checked_seed
     from duobench.envs.sim_env import SimEnv
     from duobench.files import make_folder, writing
     from duobench.results.suite import find_tasks

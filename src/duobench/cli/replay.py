@@ -12,7 +12,7 @@ import rich.table
 from tyro.conf import Positional
 
 from duobench.cli.data import opened
-from duobench.cli.display.console import console, counted
+from duobench.cli.shared.console import console, counted
 from duobench.errors import DataError
 
 if TYPE_CHECKING:

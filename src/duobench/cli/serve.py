@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from duobench.cli.display.console import console
-from duobench.cli.interrupt import stopping
+from duobench.cli.shared.console import console
+from duobench.cli.shared.interrupt import stopping
 from duobench.errors import ServingError
 
 

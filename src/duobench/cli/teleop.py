@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from duobench.cli.advice import AdvisedError
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
-from duobench.cli.view import serve_page
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.leaders import joint_source, times_of
+from duobench.cli.shared.page import serve_page
 
 if TYPE_CHECKING:
-    from duobench.rig_sessions.pacing import Timings
     from duobench.teleop.intent import Device
-    from duobench.teleop.leaders.device import JointSource
-
-GELLO, LEROBOT = "gello", "lerobot"
 
 
 def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -95,30 +92,3 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             timings = live.run()
         kept = counted(session.kept, "episode")
         screen.print(f"{kept} of {task} in {out}{times_of(timings)}")
-
-
-def joint_source(leader: str) -> JointSource:
-    """The leader arms that an option names."""
-    kind, _, what = leader.partition(":")
-    if kind == GELLO and what:
-        from duobench.teleop.leaders.gello_config import GelloConfig
-        from duobench.teleop.leaders.gello_source import GelloSource
-
-        return GelloSource(GelloConfig.read(Path(what)))
-    if kind == LEROBOT and what:
-        from duobench.teleop.leaders.lerobot_source import LeRobotSource
-
-        return LeRobotSource.make(what)
-    raise AdvisedError(f"--leader is gello:FILE or lerobot:KIND, got {leader!r}.")
-
-
-def times_of(timings: Timings) -> str:
-    """What the session's times were, in a few words."""
-    summary = timings.summary()
-    if "latency_ms" not in summary:
-        return ""
-    period, latency = summary["period_ms"], summary["latency_ms"]
-    return (
-        f"; a control step every {period['p50']:.0f} ms (99 %: {period['p99']:.0f}), executed "
-        f"{latency['p50']:.0f} ms after the hands' sample arrived"
-    )

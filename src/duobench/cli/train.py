@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from duobench.cli.display.console import console
+from duobench.cli.shared.console import console
 
 if TYPE_CHECKING:
     from duobench.training.training import Training
@@ -50,7 +50,7 @@ def train(  # noqa: PLR0913 - each is an argument of the command line
             the paper does not, and an evaluation says simulation everywhere.
         only_print: Print the command and do not run it.
     """
-    from duobench.cli.advice import AdvisedError
+    from duobench.cli.shared.advice import AdvisedError
     from duobench.data.dataset import DESCRIPTION
     from duobench.errors import DataError
     from duobench.training import training

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 import tyro
 
 from duobench.cli import data, export
-from duobench.cli.display.console import console
 from duobench.cli.doctor import doctor
 from duobench.cli.evaluate import evaluate
 from duobench.cli.list_tasks import list_tasks
@@ -30,6 +29,7 @@ from duobench.cli.results.leaderboard import leaderboard
 from duobench.cli.results.report import report
 from duobench.cli.results.verify import verify
 from duobench.cli.serve import serve
+from duobench.cli.shared.console import console
 from duobench.cli.spelling import check_spelling
 from duobench.cli.teleop import teleop
 from duobench.cli.train import train
@@ -109,4 +109,5 @@ def run(arguments: Sequence[str] | None) -> None:
         description=description,
         args=words,
         sort_subcommands=False,
+        config=(tyro.conf.EnumChoicesFromValues,),
     )

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from contextlib import closing
-from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.display.console import console
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
-
-if TYPE_CHECKING:
-    from duobench.web.server import PageServer
+from duobench.cli.shared.console import console
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.page import serve_page
 
 
 def view(
@@ -50,18 +47,3 @@ def view(
         with stopping(viewer.stop):
             console().print(f"Open {server.url}\nCtrl-C ends it.")
             viewer.run()
-
-
-def serve_page(port: int, lan: bool, page: str = "live_page.html") -> PageServer:
-    """Serve a page, to this machine or to the network; `web.page.assets` says which there are.
-
-    Raises:
-        ServingError: The port cannot be had, or there is no certificate for the network.
-    """
-    from duobench.web.certificate import make_certificate
-    from duobench.web.page import assets
-    from duobench.web.server import PageServer
-
-    if not lan:
-        return PageServer(assets(page), port=port)
-    return PageServer(assets(page), host="0.0.0.0", port=port, certificate=make_certificate())

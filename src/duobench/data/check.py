@@ -18,9 +18,9 @@ from duobench.data.processes import Progress, run_all
 from duobench.data.real import soundness as videos
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, action_mode
+from duobench.envs.config import LAYOUT, SPLIT
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.make import make_env
-from duobench.envs.reset_options import LAYOUT, SPLIT
+from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
 from duobench.errors import DuoBenchError
 from duobench.randomness import SUITE_VERSION

@@ -60,11 +60,11 @@ class EpisodeClock:
 
     def late(self, limits: TimeLimits) -> PolicyTimeoutError | None:
         """The error of a policy that has been thinking for too long; None while there is time."""
-        if self.answer_s() > limits.act_s:
-            return PolicyTimeoutError.of_answer(limits.act_s)
-        if self.answer_s() and self.episode_s() > limits.episode_s:
+        if self.answer_s() > limits.act_timeout:
+            return PolicyTimeoutError.of_answer(limits.act_timeout)
+        if self.answer_s() and self.episode_s() > limits.episode_timeout:
             return PolicyTimeoutError(
-                f"The episode was not over after {limits.episode_s:g} s, its time limit."
+                f"The episode was not over after {limits.episode_timeout:g} s, its time limit."
             )
         return None
 

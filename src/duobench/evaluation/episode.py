@@ -35,8 +35,7 @@ from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.stopwatch import Stopwatch
 from duobench.policy import Policy
-from duobench.policy.compatibility import check_fits
-from duobench.policy.policy import as_chunk
+from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, episode_seed
 from duobench.results.limits import TimeLimits
@@ -172,8 +171,8 @@ class EpisodeRunner:
             OptionError: It expects images of an invalid size, or another control rate.
         """
         self._source = source
-        act_s = math.inf if source.waits_for_others else job.limits.act_s
-        self._limits = replace(job.limits, act_s=act_s)
+        act_s = math.inf if source.waits_for_others else job.limits.act_timeout
+        self._limits = replace(job.limits, act_timeout=act_s)
         self._recording = job.recording
         self._clock = clock or EpisodeClock()
         self._tell = tell

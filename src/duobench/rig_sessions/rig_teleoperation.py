@@ -20,8 +20,8 @@ from duobench.data.after_success import AFTER_SUCCESS_S
 from duobench.data.real.placing import placement
 from duobench.data.real.robot import Robot
 from duobench.envs.action_modes import CARTESIAN
+from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
-from duobench.envs.reset_options import LAYOUT
 from duobench.errors import BackendError, DuoBenchError
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.duo import HardwareDuo

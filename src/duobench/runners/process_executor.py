@@ -306,7 +306,7 @@ class ProcessExecutor:
 
     def _check_answer(self, policy: PolicyProcess) -> Iterator[EpisodeResult]:
         """End a policy that hangs; alone with an episode, it has failed it."""
-        act_s = self._job.limits.act_s
+        act_s = self._job.limits.act_timeout
         if policy.clock.answer_s() <= act_s + HANG_S:
             return
         mates = [worker for worker in self._team.playing if worker.policy is policy]
@@ -322,11 +322,11 @@ class ProcessExecutor:
             return
         limits = self._job.limits
         if worker.policy is not None:
-            limits = replace(limits, act_s=float("inf"))
+            limits = replace(limits, act_timeout=float("inf"))
         if late := worker.clock.late(limits):
             self._remove(worker)
             yield self._failed(worker, late)
-        elif worker.clock.episode_s() > limits.episode_s + GRACE_S:
+        elif worker.clock.episode_s() > limits.episode_timeout + GRACE_S:
             self._lose(worker, "the simulation did not come back within the time limit.")
 
     def _failed(self, worker: Worker, late: PolicyTimeoutError) -> EpisodeResult:

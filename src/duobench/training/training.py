@@ -14,8 +14,8 @@ from pathlib import Path
 
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
 from duobench.files import write
-from duobench.installing import install_extra
 from duobench.lerobot_keys import DOMAIN, FEATURE_NAMES, LAST, STEP, SUITE
+from duobench.machine import install_extra
 from duobench.tasks import catalog
 from duobench.training.dataset import LearningData
 from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL, Recipe, Setting

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from duobench.cli.advice import AdvisedError
-from duobench.cli.display.console import console
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import console
 from duobench.hardware.canonical import nominal_pose
 from duobench.hardware.rig import CameraCalibration, Rig
 from duobench.types import HEAD, Side, wrist_name

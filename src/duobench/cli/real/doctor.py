@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from duobench.cli.advice import AdvisedError
-from duobench.cli.display.console import console
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import console
 
 if TYPE_CHECKING:
     from duobench.backend import Image

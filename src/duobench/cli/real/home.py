@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from duobench.cli.advice import AdvisedError
-from duobench.cli.display.console import console
-from duobench.cli.interrupt import stopping
 from duobench.cli.real.rigs import opened_rig
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import console
+from duobench.cli.shared.interrupt import stopping
 
 WORD = "home"
 """What the operator types to confirm."""

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import find_folder
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
-from duobench.cli.view import serve_page
+from duobench.cli.shared.advice import find_folder
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.page import serve_page
 
 
 def rate(trials: tyro.conf.Positional[Path], rater: str, port: int = 0, lan: bool = False) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
 
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from duobench.cli.advice import AdvisedError
+from duobench.cli.shared.advice import AdvisedError
 
 if TYPE_CHECKING:
     from duobench.hardware.duo import HardwareDuo

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from duobench.cli.advice import AdvisedError
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
-from duobench.cli.interrupt import stopping
 from duobench.cli.real.rigs import opened_rig
-from duobench.cli.teleop import joint_source, times_of
-from duobench.cli.view import serve_page
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
+from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.leaders import joint_source, times_of
+from duobench.cli.shared.page import serve_page
 
 if TYPE_CHECKING:
     from duobench.teleop.intent import Device

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, conditions_of, find_runs, relative
-from duobench.cli.display.console import console, counted
+from duobench.cli.shared.advice import AdvisedError, conditions_of, find_runs, relative
+from duobench.cli.shared.console import console, counted
 
 
 def bundle(folder: tyro.conf.Positional[tuple[Path, ...]], out: Path | None = None) -> None:

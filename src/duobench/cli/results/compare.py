@@ -6,8 +6,8 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, advising, conditions_of, find_runs
-from duobench.cli.display.console import console
+from duobench.cli.shared.advice import AdvisedError, advising, conditions_of, find_runs
+from duobench.cli.shared.console import console
 from duobench.errors import DuoBenchError, OtherRunError
 
 

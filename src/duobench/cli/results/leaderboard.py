@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, advising
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
+from duobench.cli.shared.advice import AdvisedError, advising
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
 from duobench.errors import DuoBenchError, OtherRunError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
     if not folder.is_dir():
         raise AdvisedError(f"There is no folder {folder}. duobench bundle RUN makes a bundle.")
     load_engine()
-    from duobench.cli.display.progress import display
+    from duobench.cli.shared.progress import display
     from duobench.replay.leaderboard import make_leaderboard
 
     screen = console()

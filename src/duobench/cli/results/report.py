@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import AdvisedError, conditions_of, find_runs, relative
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
+from duobench.cli.shared.advice import AdvisedError, conditions_of, find_runs, relative
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -54,7 +54,7 @@ def report(
             )
         _report_conditions(source[0])
         return
-    from duobench.cli.display.table import results_table
+    from duobench.cli.shared.table import results_table
     from duobench.results.folder import RunFolder
     from duobench.results.report import read_results, write_report
     from duobench.results.source import open_sources
@@ -120,7 +120,7 @@ def _place(reader: RunReader, out: Path | None) -> RunFolder:
 
 def _make(what: str, make: Callable[..., Made], screen: Console, import_tasks: bool) -> int:
     """Make videos or replays, and return how many cannot be made."""
-    from duobench.cli.display.progress import display
+    from duobench.cli.shared.progress import display
     from duobench.tasks import catalog
 
     with display(screen, what) as shown:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.advice import conditions_of, find_runs
-from duobench.cli.display.console import console, counted
-from duobench.cli.doctor import load_engine
+from duobench.cli.shared.advice import conditions_of, find_runs
+from duobench.cli.shared.console import console, counted
+from duobench.cli.shared.engine import load_engine
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,7 +38,7 @@ def verify(
     """
     find_runs(source)
     load_engine()
-    from duobench.cli.display.progress import display
+    from duobench.cli.shared.progress import display
     from duobench.replay.verify import verify as verify_run
     from duobench.results.source import open_sources
 

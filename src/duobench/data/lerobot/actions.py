@@ -13,8 +13,8 @@ from duobench.data.schema import action_mode
 from duobench.envs.action_labels import tool_labels
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT
 from duobench.kinematics.inverse import Kinematics
+from duobench.robot.frames import tool_frames
 from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.kinematics import tool_frames
 from duobench.spatial import SE3, product, rotation_by
 from duobench.types import (
     ARM_JOINTS,

@@ -45,28 +45,30 @@ class ExportOptions:
     tasks: tuple[str, ...] = ()
     """Ids of the tasks to export; all tasks of the data set if there is none."""
     cameras: tuple[str, ...] = POLICY_CAMERAS
-    """Cameras whose images are rendered."""
+    """Cameras whose images are rendered; without any, or with "none" alone, there are no images."""
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers."""
     look: str = DEFAULT
-    """How rendered images look: a name of `duobench.looks.catalog.look`."""
+    """How rendered images look, such as wood_table or random:7; see docs/looks.md."""
     pairing: Pairing = Pairing.CAUSAL
-    """Which observation stands with an action."""
+    """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
     action: str = JOINT.name
-    """Name of the mode that the actions are meant for: "joint", "cartesian" or
-    "cartesian_relative"; `duobench.envs.action_labels` says which numbers they are."""
+    """What the actions are meant for: joint (targets), cartesian (tool poses) or cartesian_relative
+    (changes of them), with rotations as six numbers; see docs/lerobot.md."""
     action_source: ActionSource = ActionSource.INTENDED
-    """Which of the recorded numbers they are made of."""
+    """Which recorded numbers they are made of: what the actor wanted (intended; where it acted in
+    something else, what was sent), what was sent, or what was given, brought to joint targets."""
     object_state: bool = False
-    """Whether the privileged numbers of the objects are exported too, read from the recorded
-    states."""
+    """Export where the objects are too, as numbers that no camera sees."""
     only_successes: bool = False
-    """Whether episodes that did not succeed are left out."""
+    """Leave out episodes that did not succeed."""
     domains: tuple[Domain, ...] = tuple(Domain)
-    """Where episodes are from that are exported: the simulation, real arms, or both."""
+    """Export episodes from there: the simulation, real arms, or both."""
 
     def __post_init__(self) -> None:
         """Reject invalid values."""
+        if self.cameras == ("none",):
+            object.__setattr__(self, "cameras", ())
         for camera in self.cameras:
             check_known("camera", camera, POLICY_CAMERAS)
         check_known("action mode of an export", self.action, LABELS)

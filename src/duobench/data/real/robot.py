@@ -11,7 +11,7 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.data.schema import RigFacts, VideoFacts
-from duobench.robot.kinematics import tcp_poses
+from duobench.robot.frames import tcp_poses
 from duobench.types import SIDES, Array, DuoState, Side
 
 _MEASURED = ("time_s", "joints", "velocities", "torques")

@@ -1,1 +1,0 @@
-"""What the verbs show: messages, tables and the progress of long work."""

@@ -1,0 +1,156 @@
+"""How far long work is: live bars on a terminal, few plain lines anywhere else."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from duobench.cli.shared.console import counted
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.runners.demonstrations import Attempt
+
+PLAIN_LINES = 10
+"""About how many lines of progress are printed where nothing can be overwritten."""
+
+
+class Display:
+    """Bars that are updated in place, one for each name, or a line for each tenth of everything."""
+
+    def __init__(self, console: Console, noun: str, progress: Progress) -> None:
+        """Show what is done in bars, which are live, or in lines if the bars are disabled."""
+        self._console, self._noun, self._progress = console, noun, progress
+        self._bars: dict[str, TaskID] = {}
+        self._successes: Counter[str] = Counter()
+        self._total = self._done = 0
+
+    def begin(self, heading: str, totals: Mapping[str, int]) -> None:
+        """Say what is going to be done, or show the bars, which say it."""
+        self._total = sum(totals.values())
+        for name, total in totals.items():
+            self._bars[name] = self._progress.add_task(name, total=total, successes="", start=False)
+        self.say(heading)
+
+    def advance(
+        self, name: str, by: int = 1, *, succeeded: bool | None = None, earlier: bool = False
+    ) -> None:
+        """Note what is done.
+
+        Args:
+            name: The bar.
+            by: How many things are done.
+            succeeded: Whether they succeeded, if that is counted.
+            earlier: Whether they were done in an earlier call, about which no line is printed.
+        """
+        bar, before = self._bars[name], self._done
+        self._done += by
+        self._successes[name] += bool(succeeded)
+        self._progress.start_task(bar)
+        self._progress.update(bar, advance=by)
+        successes = ""
+        if succeeded is not None:
+            self._progress.update(bar, successes=f"{self._successes[name]} succeeded")
+            successes = f", {self._successes.total()} succeeded"
+        tenths = [PLAIN_LINES * done // max(1, self._total) for done in (before, self._done)]
+        if not earlier and tenths[0] != tenths[1]:
+            self.say(f"{self._done} of {counted(self._total, self._noun)}{successes}")
+
+    def tell(self, done: int, total: int) -> None:
+        """Show that so many of so many things are done; those of the first call were before."""
+        is_first = not self._bars
+        if is_first:
+            self.begin(f"{done} of {counted(total, self._noun)}", {self._noun: total})
+        self.advance(self._noun, done - self._done, earlier=is_first)
+
+    def say(self, line: str) -> None:
+        """Print a line, if there are no bars; a report will say it then."""
+        if self._progress.disable:
+            self._console.print(line)
+
+
+@contextmanager
+def display(console: Console, noun: str) -> Iterator[Display]:
+    """What suits a console, live as long as the block lasts.
+
+    Args:
+        console: Where to show it.
+        noun: What is counted, as of one.
+    """
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[successes]}", style="dim"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        yield Display(console, noun, progress)
+
+
+class EpisodesPlayed:
+    """The progress of an evaluation."""
+
+    def __init__(self, shown: Display, conditions: int = 1) -> None:
+        """Show it in a display.
+
+        Args:
+            shown: The display.
+            conditions: Under how many shifts the run is played.
+        """
+        self._shown = shown
+        self._conditions = conditions
+
+    def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
+        """Say what is going to be done, and what was finished earlier."""
+        suite = run.suite
+        going_on = f", {len(finished)} already finished" if finished else ""
+        heading = (
+            f"Policy {run.title}: {counted(len(suite.tasks), 'task')}, "
+            f"{counted(self._conditions * run.size, 'episode')}{going_on}"
+        )
+        totals = {task: self._conditions * count for task, count in run.counts.items()}
+        self._shown.begin(heading, totals)
+        for record in finished:
+            self._shown.advance(record.task, succeeded=record.success, earlier=True)
+
+    def on_episode(self, played: EpisodeRecord) -> None:
+        """Count an episode, and say with what error it failed."""
+        if played.error:
+            name = f"{played.task}, episode {played.episode}"
+            self._shown.say(f"{name} failed with an error: {played.reason}")
+        self._shown.advance(played.task, succeeded=played.success)
+
+
+class EpisodesKept:
+    """The progress of recording: episodes that are kept."""
+
+    def __init__(self, shown: Display) -> None:
+        """Show it in a display."""
+        self._shown = shown
+
+    def on_run_start(self, run: Run, finished: Sequence[Attempt]) -> None:
+        """Say what is going to be done, and what was kept earlier."""
+        totals = {task.id: run.suite.episodes for task in run.suite.tasks}
+        kept = [attempt.task for attempt in finished if attempt.kept and attempt.task in totals]
+        heading = f"{counted(len(totals), 'task')}, {counted(run.suite.size, 'episode')}"
+        heading += f", {len(kept)} already recorded" if kept else ""
+        self._shown.begin(heading, totals)
+        for task in kept:
+            self._shown.advance(task, earlier=True)
+
+    def on_episode(self, played: Attempt) -> None:
+        """Count the episode, if it is kept."""
+        self._shown.advance(played.task, int(played.kept))
