@@ -11,7 +11,6 @@ from duobench.tasks import catalog
 from tests.envs.tools import equal
 from tests.experts.baseline_episodes import baseline, make
 from tests.golden import episodes as golden
-from tests.task_harness import marked
 
 SAVES = 3
 """Random control steps of an episode at which its state is restored."""
@@ -30,7 +29,7 @@ def test_an_episode_is_the_golden_one(name: str) -> None:
         assert episode.results[-1][-1]["success"]
 
 
-@pytest.mark.parametrize("name", [marked(name) for name in catalog.names()])
+@TASKS
 def test_a_saved_state_goes_on_as_it_did(name: str) -> None:
     _, episode = baseline(name)
     hashes = [state.hash for state in episode.states]
