@@ -133,11 +133,10 @@ $(VENV)/.installed-browser: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[browser]'
 	@touch $@
 
-$(LEROBOT_VENV)/.installed: pyproject.toml lerobot_env_duobench/pyproject.toml lerobot_teleoperator_duobench/pyproject.toml lerobot_robot_duobench/pyproject.toml
+$(LEROBOT_VENV)/.installed: pyproject.toml plugins/lerobot/pyproject.toml
 	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
 	$(LEROBOT_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[lerobot]' \
-		-e lerobot_env_duobench -e lerobot_teleoperator_duobench \
-		-e lerobot_robot_duobench 'lerobot[diffusion,smolvla,xvla]' 'duckdb>=1' 'polars>=1' 'pytest>=9'
+		-e ./plugins/lerobot 'lerobot[diffusion,smolvla,xvla]' 'duckdb>=1' 'polars>=1' 'pytest>=9'
 	@touch $@
 
 $(HARDWARE_VENV)/.installed: pyproject.toml

@@ -28,8 +28,6 @@ OTHERS = (
     "pyarrow",
 )
 """Packages of others that pages and messages name."""
-PLUGINS = ("lerobot_env_duobench", "lerobot_robot_duobench", "lerobot_teleoperator_duobench")
-"""Our other distributions, by the names of their folders."""
 
 
 def commands() -> dict[str, set[str]]:
@@ -53,7 +51,7 @@ OURS = sorted(word for word in commands() if is_ours(word))
 
 def test_every_other_word_is_of_a_package_of_others() -> None:
     words = {word for word in commands() if not is_ours(word) and word[0] not in "-./{"}
-    assert {Requirement(word).name for word in words} <= {*OTHERS, *PLUGINS}, words
+    assert {Requirement(word).name for word in words} <= set(OTHERS), words
 
 
 @pytest.mark.parametrize("word", [*OURS, f"{DISTRIBUTION}[serve]"])

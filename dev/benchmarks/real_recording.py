@@ -24,7 +24,7 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.data import Actor, DataSet, Recorder, Recording
-from duobench.data.real.robot import Robot
+from duobench.data.rig import RigRecorder
 from duobench.hardware.clock import SystemClock
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
 from duobench.hardware.duo import HardwareDuo
@@ -112,7 +112,7 @@ def make(folder: Path) -> Recorder:
     )
     env = make_real_env(duo, TASK, cameras=(), horizon=1_000_000)
     duo.supervisor.confirm()
-    return Recorder(env, folder, Actor(name="sine"), robot=Robot.of(duo))
+    return Recorder(env, folder, Actor(name="sine"), rig=RigRecorder(duo))
 
 
 def record(folder: Path) -> None:

@@ -1,6 +1,5 @@
 """What a recording says about its actions, also in a mode that is added to the table."""
 
-import json
 from pathlib import Path
 
 import gymnasium as gym
@@ -14,16 +13,13 @@ from duobench.data import (
     DataSet,
     ExportOptions,
     Recorder,
-    Recording,
     export_lerobot,
     find_problems,
 )
-from duobench.data.schema import INFO_KEY, SCHEMA, action_mode
 from duobench.envs import action_modes
 from duobench.errors import DataError, UnknownNameError
 from duobench.policy.serving.message_format import ActionFormat, MessageFormat
 from duobench.policy.serving.vla_eval_specs import action_spec
-from duobench.robot.cameras import describe_cameras
 from tests.data.degrees import DEGREES, FACTORS
 from tests.data.tools import HORIZON, TASK, recorded, recorder
 from tests.envs.tools import wave
@@ -77,39 +73,7 @@ def test_a_recording_of_a_mode_that_is_not_here_says_so(tmp_path: Path, degrees:
         table = {name: mode for name, mode in action_modes.ACTION_MODES.items() if name != degrees}
         patch.setattr(action_modes, "ACTION_MODES", table)
         with pytest.raises(UnknownNameError, match="action mode 'joint_degrees'"):
-            action_mode(recording.info)
-
-
-@pytest.mark.parametrize("mode", [*action_modes.ACTION_MODES])
-@pytest.mark.parametrize("schema", [1, 2, 3])
-def test_older_data_sets_are_read_and_continued(tmp_path: Path, mode: str, schema: int) -> None:
-    now = recorded(tmp_path, steps=0, action_mode=mode)
-    data = DataSet.open(tmp_path)
-    (path,) = data.episodes()
-    table = pq.read_table(path)
-    said = json.loads(table.schema.metadata[INFO_KEY])
-    assert (said.pop("schema"), said["action_mode"]) == (SCHEMA, mode)
-    assert said.pop("task_instruction") == said["instruction"]
-    assert said.pop("has_clutch") is False
-    if schema < 3:
-        assert (said.pop("after_success"), said["outcome"].pop("success_step")) == (0.0, None)
-        assert said.pop("cameras") == describe_cameras()
-    if schema == 1:
-        del said["action_mode"]
-    described = json.loads(data.description.read_text()) | {"schema": schema}
-    data.description.write_text(json.dumps(described))
-    older = table.replace_schema_metadata({INFO_KEY: json.dumps({"schema": schema, **said})})
-    pq.write_table(older, path)
-
-    recorder(tmp_path, action_mode=mode).close()
-    read = Recording.read(path)
-    assert read.info.action_mode == (None if schema == 1 else mode)
-    assert bool(read.info.cameras) == (schema == 3)
-    assert (read.info.after_success, read.info.task_instruction) == (0.0, None)
-    assert read.clutch.shape == (0, 0)
-    assert [problem.what for problem in find_problems(data)] == ["It has no actions."]
-    assert action_mode(read.info).name == mode
-    assert np.array_equal(read.state, now.state)
+            _ = recording.info.mode
 
 
 def test_the_mode_is_found_through_wrappers_that_are_not_ours(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import pytest
 
 import duobench
 from duobench.data import Actor, DataSet, Recorder, Recording
-from duobench.data.schema import action_mode
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.action_wrappers import CartesianActions
 from duobench.envs.episode_state import EpisodeState
@@ -208,7 +207,7 @@ def test_actions_are_named_by_the_wrapper_that_takes_them(tmp_path: Path) -> Non
     env.close()
     (rows,) = DataSet(tmp_path).recordings()
     assert rows.info.action_names[:3] == ("left_x", "left_y", "left_z")
-    assert action_mode(rows.info) is CARTESIAN
+    assert rows.info.mode is CARTESIAN
     scaled = gym.wrappers.RescaleAction(
         duobench.make(TASK, cameras=False), np.float32(-1), np.float32(1)
     )

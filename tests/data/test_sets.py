@@ -13,9 +13,9 @@ import pytest
 from duobench.cli import main
 from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.data.arrange import merge, split
-from duobench.data.chatter import Chatter
 from duobench.data.check import find_problems
 from duobench.data.page import write_page
+from duobench.data.smoothness import Smoothness
 from duobench.data.summary import summarize
 from duobench.errors import DataError, OutputError, UnknownNameError
 from duobench.files import locked
@@ -245,7 +245,7 @@ def test_summary_adds_up(original: DataSet) -> None:
     assert joint.fastest == max(abs(each.joint_velocity[:, 10]).max() for each in recordings)
     assert joint.at_limit == 0.0
     assert task.actors == ("program wave",)
-    assert task.chatter == Chatter(at_limit=0.0, reversals=0.0, jumps=0.0)
+    assert task.smoothness == Smoothness(at_limit=0.0, reversals=0.0, jumps=0.0)
 
 
 def test_commands_at_a_limit_are_counted(data: DataSet) -> None:
@@ -264,7 +264,7 @@ def test_commands_at_a_limit_are_counted(data: DataSet) -> None:
         ([0.049, 0.049], 0, 0),
     ],
 )
-def test_chatter_of_labels_is_counted(
+def test_smoothness_of_labels_is_measured(
     data: DataSet, steps: list[float], reversals: int, jumps: int
 ) -> None:
     def change(recording: Recording) -> Recording:
@@ -276,8 +276,8 @@ def test_chatter_of_labels_is_counted(
     for path in data.episodes():
         change(Recording.read(path)).write(path)
     (task,) = summarize(data).tasks
-    assert task.chatter.reversals == reversals
-    assert task.chatter.jumps == pytest.approx(jumps / HORIZON)
+    assert task.smoothness.reversals == reversals
+    assert task.smoothness.jumps == pytest.approx(jumps / HORIZON)
 
 
 def test_experts_are_named_once(data: DataSet) -> None:

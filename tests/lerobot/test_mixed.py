@@ -18,7 +18,7 @@ pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-
 import duobench
 from duobench.cli import main
 from duobench.data import Actor, DataSet, Recorder
-from duobench.data.real.robot import Robot
+from duobench.data.rig import RigRecorder
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.drivers.simulated import number_of
 from duobench.hardware.env import make_real_env
@@ -51,8 +51,8 @@ def sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     duo = open_rig("simulated", VirtualClock(), guard=False)
     real = make_real_env(duo, TASK, cameras=(), horizon=LENGTH)
     duo.supervisor.confirm()
-    robot = Robot.of(duo, waits=True)
-    record(Recorder(real, folder / "real-demos", Actor(name="sine"), robot=robot))
+    rig = RigRecorder(duo, waits=True)
+    record(Recorder(real, folder / "real-demos", Actor(name="sine"), rig=rig))
     for name, sources in (("sim", ["sim"]), ("real", ["real"]), ("mixed", ["sim", "real"])):
         folders = [str(folder / f"{source}-demos") for source in sources]
         words = ["--cameras", "head", "--size", "64", "64"]

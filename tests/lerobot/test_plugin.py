@@ -24,6 +24,31 @@ EPISODES = 4
 SCRIPTS = Path(sys.executable).parent
 
 
+EVALUATION = """
+import sys
+from lerobot.robots import RobotConfig
+from lerobot.scripts import lerobot_eval
+from lerobot.teleoperators import TeleoperatorConfig
+from lerobot.utils.import_utils import register_third_party_plugins
+
+register_third_party_plugins()
+from lerobot.envs import EnvConfig
+
+assert "duobench" in EnvConfig.get_known_choices()
+assert "duobench" in TeleoperatorConfig.get_known_choices()
+assert {"duobench", "duobench_duo"} <= set(RobotConfig.get_known_choices())
+devices = ("duobench.hardware", "duobench.web", "duobench.teleop", "franky", "pymodbus")
+print([name for name in devices if name in sys.modules])
+"""
+
+
+def test_one_distribution_registers_all_and_an_evaluation_loads_no_drivers() -> None:
+    found = subprocess.run(
+        [sys.executable, "-c", EVALUATION], capture_output=True, text=True, check=True
+    )
+    assert found.stdout.splitlines()[-1] == "[]"
+
+
 @pytest.fixture(scope="module")
 def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return checkpoints.act(tmp_path_factory.mktemp("checkpoint") / "act")

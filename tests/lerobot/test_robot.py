@@ -15,14 +15,14 @@ pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-
 from lerobot.robots import RobotConfig, make_robot_from_config
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins
-from lerobot_robot_duobench.duo import KEYS
 
 from duobench.errors import ActionError, BackendError, OptionError, UnknownNameError
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.opening import open_rig
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import Side
-from lerobot_robot_duobench import DuoBenchDuo, DuoBenchDuoConfig
+from lerobot_env_duobench import DuoBenchDuo, DuoBenchDuoConfig
+from lerobot_env_duobench.config import KEYS
 
 CONFIG = DuoBenchDuoConfig(rig="simulated", ask=False, image_size=32)
 

@@ -43,10 +43,10 @@ from duobench.errors import LeaderError, UnknownNameError
 from duobench.randomness import TRAIN, episode_seed
 from duobench.rig_sessions.teleoperation import State
 from duobench.spatial import SE3
-from duobench.teleop.hand_arms import OPEN_HOME
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.types import ARM_JOINTS, DuoCommand
 from duobench.web.messages import unpack_frame
+from lerobot_env_duobench.hand_arms import OPEN_HOME
 from tests.docs.markdown import DOCS, table
 from tests.teleop.operator import Operator, hand, message
 from tests.web.pages import Page, get, open_page
@@ -255,7 +255,7 @@ class Messenger(gym.Wrapper):
 def test_lerobots_control_loop_plays_our_environment(page: Page, teleoperator: Any) -> None:
     from lerobot.rl.gym_manipulator import DatasetConfig, GymManipulatorConfig, control_loop
 
-    from lerobot_teleoperator_duobench import LeadArms
+    from lerobot_env_duobench import LeadArms
 
     steps = [
         AddTeleopActionAsComplimentaryDataStep(teleoperator),

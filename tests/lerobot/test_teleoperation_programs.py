@@ -22,8 +22,8 @@ from lerobot.datasets import LeRobotDataset
 
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.spatial import SE3
-from duobench.teleop.hand_arms import OPEN_HOME
-from duobench.training.dataset import LearningData
+from duobench.training.training import LearningData
+from lerobot_env_duobench.hand_arms import OPEN_HOME
 from tests.teleop.operator import hand, message
 from tests.web.pages import Page, open_page
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from shutil import copyfile
 
 from duobench.data.dataset import SUFFIX, DataSet
-from duobench.data.schema import VIDEO_SUFFIX
+from duobench.data.schema import video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.errors import DataError, NamesTakenError
 from duobench.files import locked, replacing, write
@@ -138,20 +138,14 @@ def _shuffled(path: Path, seed: int) -> str:
 
 def _check_videos(path: Path) -> None:
     """Reject now an episode that cannot be read, or lacks a video."""
-    for video in _videos(path):
+    for video in _videos(path).values():
         if not video.exists():
             raise DataError(f"{video} is missing, which belongs to {path.name}.")
 
 
-def _videos(path: Path) -> list[Path]:
-    """Videos of a finished episode."""
-    return list(DataSet(path.parents[2]).videos_of(path).values())
-
-
-def _video_at(place: Path, video: Path) -> Path:
-    """Where a video belongs beside an episode at a place."""
-    camera = video.name.removesuffix(VIDEO_SUFFIX).rpartition(".")[2]
-    return place.with_name(f"{place.stem}.{camera}{VIDEO_SUFFIX}")
+def _videos(path: Path) -> dict[str, Path]:
+    """Videos of a finished episode, by camera."""
+    return DataSet(path.parents[2]).videos_of(path)
 
 
 def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
@@ -161,7 +155,7 @@ def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
         return False
     if place.with_suffix(PART_SUFFIX).exists():
         return False  # it is being recorded, or was
-    videos = [(video, _video_at(place, video)) for video in _videos(path)]
+    videos = ((video, video_path(place, camera)) for camera, video in _videos(path).items())
     return all(not there.exists() or cmp(video, there, shallow=False) for video, there in videos)
 
 
@@ -176,8 +170,8 @@ def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:
 def _copy(plan: Mapping[Path, Path]) -> None:
     """Copy files to their places; those that are there are the same."""
     for place, path in plan.items():
-        for video in _videos(path):  # first, so that an episode has all of its videos
-            there = _video_at(place, video)
+        for camera, video in _videos(path).items():  # first: an episode has all of its videos
+            there = video_path(place, camera)
             if not there.exists():
                 with replacing(there) as temporary:
                     copyfile(video, temporary)

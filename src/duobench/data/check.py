@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 
-from duobench.data.after_success import steps_after_success
-from duobench.data.dataset import DataSet
-from duobench.data.problem import Problem
+from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.processes import Progress, run_all
-from duobench.data.real import soundness as videos
 from duobench.data.recording import Recording
-from duobench.data.schema import COLUMNS, action_mode
+from duobench.data.schema import COLUMNS, VideoFacts, episode_of, steps_after_success, video_path
+from duobench.data.stream import SUFFIX as PART_SUFFIX
+from duobench.data.videos import describe
 from duobench.envs.config import LAYOUT, SPLIT
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
-from duobench.errors import DuoBenchError
+from duobench.errors import DataError, DuoBenchError
 from duobench.randomness import SUITE_VERSION
 from duobench.versions import package_versions
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Problem:
+    """Something that is wrong with a file."""
+
+    path: Path
+    """The file."""
+    what: str
+    """What is wrong, as a sentence."""
 
 
 def find_problems(
@@ -50,7 +59,7 @@ def find_problems(
         Problem(path=path, what="Its recording was interrupted: recover or delete it.")
         for path in data.partials()
     ]
-    problems += list(videos.orphans(data))
+    problems += list(_orphans(data))
     paths = data.episodes()
     progress(0, len(paths))
     with closing(run_all(_checker, paths, workers)) as results:
@@ -67,7 +76,7 @@ def _checker() -> Callable[[Path], list[Problem]]:
     def check(path: Path) -> list[Problem]:
         try:
             recording = Recording.read(path)
-            faults = [*_disagreements(recording, path), *videos.disagreements(recording, path)]
+            faults = [*_disagreements(recording, path), *_wrong_videos(recording, path)]
             if not recording.info.is_real:
                 faults += _beginning(recording, environment)
         except DuoBenchError as error:
@@ -80,7 +89,7 @@ def _checker() -> Callable[[Path], list[Problem]]:
 def _beginning(recording: Recording, environment: Callable[..., gym.Env]) -> list[str]:
     """What is wrong with the layout and the first state."""
     info = recording.info
-    env = environment(info.task, action_mode=action_mode(info).name)
+    env = environment(info.task, action_mode=info.mode.name)
     options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
     _, seen = env.reset(seed=info.seed, options=options)
     if seen["layout"] != info.layout:
@@ -132,9 +141,7 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
             "It is no success as it says, or the reverse.": (
                 bool(recording.success[-1]) != outcome.success
             ),
-            "The step of its success is not the one it says.": (
-                outcome.success_step not in (None, succeeded)
-            ),
+            "The step of its success is not the one it says.": (outcome.success_step != succeeded),
             "The hash of its last state is missing.": (
                 not (outcome.cut or info.is_real) and info.last_hash is None
             ),
@@ -142,7 +149,42 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
     return [sentence for sentence, is_so in faults.items() if is_so]
 
 
-def _goes_back(recording: Recording) -> bool:
-    """Whether a row is before another; real arms that were held in a step stay at one time."""
-    passed = np.diff(recording.time)
-    return bool((passed < 0).any() or (not recording.info.is_real and (passed == 0).any()))
+def _orphans(data: DataSet) -> Iterator[Problem]:
+    """Videos beside which there is no episode, finished or not."""
+    for video in data.videos():
+        belongs = episode_of(video)
+        names = [f"{belongs[0]}{suffix}" for suffix in (SUFFIX, PART_SUFFIX)] if belongs else []
+        if not any(video.with_name(name).exists() for name in names):
+            yield Problem(path=video, what="It is a video without an episode.")
+
+
+def _wrong_videos(recording: Recording, path: Path) -> Iterator[str]:
+    """What an episode says about its videos that is not so."""
+    info = recording.info
+    for place, (camera, facts) in enumerate(info.videos.items()):
+        video = video_path(path, camera)
+        if facts.frames is None:
+            yield f"It does not say how many frames {video.name} has."
+            continue
+        yield from _wrong_file(video, facts)
+        frames = recording.frame[:, place]
+        if frames.max() >= facts.frames:
+            yield f"Its rows name frame {frames.max()} of {video.name}, which has {facts.frames}."
+        if (np.diff(frames) < 0).any() or frames.min() < -1:
+            yield f"Its rows go back in {video.name}."
+
+
+def _wrong_file(video: Path, facts: VideoFacts) -> Iterator[str]:
+    if not video.exists():
+        if facts.frames:
+            yield f"Its video {video.name} is missing."
+        return
+    try:
+        found = describe(video)
+    except (DataError, OSError) as error:
+        yield str(error)
+        return
+    if found.frames != facts.frames:
+        yield f"{video.name} has {found.frames} frames, not {facts.frames}."
+    elif facts.sha256 not in {None, found.sha256}:
+        yield f"{video.name} has changed since it was recorded: its checksum is another one."

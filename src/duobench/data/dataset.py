@@ -7,19 +7,15 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from duobench.data import stream
 from duobench.data.recording import Recording
-from duobench.data.schema import OLDEST_SCHEMA, SCHEMA, VIDEO_SUFFIX, EpisodeInfo
+from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo, video_path
 from duobench.errors import DataError, check_known
 from duobench.files import begin_or_continue, differences, lock, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
-
-if TYPE_CHECKING:
-    from duobench.data.real.robot import Robot
 
 DESCRIPTION = "dataset.json"
 """What makes a folder a data set."""
@@ -51,7 +47,6 @@ class DataSet:
     """Names in the folder of a data set."""
 
     path: Path
-    """The folder."""
 
     @staticmethod
     def open(path: str | Path, *, create: bool = True, how: str = "") -> DataSet:
@@ -72,9 +67,7 @@ class DataSet:
         if not create and not data.description.exists():
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
         about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)
-        begin_or_continue(
-            data.path, data.description, about, SCHEMA, oldest=OLDEST_SCHEMA, what="data set"
-        )
+        begin_or_continue(data.path, data.description, about, SCHEMA, what="data set")
         return data
 
     @property
@@ -83,12 +76,8 @@ class DataSet:
         return self.path / DESCRIPTION
 
     def read_description(self) -> Description:
-        """What is said about the whole.
-
-        Raises:
-            FileError: It cannot be read, or is of another version.
-        """
-        return read(self.description, Description, SCHEMA, OLDEST_SCHEMA)
+        """What is said about the whole; a `FileError` if it cannot be read."""
+        return read(self.description, Description, SCHEMA)
 
     def episode(self, task: str, name: str) -> Path:
         """File of an episode."""
@@ -114,17 +103,9 @@ class DataSet:
         return [path for path in self.episodes() if not wanted or path.parent.name in wanted]
 
     def videos_of(self, episode: Path) -> dict[str, Path]:
-        """Videos that a finished episode says it has, by camera; those without a frame are none.
-
-        Raises:
-            DataError: The episode cannot be read.
-        """
+        """Videos that a finished episode says it has, by camera; those without a frame are none."""
         found = Recording.read_info(episode).videos
-        return {
-            camera: episode.with_name(f"{episode.stem}.{camera}{VIDEO_SUFFIX}")
-            for camera, facts in found.items()
-            if facts.frames
-        }
+        return {camera: video_path(episode, camera) for camera in found if found[camera].frames}
 
     def partials(self) -> list[Path]:
         """Files of episodes that are being recorded, or whose recording was killed."""
@@ -136,11 +117,7 @@ class DataSet:
         return sorted({path.parent.name for path in self.episodes()})
 
     def recordings(self, task: str | None = None) -> Iterator[Recording]:
-        """Read one episode after the other.
-
-        Raises:
-            DataError: One cannot be read; the message names its file.
-        """
+        """Read one episode after the other; a `DataError` names the file that cannot be read."""
         return map(Recording.read, self.episodes(task))
 
     def videos(self) -> list[Path]:
@@ -148,11 +125,7 @@ class DataSet:
         return sorted((self.path / EPISODES).glob(f"*/*{VIDEO_SUFFIX}"))
 
     def new_stream(
-        self,
-        info: EpisodeInfo,
-        sizes: Mapping[str, int],
-        name: str | None = None,
-        robot: Robot | None = None,
+        self, info: EpisodeInfo, sizes: Mapping[str, int], name: str | None = None
     ) -> stream.EpisodeStream:
         """Begin the recording of an episode.
 
@@ -160,7 +133,6 @@ class DataSet:
             info: What is known about it at its start.
             sizes: Numbers of an action and of a state.
             name: Name of its file; without one it is the next free number.
-            robot: The rig whose cameras are recorded in the videos that `info` names.
 
         Raises:
             DataError: There is an episode of that name, somebody is recording one, or it is no
@@ -173,19 +145,15 @@ class DataSet:
                     f"An episode cannot be named {name!r}. A name is letters, digits, '_', '-' and "
                     "'.', and begins with a letter, a digit or '_'."
                 )
-            return stream.EpisodeStream(self.episode(info.task, name), info, sizes, robot)
+            return stream.EpisodeStream(self.episode(info.task, name), info, sizes)
         number = self.next_number(info.task)
         while True:
             with suppress(DataError):  # another process has just taken the name
-                return self.new_stream(info, sizes, f"{number:05d}", robot)
+                return self.new_stream(info, sizes, f"{number:05d}")
             number += 1
 
     def kept(self, task: str) -> int:
-        """How many finished episodes of a task are kept.
-
-        Raises:
-            DataError: One cannot be read.
-        """
+        """How many finished episodes of a task are kept."""
         outcomes = (Recording.read_info(path).outcome for path in self.episodes(task))
         return sum(outcome is not None and outcome.kept for outcome in outcomes)
 
@@ -203,12 +171,6 @@ class DataSet:
             task: Id of the task.
             name: Name of its file.
             content: The content of its file, see `Recording.to_bytes`.
-
-        Returns:
-            The file.
-
-        Raises:
-            OutputError: It cannot be written.
         """
         path, partial = self.episode(task, name), self.partial(task, name)
         write(path, content)

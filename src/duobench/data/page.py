@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from duobench.data.chatter import JUMP, REVERSAL
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
-from duobench.data.real.views import RecordedImages, raw_view
 from duobench.data.recording import Recording
+from duobench.data.smoothness import JUMP, REVERSAL
 from duobench.data.summary import Summary
+from duobench.data.views import RecordedImages, raw_view
 from duobench.files import write
 from duobench.pages import render
 from duobench.types import CONTROL_HZ, HEAD

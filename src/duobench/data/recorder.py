@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duobench.backend import DuoLimits
-from duobench.data.after_success import steps_after_success
 from duobench.data.dataset import DataSet
-from duobench.data.schema import Actor, Domain, EpisodeInfo, Outcome
+from duobench.data.schema import Actor, Domain, EpisodeInfo, Outcome, steps_after_success
 from duobench.data.stream import EpisodeRows, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
@@ -30,8 +29,7 @@ from duobench.types import CONTROL_HZ, Array
 from duobench.versions import package_versions
 
 if TYPE_CHECKING:
-    from duobench.data.real.robot import Robot
-    from duobench.data.real.videos import Videos
+    from duobench.data.rig import RigRecorder
     from duobench.envs.sim_env import SimEnv
 
 OBSERVED = ("agent_pos", "tcp_pose")
@@ -69,7 +67,7 @@ class Recorder(DuoWrapper):
         keep: Callable[[Outcome], bool] = lambda _outcome: True,
         is_reviewed: bool = False,
         has_clutch: bool = False,
-        robot: Robot | None = None,
+        rig: RigRecorder | None = None,
     ) -> None:
         """Wrap an environment.
 
@@ -83,8 +81,8 @@ class Recorder(DuoWrapper):
             is_reviewed: Whether a finished episode waits for `keep` or `discard`; one that is left
                 without is written, and says that it is not meant to be used.
             has_clutch: Whether every row says which hands led their arms; see `clutch`.
-            robot: The rig that the environment plays on, whose cameras and full state are recorded
-                too, from the first step on: what the first row holds is seen again then.
+            rig: Records the cameras and the full state of the rig that the environment plays on,
+                from the first step on: what the first row holds is seen again then.
 
         Raises:
             DataError: The environment takes chunks of actions, or actions of no known mode, or its
@@ -105,24 +103,27 @@ class Recorder(DuoWrapper):
         """Name of the next episode's file; without one it is the next free number."""
         self.clutch: tuple[bool, bool] = (False, False)
         """Whether each hand, left then right, leads its arm in the next action."""
-        self._has_clutch = has_clutch
-        self._is_reviewed = is_reviewed
-        self._robot = robot
-        if robot is not None and self.data is None:
+        if rig is not None and self.data is None:
             raise DataError("What cameras of a rig see is recorded in a data set; name one.")
-        self._pending: tuple[EpisodeRows, Outcome, str | None] | None = None
+        self._rig, self._keep, self._is_reviewed = rig, keep, is_reviewed
+        self._episode: EpisodeRows | None = None  # the running one, or the one that waits
         self._intended: Array | None = None
-        self._steps_after_success = steps_after_success(after_success)
-        self._steps_left: int | None = None  # None before success
-        self._keep = keep
-        self._stream: EpisodeRows | None = None
+        self._after_success = _AfterSuccess(steps_after_success(after_success))
         observed = getattr(env.observation_space, "spaces", {})
         if missing := [name for name in OBSERVED if name not in observed]:
             raise DataError(
                 f"The observation lacks {', '.join(missing)}; put the recorder inside wrappers "
                 "that change the observation."
             )
-        self._mode = _action_mode(env, self.base.backend.limits)
+        mode = _action_mode(env, self.base.backend.limits)
+        self._of_all = {
+            "action_names": mode.names,
+            "action_mode": mode.name,
+            "after_success": self._after_success.steps / CONTROL_HZ,
+            "cameras": {} if self._sim is None else describe_cameras(),
+            "has_clutch": has_clutch,
+            "domain": Domain.REAL if self._sim is None else Domain.SIM,
+        }  # what every episode says
 
     def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode and its recording; a running one ends here, marked as cut.
@@ -149,23 +150,19 @@ class Recorder(DuoWrapper):
             versions=package_versions(),
             actor=self.actor,
             first_hash=state and state.hash,
-            action_names=self._mode.names,
-            action_mode=self._mode.name,
-            after_success=self._steps_after_success / CONTROL_HZ,
-            cameras={} if self._sim is None else describe_cameras(),
             task_instruction=self._own_instruction(),
-            has_clutch=self._has_clutch,
-            domain=Domain.REAL if self._sim is None else Domain.SIM,
+            **(self._of_all if self._rig is None else self._of_all | self._rig.described()),
         )
-        if self._robot is not None:
-            described = replace(described, **self._robot.described())
-        sizes = {"action": len(self._mode.names), "state": len(self._physics())}
+        sizes = {"action": len(described.action_names), "state": len(self._physics())}
         if self.data is None:
-            self.content, self._stream = None, EpisodeRows(described, sizes)
+            self.content, self._episode = None, EpisodeRows(described, sizes)
         else:
-            self._stream = self.data.new_stream(described, sizes, self.next_name, self._robot)
-        self.next_name = self._intended = self._steps_left = None
-        self._stream.append(self._seen(self._stream, observation, info))
+            self._episode = stream = self.data.new_stream(described, sizes, self.next_name)
+            if self._rig is not None:
+                self._rig.begin(stream)
+        self.next_name = self._intended = None
+        self._after_success.begin()
+        self._episode.append(self._seen(self._episode, observation, info))
         return observation, info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
@@ -179,23 +176,25 @@ class Recorder(DuoWrapper):
         """
         given = np.asarray(action)
         wanted, self._intended = self._intended, None
-        if self._stream is not None:
-            if self._steps_left:
+        episode = self._running
+        if episode is not None:
+            if self._after_success.is_on:
                 optional_method(self.env, "allow_step_after_end")()
-            self._begin_videos(self._stream)
+            if self._rig is not None:
+                self._rig.begin_step(episode)
         try:
             observation, reward, terminated, truncated, info = self.env.step(action)
         except BackendError as error:
             self.finish(reason=str(error))
             raise
-        if self._stream is not None:
+        if episode is not None:
             row = {"action": given if wanted is None else wanted, "sent": info["sent"]}
-            row |= {"clutch": self.clutch} if self._has_clutch else {}
-            self._stream.act(row | {"reward": reward})
-            self._stream.append(self._seen(self._stream, observation, info))
+            row |= {"clutch": self.clutch} if episode.info.has_clutch else {}
+            episode.complete(row | {"reward": reward})
+            episode.append(self._seen(episode, observation, info))
             reason = info.get(TRUNCATION_REASON)
-            if terminated and info["success"] and reason is None and self._steps_after_success:
-                terminated, truncated = self._is_enough_after_success(), False
+            if terminated and info["success"] and reason is None and self._after_success.steps:
+                terminated, truncated = self._after_success.is_over(), False
             if terminated or truncated:
                 self._end(cut=False, reason=reason)
         return observation, float(reward), terminated, truncated, info
@@ -209,7 +208,7 @@ class Recorder(DuoWrapper):
         Raises:
             ActionError: It has another shape than an action, or holds NaN or infinity.
         """
-        self._intended = spaces.checked_action(action, self._mode.names)
+        self._intended = spaces.checked_action(action, self._of_all["action_names"])
 
     def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, unrecorded; the recording of the running episode ends here.
@@ -234,7 +233,7 @@ class Recorder(DuoWrapper):
     @property
     def pending(self) -> Outcome | None:
         """How the episode ended that waits for `keep` or `discard`; None while none does."""
-        return self._pending and self._pending[1]
+        return self._episode and self._episode.info.outcome
 
     def keep(self) -> None:
         """Write the episode that waits for it, if one does.
@@ -242,16 +241,14 @@ class Recorder(DuoWrapper):
         Raises:
             OutputError: It cannot be written.
         """
-        pending, self._pending = self._pending, None
-        if pending is not None:
-            self._write(*pending)
+        if self.pending is not None:
+            self._write()
 
     def discard(self) -> None:
         """Forget the running episode, or the one that waits; nothing of it is kept."""
-        for stream in (self._stream, self._pending and self._pending[0]):
-            if stream is not None:
-                stream.discard()
-        self._stream = self._pending = None
+        episode, self._episode = self._episode, None
+        if episode is not None:
+            episode.discard()
 
     def close(self) -> None:
         """End the running episode, marked as cut, and close the environment."""
@@ -260,13 +257,12 @@ class Recorder(DuoWrapper):
         finally:
             super().close()  # arms stop, whatever could not be written
 
-    def _is_enough_after_success(self) -> bool:
-        """Count a step that ended with success, and say whether it is the last one to record."""
-        left = self._steps_left
-        self._steps_left = self._steps_after_success if left is None else left - 1
-        return not self._steps_left
+    @property
+    def _running(self) -> EpisodeRows | None:
+        """The episode that takes rows; None between episodes, and while one waits."""
+        return self._episode if self.pending is None else None
 
-    def _seen(self, stream: EpisodeRows, observation: Observation, info: Info) -> dict[str, Any]:
+    def _seen(self, episode: EpisodeRows, observation: Observation, info: Info) -> dict[str, Any]:
         """What a row holds of what was seen."""
         backend = self.base.backend
         row: dict[str, Any] = {
@@ -278,61 +274,44 @@ class Recorder(DuoWrapper):
             "success_at_end": info["success_at_end"],
             "state": self._physics(),
         }
-        return row if self._robot is None else row | self._seen_by(self._robot, stream, row["time"])
-
-    def _seen_by(self, robot: Robot, stream: EpisodeRows, time_s: float) -> dict[str, Any]:
-        """What a row holds of what a rig alone sees."""
-        row = robot.states(stream.info.robot_state_names)
-        videos = _videos_of(stream)
-        return row if videos is None else row | videos.see(robot.duo.frames(), time_s)
-
-    def _begin_videos(self, stream: EpisodeRows) -> None:
-        """Record what the cameras see from the first step on; a person may take long to begin."""
-        videos, robot = _videos_of(stream), self._robot
-        if robot is not None and videos is not None and not videos.is_listening:
-            row = robot.observe()
-            stream.correct(row | self._seen_by(robot, stream, row["time"]))
-            videos.listen()
+        return row if self._rig is None else row | self._rig.seen(episode, row["time"])
 
     def _end(self, *, cut: bool, kept: bool = True, reason: str | None = None) -> None:
-        stream, self._stream = self._stream, None
-        if stream is None:
+        episode = self._running
+        if episode is None:
             return
-        self._leave_pending()
-        if (videos := _videos_of(stream)) is not None:
-            videos.close()  # now, whenever somebody decides
-        if not len(stream.rows):  # not even the reset could be recorded
-            stream.discard()
+        rows = episode.rows
+        if not len(rows):  # not even the reset could be recorded
+            self.discard()
             return
-        outcome = outcome_of(stream.info, stream.rows, kept=kept, reason=reason, cut=cut)
+        outcome = outcome_of(episode.info, rows, kept=kept, reason=reason, cut=cut)
         if not self._keep(outcome):
-            stream.discard()
+            self.discard()
             return
         # A step that was broken off has left another state than that of the last row.
-        is_last = np.array_equal(self._physics(), stream.rows[-1]["state"])
+        is_last = np.array_equal(self._physics(), rows[-1]["state"])
         last_hash = self.state_hash() if self._sim is not None and is_last else None
+        episode.info = replace(episode.info, outcome=outcome, last_hash=last_hash)
         if self._is_reviewed:
-            self._pending = stream, outcome, last_hash
-            stream.flush()
+            episode.flush()
         else:
-            self._write(stream, outcome, last_hash)
+            self._write()
 
-    def _write(self, stream: EpisodeRows, outcome: Outcome, last_hash: str | None) -> None:
-        recording = stream.finish(outcome, last_hash)
-        if self.data is None:
-            self.content = recording.to_bytes()
+    def _write(self) -> None:
+        """Write the episode that has ended; where that fails, it is left to `recover`."""
+        episode, self._episode = self._episode, None
+        if episode is not None:
+            recording = episode.finish()
+            if self.data is None:
+                self.content = recording.to_bytes()
 
     def _leave(self, reason: str) -> None:
-        """Write the running episode as cut, and one that waits as it is."""
+        """Write the running episode as cut, and one that waits as not meant to be used."""
         self.finish(reason=reason)
-        self._leave_pending()
-
-    def _leave_pending(self) -> None:
-        """Write an episode that nobody has decided about, as one that is not meant to be used."""
-        if self._pending is not None:
-            stream, outcome, last_hash = self._pending
-            self._pending = stream, replace(outcome, kept=False, reason=UNDECIDED), last_hash
-            self.keep()
+        if self._episode is not None and self.pending is not None:
+            outcome = replace(self.pending, kept=False, reason=UNDECIDED)
+            self._episode.info = replace(self._episode.info, outcome=outcome)
+            self._write()
 
     def _own_instruction(self) -> str:
         """The task's own instruction, whatever this episode's is."""
@@ -344,8 +323,26 @@ class Recorder(DuoWrapper):
         return np.empty(0) if self._sim is None else self._sim.simulation.get_state()
 
 
-def _videos_of(stream: EpisodeRows) -> Videos | None:
-    return getattr(stream, "videos", None)
+class _AfterSuccess:
+    """Counts the control steps that an episode goes on after success."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+        self._left: int | None = None
+
+    def begin(self) -> None:
+        """Wait for success."""
+        self._left = None
+
+    @property
+    def is_on(self) -> bool:
+        """Whether an episode that has succeeded goes on."""
+        return bool(self._left)
+
+    def is_over(self) -> bool:
+        """Count a step that ended with success, and say whether it is the last one to record."""
+        self._left = self.steps if self._left is None else self._left - 1
+        return not self._left
 
 
 def _action_mode(env: gym.Env, limits: DuoLimits) -> ActionMode:

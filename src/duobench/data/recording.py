@@ -15,14 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from duobench.data.schema import (
-    COLUMNS,
-    INFO_KEY,
-    OLDEST_SCHEMA,
-    SCHEMA,
-    Column,
-    EpisodeInfo,
-)
+from duobench.data.schema import COLUMNS, INFO_KEY, SCHEMA, Column, EpisodeInfo
 from duobench.errors import DataError, FileError
 from duobench.files import decode, encode, write
 from duobench.types import Array
@@ -225,11 +218,10 @@ def _info_of(schema: pa.Schema) -> EpisodeInfo:
     text = metadata.get(INFO_KEY)
     if text is None:
         raise DataError("It is no recording of DuoBench: its metadata lacks the episode.")
-    # Files that were written before there was a checksum have none.
-    if metadata.get(_CHECKSUM_KEY) not in (None, _metadata(text)[_CHECKSUM_KEY]):
+    if metadata.get(_CHECKSUM_KEY) != _metadata(text)[_CHECKSUM_KEY]:
         raise DataError("The metadata of the episode is damaged: its checksum is another one.")
     try:
-        return decode(text, EpisodeInfo, SCHEMA, OLDEST_SCHEMA)
+        return decode(text, EpisodeInfo, SCHEMA)
     except FileError as error:
         raise DataError(f"The metadata of the episode is invalid: {error}") from error
 

@@ -7,32 +7,62 @@ both pairings can be read: the causal one (o_t, a_t) and the delayed one (a_t, o
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from duobench.envs import action_modes
-from duobench.envs.action_modes import ActionMode
+from duobench.envs.action_modes import JOINT, ActionMode
 from duobench.envs.config import EnvConfig
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import DataError
-from duobench.types import CONTROL_HZ, Side
+from duobench.errors import OptionError
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS, Side
 
 SCHEMA = 5
 """Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
-OLDEST_SCHEMA = 1
-"""First version that is read too: schema 1 did not say the action mode, 1 and 2 neither the step of
-success nor the cameras, and ended with success, 1 to 3 neither the task's own instruction nor a
-clutch, and 1 to 4 neither the domain nor what real arms record beside: their rig, videos and full
-state."""
 INFO_KEY = b"duobench.episode"
 """Key of the file's metadata under which `EpisodeInfo` stands as JSON."""
 
 VIDEO_SUFFIX = ".mp4"
 """Ending of the videos beside an episode's file, `NAME.CAMERA.mp4`."""
+AFTER_SUCCESS_S = 1.0
+"""Seconds that a demonstration goes on by default.
+
+Success may come soon after the command that opens the hand. A data set that ends there has few
+labels for letting go and none for the retreat, and a loss that masks what lies beyond the end of an
+episode, as that of ACT, may never learn them.
+"""
+
+
+def video_path(episode: Path, camera: str) -> Path:
+    """Where the video of a camera is, of an episode whose file, finished or not, is given."""
+    return episode.with_name(f"{episode.stem}.{camera}{VIDEO_SUFFIX}")
+
+
+def episode_of(video: Path) -> tuple[str, str] | None:
+    """The name of the episode that a video belongs to, and the camera; None for other files."""
+    name, dot, camera = video.name.removesuffix(VIDEO_SUFFIX).rpartition(".")
+    is_one = video.name.endswith(VIDEO_SUFFIX) and dot and camera in POLICY_CAMERAS
+    return (name, camera) if is_one else None
+
+
+def steps_after_success(seconds: float) -> int:
+    """The control steps of that many seconds, rounded.
+
+    Raises:
+        OptionError: The seconds are negative or not finite.
+    """
+    if not (math.isfinite(seconds) and seconds >= 0.0):
+        raise OptionError(
+            f"after_success is a number of seconds from 0 (off) on, such as {AFTER_SUCCESS_S}; got "
+            f"{seconds}."
+        )
+    return round(seconds * CONTROL_HZ)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,9 +70,7 @@ class Column:
     """One column of a recording."""
 
     name: str
-    """Its name in the file."""
     dtype: DTypeLike
-    """Type of its numbers."""
     shape: tuple[int, ...]
     """Shape of one row: () for a number, (n,) for n of them, (0,) for as many as there are."""
     of_action: bool = False
@@ -68,12 +96,7 @@ class Column:
         return not self.of_robot or bool(info.robot_state_names.get(self.of_robot))
 
     def row_shape(self, info: EpisodeInfo, size: int) -> tuple[int, ...]:
-        """Shape of one row in an episode.
-
-        Args:
-            info: What is said about the episode.
-            size: How many numbers there are, where nothing says it.
-        """
+        """Shape of one row in an episode; `size` numbers where nothing says how many."""
         if self.of_videos:
             return (len(info.videos),)
         if self.of_robot:
@@ -154,7 +177,6 @@ class Actor:
     """Who or what acted."""
 
     kind: ActorKind = ActorKind.PROGRAM
-    """What sort of actor it is."""
     name: str = ""
     """Name of the policy, or a person's pseudonym."""
     version: str | None = None
@@ -180,8 +202,7 @@ class Outcome:
     cut: bool = False
     """Whether it ended before the environment ended it."""
     success_step: int | None = None
-    """Control steps until success, which is also the first row that has it; None without success,
-    and in schemas 1 and 2, where it is the last row."""
+    """Control steps until success, which is also the first row that has it; None without."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -189,7 +210,6 @@ class EpisodeInfo:
     """What is said about an episode as a whole."""
 
     task: str
-    """Id of the task."""
     instruction: str
     """Instruction of the policy, or what an operator typed."""
     subinstructions: tuple[str, ...]
@@ -207,7 +227,6 @@ class EpisodeInfo:
     versions: dict[str, str]
     """Versions of the packages that the episode depends on."""
     actor: Actor
-    """Who or what acted."""
     outcome: Outcome | None = None
     """How it ended; None while it is being recorded."""
     first_hash: str | None = None
@@ -220,21 +239,19 @@ class EpisodeInfo:
     """What the numbers of `agent_pos` and `sent` are."""
     action_names: tuple[str, ...] = JOINT_NAMES
     """What the numbers of `action` are."""
-    action_mode: str | None = None
-    """Name of what they mean; None in schema 1, where `action_names` say it."""
+    action_mode: str = JOINT.name
+    """Name of what they mean."""
     after_success: float = 0.0
     """Seconds that it was to go on after success, a whole number of control steps."""
     cameras: dict[str, Any] = field(default_factory=dict)
     """Lenses and mounts of the cameras, as `robot.cameras.describe_cameras` gives them; on a rig
-    what its file says about them, in schemas 1 and 2 nothing. A look that moves cameras is in
-    `config`."""
-    task_instruction: str | None = None
-    """The task's own instruction in this layout, whatever `instruction` is; None before schema
-    4."""
+    what its file says about them. A look that moves cameras is in `config`."""
+    task_instruction: str = ""
+    """The task's own instruction in this layout, whatever `instruction` is."""
     has_clutch: bool = False
     """Whether rows say which hands led their arms."""
-    domain: Domain | None = None
-    """Where it was played; None before schema 5, where `is_real` knows it."""
+    domain: Domain = Domain.SIM
+    """Where it was played."""
     rig: RigFacts | None = None
     """The rig that it was played on, if there is one."""
     videos: dict[str, VideoFacts] = field(default_factory=dict)
@@ -246,7 +263,16 @@ class EpisodeInfo:
     @property
     def is_real(self) -> bool:
         """Whether it was played on real arms, whose state is not known as a whole."""
-        return self.first_hash is None if self.domain is None else self.domain is Domain.REAL
+        return self.domain is Domain.REAL
+
+    @property
+    def mode(self) -> ActionMode:
+        """What the numbers of its actions mean.
+
+        Raises:
+            UnknownNameError: There is no such action mode here.
+        """
+        return action_modes.get(self.action_mode)
 
     @property
     def begun(self) -> EpisodeInfo:
@@ -254,18 +280,3 @@ class EpisodeInfo:
         return replace(
             self, outcome=None, last_hash=None, videos=dict.fromkeys(self.videos, VideoFacts())
         )
-
-
-def action_mode(info: EpisodeInfo) -> ActionMode:
-    """What the numbers of an episode's actions mean.
-
-    Raises:
-        UnknownNameError: There is no such action mode here.
-        DataError: The recording names none, and its numbers have other names than those of any.
-    """
-    if info.action_mode is not None:
-        return action_modes.get(info.action_mode)
-    for mode in action_modes.ACTION_MODES.values():
-        if info.action_names == mode.names:
-            return mode
-    raise DataError(f"Actions of numbers {', '.join(info.action_names)} are not known.")

@@ -18,21 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.data.recording import Recording, first_success
-from duobench.data.schema import (
-    COLUMNS,
-    OLDEST_SCHEMA,
-    SCHEMA,
-    VIDEO_SUFFIX,
-    Column,
-    EpisodeInfo,
-    Outcome,
-)
+from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
 from duobench.files import decode, encode, lock, make_folder, writing
 
 if TYPE_CHECKING:
-    from duobench.data.real.robot import Robot
-    from duobench.data.real.videos import Videos
+    from duobench.data.videos import Videos
 
 SUFFIX = ".part"
 """Ending of the file of an episode that is being recorded."""
@@ -57,25 +48,26 @@ class _Head:
 
     def row_type(self) -> np.dtype[Any]:
         """How a row lies in memory and in the file."""
-        fields = [(column.name, column.dtype, self._row_shape(column)) for column in COLUMNS]
-        return np.dtype(fields, align=True)
-
-    def _row_shape(self, column: Column) -> tuple[int, ...]:
-        return column.row_shape(self.info, self.sizes.get(column.name, 0))
+        shapes = {
+            column: column.row_shape(self.info, self.sizes.get(column.name, 0))
+            for column in COLUMNS
+        }
+        return np.dtype([(c.name, c.dtype, shape) for c, shape in shapes.items()], align=True)
 
 
 class EpisodeRows:
-    """Takes the rows of one episode, in memory."""
+    """Takes the rows of one episode, in memory.
+
+    Args:
+        info: What is known about the episode at its start.
+        sizes: Numbers in one row of `action` and `state`.
+    """
 
     def __init__(self, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
-        """Begin without rows.
-
-        Args:
-            info: What is known about the episode at its start.
-            sizes: Numbers in one row of `action` and `state`.
-        """
         self.info = info
-        """What is known about it at its start."""
+        """What is known about it: at first what is known at its start."""
+        self.videos: Videos | None = None
+        """Its videos, where it has some."""
         self._head = _Head(info=info, sizes=dict(sizes))
         self._rows = np.zeros(_FIRST_CAPACITY, self._head.row_type())
         self._count = 0
@@ -86,37 +78,21 @@ class EpisodeRows:
         return self._rows[: self._count]
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Append what was seen; its action follows with `act`.
-
-        Args:
-            row: Values by the name of the column, of those that do not belong to the action.
-
-        Raises:
-            OutputError: The row cannot be written.
-        """
+        """Append what was seen, by the names of columns; its action follows with `complete`."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
         for name, value in row.items():
             self._rows[name][self._count] = value
         self._count += 1
 
-    def act(self, row: Mapping[str, Any]) -> None:
-        """Complete the last row with its action and what the step gave.
-
-        Args:
-            row: Values by the name of the column, of those that belong to the action.
-        """
+    def complete(self, row: Mapping[str, Any]) -> None:
+        """Fill columns of the last row: its action and what the step gave, or what is seen anew."""
         for name, value in row.items():
             self._rows[name][self._count - 1] = value
 
-    def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
-        """The whole episode, which ends here."""
-        return _recording(replace(self.info, outcome=outcome, last_hash=last_hash), self.rows)
-
-    def correct(self, row: Mapping[str, Any]) -> None:
-        """Replace what was seen in the last row, whose action is still to come."""
-        for name, value in row.items():
-            self._rows[name][self._count - 1] = value
+    def finish(self) -> Recording:
+        """The whole episode, which ends here as `info` says."""
+        return _recording(self.info, self.rows)
 
     def flush(self) -> None:
         """Write every row, the last one too, which no action follows any more."""
@@ -126,33 +102,23 @@ class EpisodeRows:
 
 
 class EpisodeStream(EpisodeRows):
-    """Takes the rows of one episode, in a file."""
+    """Takes the rows of one episode, in a file, which is locked for as long as it is open.
 
-    def __init__(
-        self,
-        path: Path,
-        info: EpisodeInfo,
-        sizes: Mapping[str, int],
-        robot: Robot | None = None,
-    ) -> None:
-        """Begin a file, which is locked for as long as it is open.
+    Args:
+        path: Where the finished episode will be.
+        info: What is known about it at its start.
+        sizes: Numbers in one row of `action` and `state`.
 
-        Args:
-            path: Where the finished episode will be.
-            info: What is known about it at its start.
-            sizes: Numbers in one row of `action` and `state`.
-            robot: The rig whose cameras are recorded in the videos that `info` names.
+    Raises:
+        OutputError: The file cannot be made or written.
+        DataError: There is an episode of that name, or one is being recorded, or was left by a
+            crash.
+    """
 
-        Raises:
-            OutputError: The file cannot be made.
-            DataError: There is an episode of that name, or one is being recorded, or was left by a
-                crash.
-        """
+    def __init__(self, path: Path, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
         super().__init__(info, sizes)
         self.path = path
         """Where the finished episode will be."""
-        self.videos: Videos | None = None
-        """Its videos, where it has some."""
         self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
@@ -169,12 +135,6 @@ class EpisodeStream(EpisodeRows):
             self._remove()
             raise
         self._start = self._file.tell()
-        if robot is not None and info.videos:
-            from duobench.data.real.videos import Videos
-
-            cameras = {name: robot.duo.cameras[name] for name in info.videos}
-            rates = {name: robot.cameras[name]["fps"] for name in info.videos}
-            self.videos = Videos(path, cameras, rates, robot.waits)
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Append what was seen, and write what is complete now and then."""
@@ -183,16 +143,12 @@ class EpisodeStream(EpisodeRows):
             self._flush(self._count - 1)  # all but the last row, whose action is still to come
 
     def flush(self) -> None:
-        """Write every row, the last one too, and all that waits for the videos.
-
-        Raises:
-            OutputError: They cannot be written.
-        """
+        """Write every row, the last one too, and all that waits for the videos."""
         if self.videos is not None:
             self.videos.close()
         self._flush(self._count)
 
-    def finish(self, outcome: Outcome, last_hash: str | None) -> Recording:
+    def finish(self) -> Recording:
         """Write the whole episode as Parquet and remove the stream.
 
         Raises:
@@ -203,7 +159,7 @@ class EpisodeStream(EpisodeRows):
         try:
             if self.videos is not None:
                 self.info = replace(self.info, videos=self.videos.finish())
-            recording = super().finish(outcome, last_hash)
+            recording = super().finish()
             self._check_free()
             recording.write(self.path)
         except DuoBenchError:
@@ -236,11 +192,8 @@ class EpisodeStream(EpisodeRows):
             self._file.close()
 
     def _check_free(self, *, videos: bool = False) -> None:
-        paths = [self.path]
-        if videos:
-            stem = self.path.stem
-            paths += [self.path.with_name(f"{stem}.{n}{VIDEO_SUFFIX}") for n in self.info.videos]
-        for path in paths:
+        cameras = self.info.videos if videos else ()
+        for path in (self.path, *(video_path(self.path, camera) for camera in cameras)):
             if path.exists():
                 raise DataError(f"{path} exists already; an episode is never overwritten.")
 
@@ -278,7 +231,7 @@ def recover(partial: Path) -> Recording:
     """
     info, rows = _read(partial)
     if info.videos:
-        from duobench.data.real.videos import recovered
+        from duobench.data.videos import recovered
 
         rows, videos = recovered(partial, info, rows)
         info = replace(info, videos=videos)
@@ -291,7 +244,7 @@ def recover(partial: Path) -> Recording:
 def outcome_of(
     info: EpisodeInfo, rows: NDArray[Any], *, kept: bool, reason: str | None, cut: bool
 ) -> Outcome:
-    """How an episode of some rows, one at least, ended."""
+    """How an episode of some rows, at least one, ended."""
     return Outcome(
         success=bool(rows["success"][-1]),
         stage=int(rows["stage"][-1]),
@@ -323,7 +276,7 @@ def _read(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
     try:
         data = partial.read_bytes()
         end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
-        head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA, OLDEST_SCHEMA)
+        head = decode(data[_LENGTH_BYTES:end], _Head, SCHEMA)
         kind = head.row_type()
         rows = np.frombuffer(data[end:], kind, max(0, len(data) - end) // kind.itemsize)
     except (OSError, FileError, KeyError, ValueError) as error:

@@ -8,10 +8,10 @@ from statistics import median
 
 import numpy as np
 
-from duobench.data.chatter import JOINTS, Chatter, at_limit, measure
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
+from duobench.data.smoothness import JOINTS, Smoothness, at_limit, measure
 from duobench.errors import DataError
 from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
@@ -26,17 +26,13 @@ class TaskSummary:
     """What the episodes of one task add up to."""
 
     task: str
-    """Id of the task."""
     title: str
-    """Name for people."""
     horizon: int
     """Control steps after which an evaluation's episode is truncated."""
     stages: tuple[str, ...]
     """Names of the stages 1 to n."""
     episodes: int
-    """How many episodes there are."""
     successes: int
-    """How many of them succeeded."""
     discarded: int
     """How many are not meant to be used."""
     cut: int
@@ -48,12 +44,11 @@ class TaskSummary:
     stage_seconds: tuple[float, ...]
     """Mean seconds that an episode spends in stage 0, 1, ..., n."""
     actors: tuple[str, ...]
-    """Who or what acted."""
     repeated_layouts: int
     """Episodes whose layout an earlier one has too."""
     eval_layouts: int
     """Episodes with a layout of the evaluation's split."""
-    chatter: Chatter
+    smoothness: Smoothness
     """What their joint targets do that is hard to learn."""
     led: float | None
     """Share of steps in which a hand of an operator led an arm; None where nothing says it."""
@@ -80,17 +75,14 @@ class JointSummary:
     """What one joint does in all episodes."""
 
     name: str
-    """Machine-readable name."""
     low: float
-    """Lower end of its range, in radians."""
     high: float
-    """Upper end of its range, in radians."""
+    """Ends of its range, in radians."""
     quantiles: tuple[float, float, float, float, float]
     """Commanded targets: smallest, 1 %, median, 99 %, largest, in radians."""
     fastest: float
-    """Largest speed, in rad/s."""
     speed_limit: float
-    """The arm's limit, in rad/s."""
+    """Largest speed, and the arm's limit, in rad/s."""
     at_limit: float
     """Share of commands at an end of the range."""
 
@@ -100,18 +92,17 @@ class Summary:
     """What a data set adds up to."""
 
     tasks: tuple[TaskSummary, ...]
-    """Task by task."""
     joints: tuple[JointSummary, ...]
     """Joint by joint, left then right; none if there is no action."""
 
     @property
     def episodes(self) -> int:
-        """How many episodes there are."""
+        """Episodes of all tasks."""
         return sum(task.episodes for task in self.tasks)
 
     @property
     def successes(self) -> int:
-        """How many of them succeeded."""
+        """Episodes that succeeded."""
         return sum(task.successes for task in self.tasks)
 
     @property
@@ -182,7 +173,7 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
         repeated_layouts=len(simulated) - len({repr(info.layout) for info in simulated}),
         eval_layouts=sum(info.split == "eval" for info in infos),
-        chatter=measure(recordings),
+        smoothness=measure(recordings),
         led=_led(recordings),
         real=len(infos) - len(simulated),
         rigs=tuple(dict.fromkeys(map(_rig, (info for info in infos if info.is_real)))),

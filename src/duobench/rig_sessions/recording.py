@@ -10,9 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from duobench.data import Actor, ActorKind, DataSet, Recorder
-from duobench.data.after_success import AFTER_SUCCESS_S
-from duobench.data.real.placing import placement
-from duobench.data.real.robot import Robot
+from duobench.data.rig import RigRecorder, placement
+from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.config import IMAGE_SIZE, INSTRUCTION, LAYOUT, SPLIT
 from duobench.envs.duo_env import ResetOptions, Start
 from duobench.envs.wrapper import DuoWrapper
@@ -137,10 +136,8 @@ class RealRecording:
             name=actor or metadata.name,
             version=metadata.version,
         )
-        robot = Robot.of(duo, waits=isinstance(duo.clock, VirtualClock))
-        self.env = Recorder(
-            env, data, who, is_reviewed=True, robot=robot, after_success=after_success
-        )
+        rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
+        self.env = Recorder(env, data, who, is_reviewed=True, rig=rig, after_success=after_success)
         """The environment, which records."""
         self._placed = Placed(self.env)
         self._policy = source.bind(self._placed)

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 
 from duobench.data import Actor, DataSet, Recorder
-from duobench.data.after_success import AFTER_SUCCESS_S
-from duobench.data.real.placing import placement
-from duobench.data.real.robot import Robot
+from duobench.data.rig import RigRecorder, placement
+from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
@@ -127,7 +126,7 @@ def make_real_recorder(
         action_mode=action_mode,
         horizon=round(time_limit_s * CONTROL_HZ),
     )
-    robot = Robot.of(duo, waits=isinstance(duo.clock, VirtualClock))
+    rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
     return Recorder(
         env,
         data,
@@ -135,7 +134,7 @@ def make_real_recorder(
         after_success=after_success,
         is_reviewed=True,
         has_clutch=True,
-        robot=robot,
+        rig=rig,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from duobench.data import Actor, DataSet, Recorder
-from duobench.data.after_success import AFTER_SUCCESS_S
+from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.protocol import make_env
 from duobench.errors import OptionError

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 from duobench.data import Actor, ActorKind, DataSet, Recorder
-from duobench.data.real.robot import Robot
+from duobench.data.rig import RigRecorder
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
@@ -147,8 +147,8 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
             return env
         metadata = policy.metadata
         actor = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
-        robot = Robot.of(duo, waits=isinstance(duo.clock, VirtualClock))
-        return Recorder(env, data, actor, is_reviewed=True, robot=robot)
+        rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
+        return Recorder(env, data, actor, is_reviewed=True, rig=rig)
 
     ordered = [sources[policy.spec] for policy in plan.policies]
     players = Players(plan, ordered, make, judge, command)

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from duobench.data.real.views import View
+from duobench.data.views import View
 from duobench.errors import DataError
 from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.rig import CameraConfig

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from duobench.data import DataSet, Recording
-from duobench.data.after_success import AFTER_SUCCESS_S, steps_after_success
 from duobench.data.dataset import EPISODES, SUFFIX
+from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
 from duobench.errors import OtherRunError, TooFewSuccessesError, UnplayedError
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan

@@ -6,21 +6,37 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import Any, TypedDict, Unpack
 
+from duobench.envs import action_labels
+from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
 from duobench.files import write
-from duobench.lerobot_keys import DOMAIN, FEATURE_NAMES, LAST, STEP, SUITE
+from duobench.lerobot_keys import (
+    ACTION,
+    DOMAIN,
+    FEATURE_NAMES,
+    IMAGE_PREFIX,
+    LAST,
+    OBJECT_STATE,
+    STATE,
+    STEP,
+    SUITE,
+    feature_names,
+)
 from duobench.machine import install_extra
+from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
-from duobench.training.dataset import LearningData
 from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL, Recipe, Setting
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 PROGRAM = "lerobot-train"
+FORMAT = "v3.0"
 ALL = "all"
 """Stands for every task of a data set."""
 PLUGIN = "lerobot_env_duobench"
@@ -34,7 +50,6 @@ class Training:
     settings: tuple[Setting, ...]
     """Options of `lerobot-train`, each with where its value comes from."""
     folder: Path
-    """Folder of the training."""
     tasks: tuple[str, ...]
     """Ids of the tasks that it learns, as far as the data set says."""
     names: Mapping[str, Sequence[str]] = field(default_factory=dict)
@@ -77,15 +92,21 @@ class Training:
             write(folder / FEATURE_NAMES, text)
 
 
+class TrainingOptions(TypedDict, total=False):
+    """What can be chosen about a training; see `plan`."""
+
+    steps: int | None
+    small: bool
+    domain_ids: bool
+
+
 def plan_all(
     kind: str,
     data: Path,
     out: Path,
     *,
     tasks: Sequence[str] = (),
-    steps: int | None = None,
-    small: bool = False,
-    domain_ids: bool = False,
+    **options: Unpack[TrainingOptions],
 ) -> tuple[Training, ...]:
     """Prepare one training, or one for each task where a policy learns one task.
 
@@ -96,10 +117,7 @@ def plan_all(
             tasks.
         tasks: Ids of the tasks to learn, or `ALL`. A policy that takes no instruction learns each
             in a training of its own, unless only one is named.
-        steps: Steps of the optimizer; None takes the recipe's.
-        small: Whether to take the recipe for a processor.
-        domain_ids: Whether the policy is told which episodes are simulated and which are real; an
-            evaluation says domain 0, simulation, wherever it is played.
+        options: As `plan` takes them.
 
     Raises:
         UnknownNameError: There is no such recipe, or no such task in the data set.
@@ -108,7 +126,8 @@ def plan_all(
     """
     data = data.absolute()
     wanted = () if ALL in tasks else tuple(tasks)
-    one = partial(plan, kind, steps=steps, small=small, domain_ids=domain_ids)
+    one = partial(plan, kind, **options)
+    small = options.get("small", False)
     folders = {path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")}
     if folders:  # of an export with a data set for each task
         for task in wanted:
@@ -252,20 +271,16 @@ def _domain_setting(kind: str, recipe: Recipe, source: LearningData) -> Setting:
         raise DataError(f"{kind} learns from both domains without knowing which is which.")
     if not source.mixes_domains():
         raise DataError(f"{source.path} has episodes of one domain alone.")
-    _check_plugin()
-    why = "given: simulated and real episodes are distinguished; the paper does not"
-    return Setting("policy.domain_feature_key", DOMAIN, why)
-
-
-def _check_plugin() -> None:
     try:
         distribution(PLUGIN)
     except PackageNotFoundError as error:
         raise PolicyError(
             "The data set has simulated and real episodes. LeRobot 0.6 tells X-VLA which is which "
             f"only with {PLUGIN}, the second distribution of this repository. In a clone of it: "
-            f"pip install ./{PLUGIN}"
+            "pip install ./plugins/lerobot"
         ) from error
+    why = "given: simulated and real episodes are distinguished; the paper does not"
+    return Setting("policy.domain_feature_key", DOMAIN, why)
 
 
 def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | None) -> None:
@@ -299,3 +314,117 @@ def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | No
 def _workers(recipe: Recipe) -> int:
     """Processes that decode images: as many as there are cores to spare."""
     return min(recipe.workers, max((os.cpu_count() or 1) - 1, 0))
+
+
+class LearningData:
+    """A data set in LeRobot's format that a policy can learn from, as far as its JSON files tell.
+
+    Any writer's will do: this package's export, a merge, or a set of one's own.
+
+    Raises:
+        DataError: There is none, or a policy that learns from it could not play here; the message
+            lists all of it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        info = self._read("meta/info.json")
+        if info is None:
+            raise DataError(
+                f"{path} holds no data set of LeRobot: there is no meta/info.json. Recordings must "
+                "be exported first."
+            )
+        if info.get("codebase_version") != FORMAT:
+            raise DataError(
+                f"{path} has LeRobot's format {info.get('codebase_version')}; {FORMAT} is needed."
+            )
+        self._features = info.get("features") or {}
+        if problems := list(_problems(info, self._features)):
+            raise DataError(
+                f"Nothing that plays here can be learned from {path}: {' '.join(problems)}"
+            )
+        found = {key: feature_names(info, key) for key in (STATE, OBJECT_STATE, ACTION)}
+        self.names = {key: list(map(str, names)) for key, names in found.items() if names}
+        """What the numbers of its features are, where it says so."""
+        self.suite_version = (self._read("meta/duobench.json") or {}).get(SUITE)
+        """Version of the suite that its episodes are of, where it says so."""
+        if self.suite_version not in (None, SUITE_VERSION):
+            raise DataError(
+                f"{path} is of suite {self.suite_version}; this version has suite {SUITE_VERSION}, "
+                "whose episodes are others. Record or generate and export them again."
+            )
+
+    def _read(self, name: str) -> dict[str, Any] | None:
+        path = self.path / name
+        try:
+            content = json.loads(path.read_bytes())
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            raise DataError(f"Cannot read {path}: {error}") from error
+        if not isinstance(content, dict):
+            raise DataError(f"Cannot read {path}: it holds a {type(content).__name__}, no object.")
+        return content
+
+    def episodes(self) -> list[str] | None:
+        """The task of each episode; None if nothing says so, as in a merged data set."""
+        about = self._read("meta/duobench.json")
+        if about is None:
+            return None
+        try:
+            return [Path(episode["file"]).parent.name for episode in about["episodes"]]
+        except (KeyError, TypeError) as error:
+            raise DataError(
+                f"meta/duobench.json of {self.path} does not list episodes with their files, as an "
+                "export does; export again."
+            ) from error
+
+    @property
+    def holds_objects_alone(self) -> bool:
+        """Whether there are object states, and no images."""
+        return OBJECT_STATE in self._features and not any(
+            key.startswith(IMAGE_PREFIX) for key in self._features
+        )
+
+    def mixes_domains(self) -> bool:
+        """Whether there are simulated and real episodes."""
+        domains = (self._read("meta/stats.json") or {}).get(DOMAIN)
+        return (
+            DOMAIN in self._features
+            and isinstance(domains, dict)
+            and domains.get("min") != domains.get("max")
+        )
+
+
+def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
+    """What keeps a policy that learns from a data set from playing here, one sentence each."""
+    if info.get("fps") != CONTROL_HZ:
+        yield f"It has {info.get('fps')} rows a second; {CONTROL_HZ:g} are needed."
+    if not isinstance(features, Mapping):
+        features = {}
+    names = feature_names(info, ACTION)
+    labels = action_labels.find(JOINT_NAMES if names is None else names)
+    if labels is None:
+        yield (
+            f"Its actions are {', '.join(map(str, names or ()))}, which no action mode has; see "
+            "docs/lerobot.md for the names."
+        )
+    else:
+        yield from _wrong_shape(features, ACTION, len(labels.names))
+    yield from _wrong_shape(features, STATE, len(JOINT_NAMES))
+    if (names := feature_names(info, STATE)) not in (None, list(JOINT_NAMES)):
+        yield f"{STATE} is {', '.join(map(str, names))}; {', '.join(JOINT_NAMES)} are needed."
+    for key in features:
+        if key.startswith("observation") and key not in _SEEN:
+            yield f"There is no {key} here; a policy sees {', '.join(_SEEN)}."
+
+
+_SEEN = (STATE, OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_CAMERAS))
+"""What an environment can show, under the names of a data set."""
+
+
+def _wrong_shape(features: Mapping[str, Any], key: str, size: int) -> Iterator[str]:
+    feature = features.get(key)
+    shape = feature.get("shape") if isinstance(feature, Mapping) else None
+    if list(shape or ()) != [size]:
+        yield f"{key} has shape {shape}; [{size}] is needed."

@@ -12,7 +12,7 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.data import Actor, Recorder
-from duobench.data.real.robot import Robot
+from duobench.data.rig import RigRecorder
 from duobench.envs import DuoEnv, TaskStages, TimeLimit
 from duobench.hardware.devices import ArmReading, Frame
 from duobench.hardware.rig import Rig
@@ -139,8 +139,8 @@ def real_recorder(
     """An environment on number arms, whose cameras are recorded without losing a frame."""
     duo = NumberDuo() if duo is None else duo
     env = TimeLimit(TaskStages(DuoEnv(duo, catalog.get(TASK)), Declared()), horizon)
-    robot = Robot.of(duo, waits=True)
-    return Recorder(env, folder, Actor(name="person"), robot=robot, **options), duo
+    rig = RigRecorder(duo, waits=True)
+    return Recorder(env, folder, Actor(name="person"), rig=rig, **options), duo
 
 
 def play_real(env: Recorder, steps: int = HORIZON) -> None:

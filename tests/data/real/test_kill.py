@@ -6,15 +6,16 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
 from duobench.cli import main
 from duobench.data import DataSet, Recording
-from duobench.data.real.frames import VideoFrames
-from duobench.data.real.videos import video_path
+from duobench.data.schema import video_path
 from duobench.data.stream import BATCH_ROWS
+from duobench.data.views import VideoFrames
 from duobench.types import POLICY_CAMERAS
 from tests.data.real.number_duo import CountingCamera, NumberDuo, number_in, real_recorder
 
@@ -61,7 +62,7 @@ def test_a_kill_costs_at_most_a_second(tmp_path: Path) -> None:
     assert recording.info.outcome is not None
     assert (recording.info.outcome.cut, recording.info.outcome.kept) == (True, False)
     for place, camera in enumerate(POLICY_CAMERAS):
-        with VideoFrames(video_path(path, camera)) as frames:
+        with closing(VideoFrames(video_path(path, camera))) as frames:
             for row in (0, len(recording)):
                 image = frames.read(int(recording.frame[row, place]))
                 assert number_in(image) == recording.frame_number[row, place] % 256

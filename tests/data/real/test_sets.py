@@ -15,9 +15,8 @@ from duobench.cli import main
 from duobench.data import DataSet, ExportOptions, Recording, export_lerobot, find_problems
 from duobench.data.arrange import merge, split
 from duobench.data.lerobot.folder import ExportFolder
-from duobench.data.real.videos import video_path
-from duobench.data.real.views import plain_view, resized
-from duobench.data.schema import Domain
+from duobench.data.schema import Domain, video_path
+from duobench.data.views import plain_view, resized
 from duobench.errors import DataError, NamesTakenError
 from duobench.rig_sessions.views import view_of
 from duobench.types import POLICY_CAMERAS

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from duobench.data import DataSet, Recorder, Recording, stream
-from duobench.data.real import videos
-from duobench.data.real.frames import VideoFrames
-from duobench.data.real.robot import Robot
+from duobench.data import DataSet, Recorder, Recording, stream, videos
 from duobench.data.recorder import UNDECIDED
-from duobench.data.schema import VideoFacts
+from duobench.data.rig import RigRecorder
+from duobench.data.schema import VideoFacts, video_path
+from duobench.data.views import VideoFrames
 from duobench.errors import DataError, OutputError
 from duobench.types import POLICY_CAMERAS
 from tests.data.real.number_duo import (
@@ -43,7 +42,7 @@ def test_each_row_names_the_frame_that_was_seen(tmp_path: Path) -> None:
     assert (info.domain, info.is_real, tuple(info.videos)) == ("real", True, POLICY_CAMERAS)
     assert recording.frame.shape == (HORIZON + 1, 3)
     for place, camera in enumerate(POLICY_CAMERAS):
-        shown = numbers_in(videos.video_path(data.episodes()[0], camera))
+        shown = numbers_in(video_path(data.episodes()[0], camera))
         assert len(shown) == info.videos[camera].frames == HORIZON + 1
         np.testing.assert_array_equal(
             np.array(shown)[recording.frame[:, place]], recording.frame_number[:, place]
@@ -132,14 +131,14 @@ def test_frames_that_come_while_the_encoder_is_behind_are_left_out_and_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     env, duo = real_recorder(tmp_path, horizon=400)
-    env._robot = Robot.of(duo)  # in real time, in which nobody waits
+    env._rig = RigRecorder(duo)  # in real time, in which nobody waits
     monkeypatch.setattr(videos, "QUEUE", 2)
     play_real(env, 200)
     env.close()
     recording = only(tmp_path)
     places, numbers = recording.frame, recording.frame_number
     for place, (camera, facts) in enumerate(recording.info.videos.items()):
-        shown = np.array(numbers_in(videos.video_path(DataSet(tmp_path).episodes()[0], camera)))
+        shown = np.array(numbers_in(video_path(DataSet(tmp_path).episodes()[0], camera)))
         assert facts.frames is not None
         assert facts.frames + facts.left_out == 201
         np.testing.assert_array_equal(shown[places[:, place]], numbers[:, place])
@@ -193,8 +192,8 @@ def test_rows_whose_frames_were_not_encoded_yet_name_the_newest_that_is(tmp_path
     play_real(env, 30)
     data = DataSet(tmp_path)
     (partial,) = data.partials()
-    env._stream.flush()  # type: ignore[union-attr]
-    video = videos.video_path(partial, "head")
+    env._episode.flush()  # type: ignore[union-attr]
+    video = video_path(partial, "head")
     whole, counts = video.read_bytes(), []
     for cut in range(0, len(whole), max(1, len(whole) // 12)):
         video.write_bytes(whole[: len(whole) - cut])
@@ -222,7 +221,7 @@ def test_rows_whose_frames_were_not_encoded_yet_name_the_newest_that_is(tmp_path
 
 
 def numbers_in_first(video: Path, count: int) -> np.ndarray:
-    with VideoFrames(video) as frames:
+    with closing(VideoFrames(video)) as frames:
         return np.array([number_in(frames.read(place)) for place in range(count)])
 
 
@@ -231,7 +230,7 @@ def test_recovered_information_is_that_of_the_beginning(tmp_path: Path) -> None:
     play_real(env, 9)
     data = DataSet(tmp_path)
     (partial,) = data.partials()
-    env._stream.flush()  # type: ignore[union-attr]
+    env._episode.flush()  # type: ignore[union-attr]
     left = partial.read_bytes()
     env.finish()
     partial.write_bytes(left)  # killed after the episode was written

@@ -23,7 +23,7 @@ def opened_rig(rig: str, *, guard: bool = True, fast: bool = False) -> HardwareD
         AdvisedError: It is fast, and there is hardware; or there is no such file.
         FileError: The file cannot be read, or is no rig.
     """
-    from duobench.data.real.robot import drivers_of
+    from duobench.data.rig import drivers_of
     from duobench.hardware.clock import VirtualClock
     from duobench.hardware.opening import SIMULATED, open_rig
 

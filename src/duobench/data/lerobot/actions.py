@@ -9,7 +9,6 @@ import numpy as np
 
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
-from duobench.data.schema import action_mode
 from duobench.envs.action_labels import tool_labels
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT
 from duobench.kinematics.inverse import Kinematics
@@ -29,18 +28,17 @@ from duobench.types import (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Residual:
-    """How far the tools at the solved joint targets are from the tool poses that were given."""
+    """How far the tools at the solved joint targets are from the tool poses that were given.
+
+    Distances are in metres, angles in radians.
+    """
 
     targets: int = 0
     """How many poses were solved for, two a row."""
     sum_position: float = 0.0
-    """Sum of the distances in metres."""
     sum_rotation: float = 0.0
-    """Sum of the angles in radians."""
     max_position: float = 0.0
-    """Largest distance in metres."""
     max_rotation: float = 0.0
-    """Largest angle in radians."""
 
     def __add__(self, other: Residual) -> Residual:
         """The residual of both together."""
@@ -83,11 +81,8 @@ def labels_of(
 
     Returns:
         Rows (T, n) of the mode's labels, and the residual if inverse kinematics solved for them.
-
-    Raises:
-        DataError: The numbers of its actions are not known.
     """
-    is_own = mode == action_mode(recording.info).name and source is not ActionSource.SENT
+    is_own = mode == recording.info.mode.name and source is not ActionSource.SENT
     if is_own and mode != JOINT.name:
         return _as_given(recording, mode), None
     targets, residual = _joint_targets(recording, source)
@@ -130,7 +125,7 @@ def _turns_between(before: Array, after: Array) -> Array:
 
 def _joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Residual | None]:
     """The actions as joint targets and openings (T, 16)."""
-    mode = action_mode(recording.info)
+    mode = recording.info.mode
     if source is ActionSource.SENT or (source is ActionSource.INTENDED and mode != JOINT):
         return recording.sent, None
     if mode == JOINT:

@@ -19,14 +19,21 @@ from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual, labels_of
-from duobench.data.lerobot.features import FPS, schema
-from duobench.data.lerobot.folder import SCHEMA, EpisodeFacts, Export, ExportFolder, SourceEpisode
+from duobench.data.lerobot.folder import (
+    FPS,
+    SCHEMA,
+    EpisodeFacts,
+    Export,
+    ExportFolder,
+    SourceEpisode,
+    schema,
+)
 from duobench.data.lerobot.metadata import finish
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.data.processes import Progress, run_all
-from duobench.data.real.views import RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.data.recording import Recording, to_arrow, to_bytes
-from duobench.data.schema import Domain, action_mode
+from duobench.data.schema import Domain
+from duobench.data.views import RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError, SeveralTasksError, check_known
 from duobench.files import encode, locked, replacing, write
@@ -59,11 +66,9 @@ class _Plan:
     """One data set of LeRobot that is written."""
 
     folder: ExportFolder
-    """Where."""
     export: Export
-    """What is in it."""
     left_out: int
-    """Episodes that are not."""
+    """Episodes that are not in it."""
 
 
 def export_lerobot(
@@ -167,7 +172,7 @@ def _plan(
                     length=len(recording),
                     instruction=recording.info.instruction,
                     data_set=number,
-                    domain=_domain(recording),
+                    domain=recording.info.domain,
                 )
             )
     if not episodes:
@@ -217,10 +222,11 @@ def _export_all(
     total = sum(plan.export.frames for plan in plans)
     done = total - sum(lengths.values())
     progress(done, total)
-    rendered = [
-        plan.export.episodes[index].domain is Domain.SIM for plan, index in _of(plans, jobs)
-    ]
-    if any(rendered) and any(plan.export.options.cameras for plan in plans):
+    if any(
+        plans[number].export.options.cameras
+        and plans[number].export.episodes[index].domain is Domain.SIM
+        for number, index in jobs
+    ):
         rendering.choose(processes=max(1, workers))
     with closing(run_all(make, jobs, workers)) as finished:
         for job in finished:
@@ -228,20 +234,12 @@ def _export_all(
             progress(done, total)
 
 
-def _of(plans: Sequence[_Plan], jobs: Iterable[tuple[int, int]]) -> Iterator[tuple[_Plan, int]]:
-    return ((plans[number], index) for number, index in jobs)
-
-
-def _domain(recording: Recording) -> Domain:
-    return Domain.REAL if recording.info.is_real else Domain.SIM
-
-
 def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
     """Whether an episode is exported: it is finished, was kept, and has actions."""
     outcome = recording.info.outcome
     if outcome is None or not outcome.kept or not len(recording):
         return False
-    if _domain(recording) not in options.domains:
+    if recording.info.domain not in options.domains:
         return False
     return outcome.success or not options.only_successes
 
@@ -254,7 +252,7 @@ def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
             f"{path} is of suite {suite}; this version exports suite {SUITE_VERSION}, whose "
             "layouts and objects are others."
         )
-    mode = action_mode(recording.info)
+    mode = recording.info.mode
     is_target = mode in (JOINT, CARTESIAN) or mode.name == options.action
     if options.action_source is ActionSource.GIVEN and not is_target:
         raise DataError(
@@ -332,10 +330,6 @@ def write_videos(frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path
     Args:
         frames: Images (height, width, 3), both even, by camera, frame by frame.
         paths: Where the video of each camera will be.
-
-    Raises:
-        VideoError: The images cannot be encoded.
-        OutputError: A file cannot be written.
     """
     with ExitStack() as stack:
         writers = {}

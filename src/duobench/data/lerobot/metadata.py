@@ -16,8 +16,16 @@ from numpy.typing import NDArray
 
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import Residual
-from duobench.data.lerobot.features import FPS, columns, describe, image_key
-from duobench.data.lerobot.folder import CHUNK_SIZE, Export, ExportFolder, location
+from duobench.data.lerobot.folder import (
+    CHUNK_SIZE,
+    FPS,
+    Export,
+    ExportFolder,
+    columns,
+    describe,
+    image_key,
+    location,
+)
 from duobench.data.recording import to_bytes, to_numpy
 from duobench.errors import DataError
 from duobench.files import write
@@ -32,18 +40,10 @@ _Statistics = dict[str, dict[str, list[Any]]]
 
 
 def finish(folder: ExportFolder, export: Export) -> Residual | None:
-    """Write everything that describes the data set as a whole.
-
-    Args:
-        folder: The folder, in which every episode is finished.
-        export: What was exported.
+    """Write everything that describes the data set as a whole, whose episodes are all finished.
 
     Returns:
         What inverse kinematics left in all episodes, if it was used.
-
-    Raises:
-        DataError: A file of an episode cannot be read.
-        OutputError: A file cannot be written.
     """
     cameras = export.options.cameras
     names = columns(export.vectors)

@@ -23,14 +23,7 @@ Statistics = dict[str, Array]
 
 
 def of_rows(rows: NDArray[Any]) -> Statistics:
-    """Statistics of a feature.
-
-    Args:
-        rows: Its values (T,) or (T, n), of any type of numbers.
-
-    Returns:
-        `min`, `max`, `mean`, `std` and quantiles (n,), n being 1 for plain numbers; `count` (1,).
-    """
+    """Statistics (n,) of a feature's rows (T,) or (T, n), n being 1 for plain numbers."""
     values = rows.reshape(len(rows), -1).astype(np.float64)
     numbers = {
         "min": values.min(axis=0),
@@ -55,15 +48,7 @@ def count_values(counts: Counts, image: Image) -> None:
 
 
 def of_counts(counts: Counts, frames: int) -> Statistics:
-    """Statistics of images with channels in [0, 1], equal to NumPy's over all of their pixels.
-
-    Args:
-        counts: How often each value occurs.
-        frames: How many images were counted.
-
-    Returns:
-        Each statistic (3, 1, 1), one number a channel; `count` (1,).
-    """
+    """Statistics (3, 1, 1) of the counted images with channels in [0, 1], equal to NumPy's."""
     channels = [_of_channel(each) for each in counts]
     numbers = {
         name: np.array([each[name] for each in channels]).reshape(CHANNELS, 1, 1)

@@ -1,0 +1,171 @@
+"""What is recorded of a rig beside the environment's observation: its cameras and its arms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+import numpy as np
+
+from duobench.data.schema import RigFacts, VideoFacts
+from duobench.data.stream import EpisodeRows, EpisodeStream
+from duobench.robot.frames import tcp_poses
+from duobench.types import SIDES, DuoState, Side
+
+if TYPE_CHECKING:
+    from duobench.data.videos import Camera
+    from duobench.sim.layout import Layout
+
+_MEASURED = ("time_s", "joints", "velocities", "torques")
+"""What every driver measures, beside its own robot state."""
+
+
+class RigState(Protocol):
+    """Two arms with cameras on a rig, as `duobench.hardware` makes them: what they say and see."""
+
+    @property
+    def rig(self) -> Any:
+        """The rig, with `name`, `hash`, `arms`, `grippers` and `cameras`."""
+        ...
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        """The cameras by name."""
+        ...
+
+    def frames(self) -> Mapping[str, Any]:
+        """The latest frame of each camera that has one."""
+        ...
+
+    def readings(self) -> Mapping[Side, Any]:
+        """What each arm says at this moment.
+
+        That is `time_s`, `joints`, `velocities`, `torques`, and its driver's full robot `state` by
+        the names of its library.
+        """
+        ...
+
+    def gripper_readings(self) -> Mapping[Side, Any]:
+        """What each gripper says at this moment, with its `opening`."""
+        ...
+
+    @property
+    def clock(self) -> Any:
+        """The clock of the rig, whose `now` gives seconds."""
+        ...
+
+
+class RigRecorder:
+    """Adds to the episodes of a `Recorder` what a rig alone knows: videos and full states.
+
+    Args:
+        duo: Its arms and cameras.
+        waits: Whether cameras wait for the encoder of their videos, as only those on a virtual
+            clock may; otherwise frames are left out that come while it is too far behind.
+    """
+
+    def __init__(self, duo: RigState, *, waits: bool = False) -> None:
+        self._duo, self._waits = duo, waits
+        rig = duo.rig
+        self._facts = RigFacts(name=rig.name, hash=rig.hash, drivers=drivers_of(rig))
+        self._cameras = msgspec.to_builtins(dict(rig.cameras))
+
+    def described(self) -> dict[str, Any]:
+        """What an episode says about it at its start: fields of `EpisodeInfo`."""
+        readings = self._duo.readings()
+        return {
+            "rig": self._facts,
+            "cameras": self._cameras,
+            "videos": {name: VideoFacts() for name in self._duo.cameras},
+            "robot_state_names": {
+                side.value: tuple(_names(readings[side])) for side in SIDES if side in readings
+            },
+        }
+
+    def begin(self, episode: EpisodeStream) -> None:
+        """Begin the videos that an episode says it has."""
+        if episode.info.videos:
+            from duobench.data.videos import Videos
+
+            cameras = {name: self._duo.cameras[name] for name in episode.info.videos}
+            rates = {name: self._cameras[name]["fps"] for name in cameras}
+            episode.videos = Videos(episode.path, cameras, rates, self._waits)
+
+    def begin_step(self, episode: EpisodeRows) -> None:
+        """Before the first step, see the first row again, and record every frame from now on.
+
+        A person may take long to begin, after the environment has looked.
+        """
+        videos = episode.videos
+        if videos is not None and not videos.is_listening:
+            row = self._observe()
+            episode.complete(row | self.seen(episode, row["time"]))
+            videos.listen()
+
+    def seen(self, episode: EpisodeRows, time_s: float) -> dict[str, Any]:
+        """Columns of a row that a rig alone fills: the full states of its arms, and its frames.
+
+        An arm whose driver says something else than when the episode began, as after a fault, has
+        NaN.
+
+        Args:
+            episode: The episode.
+            time_s: Time of the row, on the clock of the rig.
+        """
+        row: dict[str, Any] = {}
+        readings = self._duo.readings()
+        for side, wanted in episode.info.robot_state_names.items():
+            values = np.full(len(wanted), np.nan)
+            reading = readings.get(Side(side))
+            if reading is not None and tuple(_names(reading)) == wanted:
+                values = np.concatenate([np.ravel(part) for _, part in _parts(reading)])
+            row[f"{side}_robot_state"] = values
+        if episode.videos is not None:
+            row |= episode.videos.see(self._duo.frames(), time_s)
+        return row
+
+    def _observe(self) -> dict[str, Any]:
+        """What is seen of the arms at this moment, by the names of a recording's columns."""
+        readings, grippers = self._duo.readings(), self._duo.gripper_readings()
+        joints = np.array([readings[side].joints for side in SIDES])
+        openings = np.array([grippers[side].opening for side in SIDES])
+        state = DuoState(joints=joints, openings=openings, tcp_poses=tcp_poses(joints))
+        return {
+            "agent_pos": state.flat.astype(np.float32),
+            "tcp_pose": state.tcp_poses.astype(np.float32).ravel(),
+            "joint_velocity": np.concatenate([readings[side].velocities for side in SIDES]),
+            "time": self._duo.clock.now(),
+        }
+
+
+def drivers_of(rig: Any) -> tuple[str, ...]:
+    """What talks to the arms, grippers and cameras of a rig, each kind once."""
+    parts = (rig.arms, rig.grippers, rig.cameras)
+    return tuple(dict.fromkeys(str(device.driver) for part in parts for device in part.values()))
+
+
+def placement(layout: Layout) -> str:
+    """Where people put a layout's objects, one a line: in mm in the table frame, and in degrees."""
+    lines = []
+    for name, pose in sorted(layout.poses.items()):
+        x, y, z = 1000.0 * pose.translation
+        yaw = np.degrees(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
+        lines.append(f"  {name}: x {x:.0f} mm, y {y:.0f} mm, z {z:.0f} mm, turned by {yaw:.0f} deg")
+    lines += [f"  {name}: {value}" for name, value in sorted(layout.variants.items())]
+    return "\n".join(lines) or "  as you like; this task says nothing."
+
+
+def _parts(reading: Any) -> list[tuple[str, Any]]:
+    """The numbers of an arm's full state, by name: what every driver measures, then its own."""
+    measured = [(name, getattr(reading, name)) for name in _MEASURED]
+    return measured + sorted(reading.state.items())
+
+
+def _names(reading: Any) -> list[str]:
+    """What the numbers of an arm's full state are: `torques_0`, `torques_1`, ..."""
+    names = []
+    for name, value in _parts(reading):
+        size = np.size(value)
+        names += [name] if np.ndim(value) == 0 else [f"{name}_{place}" for place in range(size)]
+    return names

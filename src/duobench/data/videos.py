@@ -1,0 +1,311 @@
+"""Videos of a rig's cameras, encoded while an episode is recorded, each in a thread of its own.
+
+A video is written fragment by fragment, so that what a killed process leaves can be read up to its
+last whole frames.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, Full, Queue
+from typing import Any, Protocol
+
+import av
+import numpy as np
+from av.error import FFmpegError
+from numpy.typing import NDArray
+
+from duobench.backend import Image
+from duobench.data.schema import EpisodeInfo, VideoFacts, video_path
+from duobench.errors import DataError, DuoBenchError, OutputError
+from duobench.files import writing
+from duobench.types import CONTROL_HZ
+from duobench.video import H264, VideoWriter
+
+QUEUE = 20
+"""Frames of a camera that wait for its encoder at most: 0.7 seconds, which is what a kill may cost,
+and 55 MB."""
+LONGEST_BACKLOG_S = 0.5
+"""Seconds of work that may wait for an encoder: on a machine that is too slow, frames are left out
+early, so that those which are not lose little when the process is killed."""
+_SMOOTHING = 0.3
+"""Weight of the last frame in what a frame takes."""
+_REMEMBERED = 64
+"""Accepted frames that a row may still belong to."""
+_COLUMNS = ("frame", "frame_number", "frame_age")
+"""Columns of a row about frames."""
+_LONGEST_WAIT_S = 60.0
+"""How long a camera waits for an encoder that does nothing, where it waits."""
+
+
+class CameraFrame(Protocol):
+    """One image of a camera, as it came from it."""
+
+    @property
+    def index(self) -> int:
+        """Number that the camera gave it; a gap is a lost frame."""
+        ...
+
+    @property
+    def time_s(self) -> float:
+        """When it was taken, on the clock of the arms."""
+        ...
+
+    @property
+    def image(self) -> Image:
+        """Red, green, blue (height, width, 3), both even; nothing changes it any more."""
+        ...
+
+
+class Camera(Protocol):
+    """A camera that takes images all the time."""
+
+    def listen(self, call: Callable[[Any], None] | None) -> None:
+        """Have every frame from now on given to a call, in any thread; None ends it."""
+        ...
+
+
+def count_frames(path: Path) -> int:
+    """Whole frames of a video, which may end anywhere; a `DataError` if there is none."""
+    try:
+        with path.open("rb") as file, av.open(file, "r") as container:
+            count = 0
+            try:
+                for packet in container.demux(video=0):
+                    if packet.is_corrupt:
+                        break
+                    count += bool(packet.size)
+            except FFmpegError:
+                pass  # the end of what a killed process has left
+            return count
+    except FileNotFoundError as error:
+        raise DataError(f"{path} is missing.") from error
+    except (FFmpegError, OSError, IndexError, ValueError):
+        return 0  # not even its head was written
+
+
+def describe(path: Path, left_out: int = 0) -> VideoFacts:
+    """What an episode says about a finished video; a `DataError` if there is none."""
+    frames = count_frames(path)
+    with path.open("rb") as file:
+        return VideoFacts(
+            frames=frames,
+            sha256=hashlib.file_digest(file, "sha256").hexdigest(),
+            left_out=left_out,
+        )
+
+
+def recovered(
+    partial: Path, info: EpisodeInfo, rows: NDArray[Any]
+) -> tuple[NDArray[Any], dict[str, VideoFacts]]:
+    """Rows of a killed recording that name frames which are there, and what is in its videos.
+
+    Where a frame was not encoded yet, a row names the newest one before it, with its age.
+
+    Args:
+        partial: The stream that was left.
+        info: What was known about the episode when it began.
+        rows: Its rows, with a field for each column.
+    """
+    rows, videos = rows.copy(), {}
+    for place, camera in enumerate(info.videos):
+        frame, number, age = (rows[name][:, place] for name in _COLUMNS)
+        is_empty = bool((frame < 0).all())
+        videos[camera] = VideoFacts(frames=0) if is_empty else describe(video_path(partial, camera))
+        is_there = frame < (videos[camera].frames or 0)
+        last = int(np.flatnonzero(is_there)[-1]) if is_there.any() else None
+        taken = np.nan if last is None else rows["time"][last] - age[last]
+        age[~is_there] = rows["time"][~is_there] - taken
+        frame[~is_there] = -1 if last is None else frame[last]
+        number[~is_there] = -1 if last is None else number[last]
+    return rows, videos
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Accepted:
+    """A frame that is in the video, or will be."""
+
+    place: int = -1
+    """Its place in the video."""
+    number: int = -1
+    """Number that the camera gave it."""
+    time_s: float = np.nan
+    """When it was taken."""
+
+
+class _Encoder:
+    """Encodes the video of one camera."""
+
+    def __init__(self, path: Path, camera: Camera, rate: int, waits: bool) -> None:
+        self.path, self.camera = path, camera
+        self._error: DuoBenchError | None = None
+        self._waits = waits
+        self._missed: set[int] = set()
+        self._pace_s = 0.0  # what a frame takes, as of late
+        self._queue: Queue[Image | None] = Queue(QUEUE)
+        self._accepted: deque[_Accepted] = deque([_Accepted()], _REMEMBERED)
+        self._lock = threading.Lock()
+        self._is_closed = False
+        self._writer = VideoWriter(path, H264, rate)
+        self._thread = threading.Thread(target=self._run, name=f"video {path.name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def left_out(self) -> int:
+        """Frames that are not in the video, because the encoder was too far behind."""
+        return len(self._missed)
+
+    def check(self) -> None:
+        """Raise what ended the encoder, if anything did."""
+        if self._error is not None:
+            raise self._error
+
+    def take(self, frame: CameraFrame) -> None:
+        """Have a frame encoded, unless it was taken already, or is older than the last one."""
+        with self._lock:
+            last = self._accepted[-1]
+            if self._is_closed or self._error is not None or frame.time_s <= last.time_s:
+                return
+            try:
+                if not self._waits and self._queue.qsize() * self._pace_s > LONGEST_BACKLOG_S:
+                    raise Full
+                self._queue.put(frame.image, self._waits, _LONGEST_WAIT_S)
+            except Full:
+                self._missed.add(frame.index)
+                return
+            self._missed.discard(frame.index)  # a row asks again for the frame that it shows
+            self._accepted.append(
+                _Accepted(place=last.place + 1, number=frame.index, time_s=frame.time_s)
+            )
+
+    def at(self, time_s: float) -> _Accepted:
+        """The newest frame in the video that was taken until a time."""
+        with self._lock:
+            for accepted in reversed(self._accepted):
+                if not accepted.time_s > time_s:
+                    return accepted
+            return self._accepted[0]
+
+    def close(self) -> None:
+        """Encode what waits, and finish the video."""
+        self.camera.listen(None)
+        with self._lock:
+            is_first, self._is_closed = not self._is_closed, True
+        if is_first:
+            self._queue.put(None)
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            while (image := self._queue.get()) is not None:
+                begun = time.monotonic()
+                self._writer.add(image)
+                self._pace_s += _SMOOTHING * (time.monotonic() - begun - self._pace_s)
+            self._writer.close()
+        except DuoBenchError as error:
+            self._error = error
+            self._drain()
+
+    def _drain(self) -> None:
+        """Empty the queue of an encoder that has ended, so that nothing waits for it."""
+        while not self._is_closed:
+            try:
+                self._queue.get(timeout=0.1)
+            except Empty:
+                continue
+        while not self._queue.empty():
+            self._queue.get()
+        try:
+            self._writer.close()
+        except DuoBenchError:
+            return  # the first error is the one that is said
+
+
+class Videos:
+    """The videos of an episode while it is recorded.
+
+    At first they hold the one frame that `see` takes. After `listen` every frame is encoded, until
+    `close`. What cannot be encoded or written is an `OutputError` or a `VideoError`.
+
+    Args:
+        episode: The episode's file, beside which they are.
+        cameras: The cameras by name.
+        rates: Their frames a second.
+        waits: Whether cameras wait for the encoder.
+    """
+
+    def __init__(
+        self, episode: Path, cameras: Mapping[str, Camera], rates: Mapping[str, int], waits: bool
+    ) -> None:
+        self._encoders = {
+            name: _Encoder(
+                video_path(episode, name), camera, rates.get(name, round(CONTROL_HZ)), waits
+            )
+            for name, camera in cameras.items()
+        }
+        self.is_listening = False
+        """Whether every frame is encoded."""
+
+    def listen(self) -> None:
+        """Encode every frame from now on."""
+        self.is_listening = True
+        for encoder in self._encoders.values():
+            encoder.camera.listen(encoder.take)
+
+    def see(self, frames: Mapping[str, CameraFrame], time_s: float) -> dict[str, NDArray[Any]]:
+        """Which frames belong to a row.
+
+        Args:
+            frames: The latest frame of each camera that has one, which are encoded too.
+            time_s: Time of the row, on the clock of the frames.
+
+        Returns:
+            The columns of frames: places in the videos, numbers, and ages in seconds.
+        """
+        seen = []
+        for name, encoder in self._encoders.items():
+            encoder.check()
+            if (frame := frames.get(name)) is None:
+                seen.append(encoder.at(time_s))
+            else:
+                encoder.take(frame)
+                seen.append(encoder.at(frame.time_s))
+        return {
+            "frame": np.array([one.place for one in seen], dtype=np.int64),
+            "frame_number": np.array([one.number for one in seen], dtype=np.int64),
+            "frame_age": np.array([time_s - one.time_s for one in seen]),
+        }
+
+    def close(self) -> None:
+        """Encode what waits, and finish the videos; closing twice is harmless."""
+        self.is_listening = False
+        for encoder in self._encoders.values():
+            encoder.close()
+
+    def finish(self) -> dict[str, VideoFacts]:
+        """What the finished videos hold, by camera."""
+        self.close()
+        for encoder in self._encoders.values():
+            encoder.check()
+        try:
+            return {
+                name: describe(encoder.path, encoder.left_out)
+                if encoder.path.exists()
+                else VideoFacts(frames=0, left_out=encoder.left_out)
+                for name, encoder in self._encoders.items()
+            }
+        except OSError as error:
+            raise OutputError(f"A video cannot be read again: {error}.") from error
+
+    def discard(self) -> None:
+        """End the videos and remove them."""
+        self.close()
+        for encoder in self._encoders.values():
+            with writing(encoder.path):
+                encoder.path.unlink(missing_ok=True)
