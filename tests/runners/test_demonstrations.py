@@ -22,7 +22,7 @@ from tests.evaluation.processes import children, is_running, wait_until
 from tests.evaluation.toy_tasks import seed_of
 
 TASKS = ("bin_sort",)
-SOMETIMES = "tests.evaluation.test_demonstrations:Sometimes"
+SOMETIMES = "tests.runners.test_demonstrations:Sometimes"
 
 
 ODD = "an odd episode"

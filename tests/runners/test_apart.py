@@ -9,7 +9,7 @@ from duobench.policy import Batching
 from duobench.results.reporting.times import read_notes
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
-from tests.evaluation.test_batches import episodes, named
+from tests.runners.test_batches import episodes, named
 
 
 @pytest.mark.parametrize("workers", [1, 2])
