@@ -1,13 +1,16 @@
-"""A run that is really killed, and goes on."""
+"""A run that is really killed, and goes on; `dev.benchmarks.kills` does it more often."""
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
+from dev.benchmarks.kills import disturb
 from duobench.results.folder import RunFolder
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import compared
@@ -107,3 +110,11 @@ def test_helpers_of_a_policy_end_with_a_killed_run(
         process.communicate()  # until nobody holds its output open
     helpers = [int(path.name.split("-")[1]) for path in tmp_path.glob("helper-*")]
     wait_until(lambda: not any(map(is_running, helpers)), "the end of the helpers")
+
+
+def test_results_are_the_same_after_ten_kills(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    counts = sum((counts for _, counts in disturb(tmp_path, 10, 1, port)), Counter[str]())
+    assert counts.total() == 10
+    assert len(counts) > 1
