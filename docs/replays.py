@@ -20,7 +20,7 @@ from duobench.looks.look import Look
 from duobench.replay.playback import PoseCollector, SceneCache
 from duobench.results.suite import Episode, find_tasks
 from duobench.tasks import catalog
-from duobench.web.page import Replay, replay_page
+from duobench.web.page import EpisodeReplay, replay_page
 
 FOLDER = Path(__file__).parent / "replays"
 EPISODE = 0
@@ -60,7 +60,7 @@ def page(name: str) -> str:
     scene, changes = collector.geometry, tuple(collector.stage_changes)
     if scene is None or changes[-1][1] != task.max_stage:
         raise SystemExit(f"The expert did not solve {name}.")
-    replay = Replay(
+    replay = EpisodeReplay(
         title=f"{task.title}: the scripted expert, episode {EPISODE}",
         scene=scene.name,
         track=collector.track(),

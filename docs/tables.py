@@ -24,7 +24,7 @@ from duobench.objects.solid import (
     placed,
     printable,
 )
-from duobench.policy.serving.vla_eval_specs import MODES
+from duobench.policy.serving.vla_eval import MODES
 from duobench.results.suites.catalog import SUITES
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.shifts import levels

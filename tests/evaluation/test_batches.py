@@ -24,7 +24,7 @@ from duobench.errors import (
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.client import RemotePolicy
+from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.connection import is_healthy
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.results.folder import RunFolder
@@ -148,7 +148,7 @@ def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play: Pl
         server = RemoteServer(url=f"ws://127.0.0.1:{serve(toy_batches.Reads())}", execute=30)
         served, _ = play(PolicyChoice.parse("openpi", server=server), "served", episodes=2)
         with pytest.raises(ServingError, match="A server of DuoBench needs no format"):
-            RemotePolicy(replace(server, message_format=MessageFormat()))
+            OpenpiPolicy(replace(server, message_format=MessageFormat()))
     assert results.overall.errors == 0
     own = rb'\n  "versions": .*'
     played = [

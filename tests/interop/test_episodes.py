@@ -88,7 +88,7 @@ def test_images_are_rendered_for_whoever_sees_them_and_no_others() -> None:
     message_format = MessageFormat(images={"images.top": "head"}, image_size=(24, 32))
     episodes = Episodes(message_format, horizon=4)
     turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
-    shown = episodes.shown(turn.observation)
+    shown = episodes.request(turn.observation)
     assert shown["images"]["top"].shape == (24, 32, 3)
     assert shown["prompt"] == "Do the wave."
     still = np.tile(turn.observation["agent_pos"], (3, 1))

@@ -23,19 +23,18 @@ from duobench.tasks import catalog
 
 
 class Episodes:
-    """Plays episodes one after the other, in an environment that fits a format."""
+    """Plays episodes one after the other, in an environment that fits a format.
+
+    Args:
+        message_format: What is shown, and what actions mean.
+        options: Of the environments, beside what follows from the format; see
+            `duobench.envs.config.EnvConfig`.
+
+    Raises:
+        DuoBenchError: If there is no such environment.
+    """
 
     def __init__(self, message_format: MessageFormat, **options: Any) -> None:
-        """Choose the environments; one is made when it is needed.
-
-        Args:
-            message_format: What is shown, and what actions mean.
-            options: Of the environments, beside what follows from the format; see
-                `duobench.envs.config.EnvConfig`.
-
-        Raises:
-            DuoBenchError: If there is no such environment.
-        """
         metadata = message_format.metadata("", "", seeded=False)
         self._options = {
             "cameras": metadata.cameras,
@@ -99,11 +98,11 @@ class Episodes:
         try:
             *_, self._last = execute(self._env, chunk, before=before, render_last=render_last)
         except BaseException:
-            self.close()  # whatever broke may have left it in any state
+            self.close()  # it may be in any state now
             raise
         return self._last
 
-    def shown(self, observation: Observation) -> dict[str, Any]:
+    def request(self, observation: Observation) -> dict[str, Any]:
         """An observation of the running episode as the format says."""
         return self.message_format.request(observation, self._instruction)
 

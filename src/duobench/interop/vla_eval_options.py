@@ -8,7 +8,7 @@ from dataclasses import replace
 from duobench.envs.config import EnvConfig
 from duobench.errors import OptionError
 from duobench.policy.serving.message_format import MessageFormat, read_format
-from duobench.policy.serving.vla_eval_specs import MODES
+from duobench.policy.serving.vla_eval import MODES
 from duobench.tasks import catalog
 from duobench.types import HEAD
 

@@ -75,6 +75,11 @@ class InferenceLoop:
     A batch is what waits at the moment, `batching.size` observations at most. For the episodes that
     the last batch answered the loop waits a little, so that all are answered together; see
     `PATIENCE`.
+
+    Args:
+        policy: The policy, used by the thread that calls `run` only.
+        batching: How many observations are answered together.
+        busy: Surrounds everything that the policy does.
     """
 
     def __init__(
@@ -84,13 +89,6 @@ class InferenceLoop:
         *,
         busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
     ) -> None:
-        """Make a loop; `run` runs it.
-
-        Args:
-            policy: The policy, used by the thread that calls `run` only.
-            batching: How many observations are answered together.
-            busy: Surrounds everything that the policy does.
-        """
         self._policy = policy
         self._batching = batching
         self._busy = busy

@@ -18,18 +18,21 @@ from duobench.backend import Image
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.lerobot import statistics
-from duobench.data.lerobot.actions import Residual, labels_of
+from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
     SCHEMA,
+    ActionSource,
     EpisodeFacts,
     Export,
     ExportFolder,
+    ExportOptions,
+    Pairing,
+    Residual,
     SourceEpisode,
     schema,
 )
 from duobench.data.lerobot.metadata import finish
-from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
@@ -99,9 +102,6 @@ def export_lerobot(
         progress: Told about the progress in frames, at first and after every episode.
         view_of: Gives the view of each real camera, which makes its images those of the
             simulation's camera; it can be pickled.
-
-    Returns:
-        What it came to.
 
     Raises:
         DataError: There is nothing to export, or a recording cannot be read or shown.

@@ -21,7 +21,7 @@ _SCHEMES = ("ws", "wss")
 """What the address of a server begins with."""
 _FORM = "The address of a server is ws://HOST:PORT or wss://HOST:PORT."
 
-OPENPI = "duobench.policy.serving.client:RemotePolicy"
+OPENPI = "duobench.policy.serving.client:OpenpiPolicy"
 """Client of the servers of DuoBench, and of all others that speak openpi's protocol."""
 SERVED: Mapping[str, str] = {
     "openpi": OPENPI,
@@ -49,7 +49,6 @@ class RemoteServer:
     """Seconds to wait for a server that is not there."""
 
     def __post_init__(self) -> None:
-        """Reject what is no address, or holds more than one."""
         parts = self.parts
         if parts.scheme not in _SCHEMES or not _is_host(parts.hostname):
             raise ServingError(_FORM)

@@ -10,7 +10,7 @@ from duobench.results.folder import RunFolder
 from duobench.results.metrics import Results
 from duobench.results.records import EpisodeRecord
 from duobench.types import CONTROL_HZ
-from duobench.web.page import Replay, replay_fragment
+from duobench.web.page import EpisodeReplay, replay_fragment
 
 
 class PageReplays:
@@ -22,13 +22,13 @@ class PageReplays:
         Raises:
             DataError: A replay is damaged.
         """
-        self._replays: dict[tuple[str, int], Replay] = {}
+        self._replays: dict[tuple[str, int], EpisodeReplay] = {}
         for one in results.tasks:
             for record in one.records:
                 path = folder.replay(record.task, record.episode)
                 if path is None:
                     continue
-                self._replays[record.task, record.episode] = Replay(
+                self._replays[record.task, record.episode] = EpisodeReplay(
                     id=f"replay-{record.task}-{record.episode}",
                     title=f"{one.task.title}, episode {record.episode}",
                     scene=path.name.split(".")[1],
