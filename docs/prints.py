@@ -17,7 +17,7 @@ import PIL.Image
 from prints_page import DRAWN, FOLDER, JOBS, PAGE, digest, job, page, together_file
 
 from duobench.fabrication import PrintJob, lay_out
-from duobench.fabrication.threemf import BED_STEP
+from duobench.fabrication.formats import BED_STEP
 from duobench.objects import Solid, cylinder, mesh_of, pieces_of
 from duobench.objects import chest as chests
 from duobench.objects.joint_blocks import BAR, PEG_HEIGHT

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from duobench.fabrication import PrintJob, Recipe, fit_coupon, job_of, recipe_of
-from duobench.fabrication.shopping import shopping_lines
+from duobench.fabrication.details import shopping_lines
 from duobench.tasks import catalog
 
 PAGE = "printing_parts.md"
@@ -83,7 +83,7 @@ def _section(recipe: Recipe, pictures: Path) -> Iterator[str]:
         yield from ("", "Nothing of this task is printed.")
     for title, lines in (
         ("Put together:", [f"{n}. {line}" for n, line in enumerate(recipe.assembly, 1)]),
-        ("Bought:", list(shopping_lines(tuple(recipe.bought)))),
+        ("Bought:", list(shopping_lines(recipe.bought))),
         ("Notes:", [f"- {line}" for line in recipe.notes]),
     ):
         if lines:

@@ -18,7 +18,7 @@ FLOORS = (
     ("errors",),
     (
         *("types", "randomness", "files", "machine", "references", "versions", "pages"),
-        *("lerobot_keys", "serving_thread"),
+        *("lerobot_keys", "serving_thread", "sheets"),
     ),
     ("spatial", "backend", "video"),
     ("robot",),

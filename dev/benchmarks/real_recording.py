@@ -27,7 +27,7 @@ from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.data.rig import RigRecorder
 from duobench.hardware.clock import SystemClock
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.rig import Rig
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
@@ -76,7 +76,7 @@ class Killed:
         return float(np.median(periods)), float(np.quantile(periods, 0.99))
 
 
-class Tolerant(HardwareDuo):
+class Tolerant(FrankaDuo):
     """A rig that holds for nothing, so that a busy machine is measured to the end."""
 
     def _check(self) -> None:

@@ -14,11 +14,11 @@ import pytest
 from tables import TABLES, written
 
 import duobench
-from duobench.cli.evaluate import evaluate
-from duobench.cli.record import record
-from duobench.cli.replay import replay
-from duobench.cli.results.report import report
-from duobench.cli.train import train
+from duobench.cli.verbs.evaluate import evaluate
+from duobench.cli.verbs.record import record
+from duobench.cli.verbs.replay import replay
+from duobench.cli.verbs.report import report
+from duobench.cli.verbs.train import train
 from duobench.data.schema import SCHEMA
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import base_of

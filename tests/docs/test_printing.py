@@ -11,7 +11,7 @@ from tables import printed
 from duobench.cli import main
 from duobench.fabrication import coupon as coupons
 from duobench.fabrication import recipe as recipes
-from duobench.fabrication.threemf import BED_STEP
+from duobench.fabrication.formats import BED_STEP
 from duobench.objects import chest, hexagon_peg, joint_blocks, shapes
 from duobench.tasks import catalog
 from tests.docs.markdown import DOCS, blocks, table, text_of

@@ -6,7 +6,7 @@ import pytest
 
 from duobench.hardware.guard import FINGER_MARGIN, MARGIN, TABLE_DEPTH
 from duobench.hardware.rig import ArmConfig, Rig
-from duobench.hardware.watched import STOP_AFTER_S
+from duobench.hardware.watchdog import STOP_AFTER_S
 from tests.docs.markdown import DOCS, blocks, run, run_python, table, text_of
 
 ARMS, SAFETY = DOCS / "real_arms.md", DOCS / "real_safety.md"

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from duobench.cli.verbs import GROUPS
-from duobench.hardware.calibration import places, wrist
-from duobench.hardware.calibration.board import PAPERS
+from duobench.cli.program import GROUPS
+from duobench.hardware.calibration import places
+from duobench.hardware.calibration.board import RULER_MM
 from duobench.hardware.calibration.views import ViewFolder
 from duobench.hardware.doctor.examine import (
     LARGEST_SHIFT_PX,
@@ -21,6 +21,7 @@ from duobench.hardware.doctor.examine import (
 )
 from duobench.hardware.drivers import frames, robotiq
 from duobench.hardware.rig import CameraDriver, Rig
+from duobench.sheets import Paper
 from tests.docs.markdown import DOCS, blocks, table, text_of
 
 SETUP, CAMERAS = DOCS / "real_setup.md", DOCS / "real_cameras.md"
@@ -86,8 +87,8 @@ def test_numbers_are_those_of_the_code() -> None:
     assert f"at less than {LEAST_RATE:.0%}".replace("%", " %") in setup
     assert f"more than {LARGEST_SHIFT_PX:g} px" in setup
     assert f"answers take {1000 * LONGEST_ANSWER_S:.0f} ms" in setup
-    assert f"fewer than {wrist.FEWEST_VIEWS} show" in cameras
-    assert f"by more than {wrist.LARGEST_SCALE_ERROR:.0%}".replace("%", " %") in cameras
+    assert f"fewer than {places.FEWEST_VIEWS} show" in cameras
+    assert f"by more than {places.LARGEST_SCALE_ERROR:.0%}".replace("%", " %") in cameras
     assert f"over {1000 * places.NOTED_M:.0f} mm or {places.NOTED_DEG:.0f} degrees" in cameras
     assert f"from {1000 * places.REFUSED_M:.0f} mm or {places.REFUSED_DEG:.0f} degrees" in cameras
-    assert PAPERS["a4"].ruler == 200.0
+    assert RULER_MM[Paper.A4] == 200.0

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from duobench.errors import FabricationError, UnknownNameError
-from duobench.fabrication import PrintJob, job_of, lay_out, stl_bytes, threemf_bytes
-from duobench.fabrication.recipe import overhang
-from duobench.fabrication.threemf import BED_STEP, hex_colour
+from duobench.fabrication import PrintedPart, PrintJob, job_of, lay_out, stl_bytes, threemf_bytes
+from duobench.fabrication.formats import BED_STEP, hex_colour
 from duobench.objects import Part, Prop, block
 from duobench.objects.shapes import KEPT_FREE, PRINTER
 from duobench.spatial import SE3
@@ -23,12 +22,24 @@ from duobench.tasks import catalog
 from tests.fabrication.printed import JOBS, PARTS, as_read, job, part
 
 RED = (0.8, 0.1, 0.1, 1.0)
+STEEP, FIRST_LAYER = 0.72, 2e-4
+"""Share of an area that looks down from which on it needs support (46 degrees); metres."""
 parts = pytest.mark.parametrize(("name", "of"), PARTS)
 jobs = pytest.mark.parametrize("name", [name for name in JOBS if job(name).parts])
 
 
 def task_with(*props: Prop) -> object:
     return replace(catalog.get("bin_sort"), id="mine", props=props, placements={})
+
+
+def overhang(one: PrintedPart) -> float:
+    """Area in m² that looks down by more than 45 degrees, that on the bed aside."""
+    corners = one.mesh.vertices[one.mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    twice = np.linalg.norm(normals, axis=1)
+    looks_down = normals[:, 2] < -STEEP * twice
+    is_high = corners[:, :, 2].mean(axis=1) > FIRST_LAYER
+    return float(twice[looks_down & is_high].sum() / 2)
 
 
 @parts

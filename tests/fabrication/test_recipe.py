@@ -15,8 +15,8 @@ from duobench.fabrication.recipe import (
     SPARSE,
     WASTE,
     extruded,
+    recipe_page,
 )
-from duobench.fabrication.recipe_page import recipe_page
 from duobench.files import decode, encode
 from duobench.tasks import catalog
 from tests.fabrication.printed import JOBS, PARTS, TASKS, job, part
@@ -63,7 +63,10 @@ def test_what_stands_still_is_what_may_be_lighter() -> None:
         if prop.fixed
         and prop.name not in {bought for item in job(name).bought for bought in item.props}
     }
-    assert light == still == set(known.FIXING)
+    assert light == still
+    assert light == {
+        f"{name}/{body}" for name, task in known.details().items() for body in task.fixing
+    }
     assert "hinge_chest/chest/lid" not in light
 
 
@@ -88,9 +91,10 @@ def test_everything_that_is_known_is_about_a_part() -> None:
         for name in TASKS
         for one in job(name).parts
     }
-    for table in (known.DIMENSIONS, known.CHANGES, known.SUPPORTS, known.FINE):
+    supports = {f"{name}/{key}" for name, task in known.details().items() for key in task.supports}
+    for table in (known.DIMENSIONS, known.CHANGES, supports, known.FINE):
         assert set(table) <= keys
-    assert {*known.ASSEMBLY, *known.NOTES} <= set(TASKS)
+    assert set(known.details()) <= set(TASKS)
 
 
 def test_chamfers_have_finer_layers() -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from duobench.errors import UnknownNameError
 from duobench.fabrication import Paper, layout_sheet, neutral_layout, outlines_of
-from duobench.fabrication.pdf import Page, pdf
+from duobench.fabrication.sheet import tile_size
 from duobench.objects import Prop, bowl, gate
 from duobench.objects.maze_board import EDGE
 from duobench.sim.layout import Layout
@@ -19,9 +20,9 @@ from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import Array
+from tests.pdfs import Read, read_pdf
 
-MM = 72 / 25.4
-CONTACT_LINE = f"{0.4 * MM:.3f}"
+CONTACT_LINE, RULER_LINE = 0.4, 0.3
 
 
 def prop_of(task: str, name: str) -> Prop:
@@ -38,27 +39,8 @@ def perimeter(polygon: Array) -> float:
     return float(np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).sum())
 
 
-def streams(data: bytes) -> list[str]:
-    """The drawing of each page; every object must be where the index says."""
-    start = int(re.findall(rb"startxref\n(\d+)\n", data)[-1])
-    assert data[start:].startswith(b"xref")
-    places = [int(place) for place in re.findall(rb"(\d{10}) 00000 n ", data[start:])]
-    for number, place in enumerate(places, 1):
-        assert data[place:].startswith(b"%d 0 obj\n" % number)
-    found = []
-    for match in re.finditer(rb"/Length (\d+) >>\nstream\n", data):
-        end = match.end() + int(match[1])
-        assert data[end:].startswith(b"\nendstream")
-        found.append(data[match.end() : end].decode("cp1252"))
-    return found
-
-
-def lines(stream: str, width: str) -> Array:
-    """Both ends (n, 2, 2) in mm of the single lines of a width, in points."""
-    number = r"(-?[\d.]+)"
-    pattern = rf"^{width} w\n0 G\n\[\] 0 d\n{number} {number} m\n{number} {number} l\nS$"
-    found = re.findall(pattern, stream, flags=re.MULTILINE)
-    return np.array(found, dtype=float).reshape(-1, 2, 2) / MM
+def sheets(task: Task, layout: Layout, *more: Any) -> list[Read]:
+    return read_pdf(layout_sheet(task, layout, *more))
 
 
 def test_the_outline_of_a_cube_is_its_square() -> None:
@@ -121,8 +103,8 @@ def turned(task: Task) -> Layout:
 def test_all_tiles_together_show_every_outline_once(name: str, paper: Paper) -> None:
     task = catalog.get(name)
     layout = turned(task)
-    _, *tiles = streams(layout_sheet(task, layout, "a test", paper))
-    drawn = np.vstack([lines(tile, CONTACT_LINE) for tile in tiles])
+    _, *tiles = sheets(task, layout, "a test", paper)
+    drawn = np.vstack([tile.lines(CONTACT_LINE) for tile in tiles])
     length = np.linalg.norm(drawn[:, 0] - drawn[:, 1], axis=1).sum()
     on_table = [prop for prop in task.props if prop.name in task.placements and prop.name != "ball"]
     expected = sum(
@@ -130,7 +112,6 @@ def test_all_tiles_together_show_every_outline_once(name: str, paper: Paper) -> 
         for prop in on_table
         for outline in outlines_of(prop, layout.variants, below=0.002)
     )
-    # Numbers in the file have a thousandth of a point.
     assert length == pytest.approx(expected, rel=1e-3)
     width, height = paper.size
     assert (drawn >= 0).all()
@@ -149,12 +130,12 @@ def test_an_outline_is_in_its_place_and_has_its_true_size(paper: Paper) -> None:
         for y in (-0.016, 0.016)
     }
     found = set()
-    for tile in streams(layout_sheet(task, layout, "a test", paper))[1:]:
-        corner = re.search(r"lower left corner: x (-?\d+), y (-?\d+) mm", tile)
+    for tile in sheets(task, layout, "a test", paper)[1:]:
+        corner = re.search(r"lower left corner: x (-?\d+), y (-?\d+) mm", "\n".join(tile.texts))
         assert corner is not None
-        width, height = paper.tile
+        width, height = tile_size(paper)
         left, bottom = (paper.size[0] - width) / 2, paper.size[1] - 12 - height
-        for across, up in lines(tile, CONTACT_LINE).reshape(-1, 2):
+        for across, up in tile.lines(CONTACT_LINE).reshape(-1, 2):
             x, y = int(corner[1]) + up - bottom, int(corner[2]) - (across - left)
             found.add((round(float(x), 1), round(float(y), 1)))
     assert all(min(math.dist(corner, other) for other in found) < 0.15 for corner in expected), (
@@ -164,8 +145,9 @@ def test_an_outline_is_in_its_place_and_has_its_true_size(paper: Paper) -> None:
 
 
 def test_rulers_are_a_hundred_millimetres_long() -> None:
-    for tile in streams(layout_sheet(catalog.get("bin_sort"), turned(catalog.get("bin_sort"))))[1:]:
-        ruled = lines(tile, f"{0.3 * MM:.2f}")
+    task = catalog.get("bin_sort")
+    for tile in sheets(task, turned(task))[1:]:
+        ruled = tile.lines(RULER_LINE)
         lengths = np.linalg.norm(ruled[:, 0] - ruled[:, 1], axis=1)
         rulers = ruled[np.abs(lengths - 100) < 1e-3]
         assert len(rulers) == 2
@@ -176,23 +158,20 @@ def test_rulers_are_a_hundred_millimetres_long() -> None:
 def test_places_are_written_in_millimetres_and_degrees() -> None:
     task = catalog.get("bin_sort")
     poses = {**neutral_layout(task).poses, "white_cube": SE3.at(0.5231, -0.2014, 0.016, yaw=0.5)}
-    first, *_ = streams(layout_sheet(task, Layout(poses=poses), "seed 4 (a test)"))
-    assert "white_cube: x 523.1, y -201.4 mm, yaw 28.6°" in first
-    assert r"seed 4 \(a test\)" in first
+    first, *_ = sheets(task, Layout(poses=poses), "seed 4 (a test)")
+    text = "\n".join(first.texts)
+    assert "white_cube: x 523.1, y -201.4 mm, yaw 28.6°" in text
+    assert "seed 4 (a test)" in text
 
 
 def test_a_maze_is_named_and_its_ball_is_placed() -> None:
     task = catalog.get("ball_maze")
     layout = task.arranged(replace(neutral_layout(task), variants={"board": "9"}))
-    first, *_ = streams(layout_sheet(task, layout))
-    assert "board 9: x 500.0" in first
-    assert "In or on another object: ball, x" in first
+    text = "\n".join(sheets(task, layout)[0].texts)
+    assert "board 9: x 500.0" in text
+    assert "In or on another object: ball, x" in text
 
 
 def test_an_incomplete_layout_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="object of the layout 'white_cube'"):
         layout_sheet(catalog.get("bin_sort"), Layout(poses={}))
-
-
-def test_the_viewer_is_asked_not_to_scale() -> None:
-    assert b"/PrintScaling /None" in pdf([Page(100.0, 100.0)], "A (title) \\")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,16 @@ from duobench.hardware.calibration.board import (
     COLUMNS,
     DISTANCE,
     MARKERS,
-    PAPERS,
     ROWS,
+    RULER_MM,
+    SQUARE_MM,
     Board,
     markers,
+    rectangles,
+    write_board,
 )
-from duobench.hardware.calibration.pdf import POINTS, write_board
+from duobench.sheets import Paper
+from tests.pdfs import read_pdf
 
 
 def test_markers_differ_however_they_are_turned() -> None:
@@ -64,35 +67,21 @@ def test_unknown_paper_is_refused() -> None:
         Board(paper="letter")
 
 
-@pytest.mark.parametrize("name", PAPERS)
-def test_the_sheet_is_drawn_to_scale(name: str, tmp_path: Path) -> None:
-    board, paper = Board(paper=name), PAPERS[name]
-    write_board(board, tmp_path / "a.pdf")
-    write_board(board, tmp_path / "b.pdf")
+@pytest.mark.parametrize("paper", Paper)
+def test_the_sheet_is_drawn_to_scale(paper: Paper, tmp_path: Path) -> None:
+    for name in ("a.pdf", "b.pdf"):
+        write_board(Board(paper=paper), tmp_path / name)
     data = (tmp_path / "a.pdf").read_bytes()
     assert data == (tmp_path / "b.pdf").read_bytes()
-    width, height = re.findall(rb"MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", data)[0]
-    assert (float(width) / POINTS, float(height) / POINTS) == pytest.approx(
-        (paper.width, paper.height), abs=1e-3
-    )
-    start, end = re.findall(rb"0\.15 w ([\d.]+) [\d.]+ m ([\d.]+) ", data)[0]
-    assert float(end) - float(start) == pytest.approx(paper.ruler, abs=1e-3)
-    boxes = np.array(
-        [[float(each) for each in box.split()] for box in re.findall(rb"([\d. ]+) re\n", data)]
-    )
-    spans = (boxes[:, :2] + boxes[:, 2:]).max(axis=0) - boxes[:, :2].min(axis=0)
-    np.testing.assert_allclose(spans, [COLUMNS * paper.square, ROWS * paper.square], atol=1e-3)
-    assert boxes[:, 0].min() > 8.0, "printers do not reach the edge"
-    assert (boxes[:, 0] + boxes[:, 2]).max() < paper.width - 8.0
-    assert (boxes[:, 1] + boxes[:, 3]).max() < paper.height - 8.0
-
-
-def test_places_of_objects_in_the_file_are_right(tmp_path: Path) -> None:
-    write_board(Board(), tmp_path / "a.pdf")
-    data = (tmp_path / "a.pdf").read_bytes()
-    assert data.startswith(b"%PDF-1.4\n")
-    table = int(data.split(b"startxref\n")[1].split(b"\n")[0])
-    assert data[table:].startswith(b"xref\n0 6\n")
-    places = re.findall(rb"(\d{10}) 00000 n \n", data)
-    for number, place in enumerate(places, start=1):
-        assert data[int(place) :].startswith(b"%d 0 obj" % number)
+    (page,) = read_pdf(data)
+    height, width = paper.size
+    assert page.size == pytest.approx((width, height), abs=1e-3)
+    (start, end), *_ = page.lines(0.15)
+    assert (end - start).tolist() == pytest.approx([RULER_MM[paper], 0.0], abs=1e-3)
+    corners = np.concatenate(page.filled)
+    square = SQUARE_MM[paper]
+    spans = np.ptp(corners, axis=0)
+    np.testing.assert_allclose(spans, [COLUMNS * square, ROWS * square], atol=1e-3)
+    assert len(page.filled) == len(rectangles())
+    assert (corners > 8.0).all(), "printers do not reach the edge"
+    assert (corners < [width - 8.0, height - 8.0]).all()

@@ -15,7 +15,7 @@ from duobench.errors import BackendError, OptionError, UnknownNameError
 from duobench.evaluation import rollout
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.env import RealEnv, make_real_env
-from duobench.hardware.judge import DeclaredJudge
+from duobench.hardware.judge import HumanJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.supervisor import State
 from duobench.policy import PolicyMetadata
@@ -168,7 +168,7 @@ def test_a_declared_stage_counts_from_the_next_step_on() -> None:
 
 
 def test_a_judge_keeps_the_highest_stage_and_refuses_what_is_none() -> None:
-    judge = DeclaredJudge(3)
+    judge = HumanJudge(3)
     assert judge.declare(2)
     assert not judge.declare(1)
     assert not judge.declare(2)
@@ -182,7 +182,7 @@ def test_a_judge_keeps_the_highest_stage_and_refuses_what_is_none() -> None:
     judge.declare_end(False)
     assert (judge.stage, judge.final_holds) == (3, False)
     state = judge.get_state()
-    other = DeclaredJudge(3)
+    other = HumanJudge(3)
     other.set_state(state)
     assert other.stage == 3
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from duobench.errors import ActionError, OptionError
-from duobench.hardware.motion.follower import (
+from duobench.hardware.follower import (
     HIGHEST,
     LOWEST,
     MAX_STEP_S,

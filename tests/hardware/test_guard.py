@@ -14,8 +14,8 @@ from duobench.errors import BackendError
 from duobench.evaluation import rollout
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.hardware.devices import FaultKind
+from duobench.hardware.follower import HIGHEST, LOWEST
 from duobench.hardware.guard import FINGER_MARGIN, MARGIN, PATH_STEP, Guard
-from duobench.hardware.motion.follower import HIGHEST, LOWEST
 from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import State
 from duobench.kinematics.inverse import Kinematics
@@ -180,7 +180,7 @@ def check_free(guard: Guard, start: Array, way: list[Array]) -> None:
 
 def test_the_way_home_is_straight_where_that_is_free(guard: Guard) -> None:
     start = leaning(-0.3)
-    way = guard.way(start, HOME_JOINTS)
+    way = guard.plan_path(start, HOME_JOINTS)
     assert len(way) == 1
     check_free(guard, start, way)
 
@@ -198,7 +198,7 @@ def crossed(guard: Guard) -> Array:
 
 def test_the_way_home_goes_round_where_the_straight_one_is_not_free(guard: Guard) -> None:
     start = crossed(guard)
-    way = guard.way(start, HOME_JOINTS)
+    way = guard.plan_path(start, HOME_JOINTS)
     assert len(way) > 1
     assert np.array_equal(way[-1], HOME_JOINTS)
     check_free(guard, start, way)
@@ -222,10 +222,10 @@ def test_home_takes_the_way_that_the_guard_found(guard: Guard) -> None:
 
 def test_arms_without_a_free_way_are_left_to_people(monkeypatch: pytest.MonkeyPatch) -> None:
     guard = Guard()
-    monkeypatch.setattr("duobench.hardware.motion.way.candidates", lambda _start, end: [[end]])
+    monkeypatch.setattr("duobench.hardware.guard.path_candidates", lambda _start, end: [[end]])
     start = crossed(guard)
     with pytest.raises(BackendError, match=r"No free way home .* by hand"):
-        guard.way(start, HOME_JOINTS)
+        guard.plan_path(start, HOME_JOINTS)
     duo = new_rig(guard=True)
     for side in SIDES:
         arm(duo, side).put(start[side.index])
@@ -238,7 +238,7 @@ def test_arms_without_a_free_way_are_left_to_people(monkeypatch: pytest.MonkeyPa
 
 def test_arms_that_are_already_too_near_may_move_apart(guard: Guard) -> None:
     start = next(leaning(c) for c in np.arange(0.0, 1.2, 0.01) if guard.problem(leaning(c)))
-    way = guard.way(start, HOME_JOINTS)
+    way = guard.plan_path(start, HOME_JOINTS)
     assert np.array_equal(way[-1], HOME_JOINTS)
 
 

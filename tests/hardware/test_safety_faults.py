@@ -11,7 +11,7 @@ import pytest
 from duobench.data import DataSet, Recorder
 from duobench.errors import BackendError
 from duobench.hardware.devices import Fault, FaultKind
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.supervisor import State
 from duobench.types import SIDES, Array, Side
@@ -31,19 +31,19 @@ RIGHT = Side.RIGHT
 BROKEN = Fault(kind=FaultKind.DEVICE, text="overheated")
 
 
-def silence(duo: HardwareDuo) -> None:
+def silence(duo: FrankaDuo) -> None:
     arm(duo, RIGHT).is_silent = True
 
 
-def silence_gripper(duo: HardwareDuo) -> None:
+def silence_gripper(duo: FrankaDuo) -> None:
     gripper(duo, RIGHT).is_silent = True
 
 
-def silence_camera(duo: HardwareDuo) -> None:
+def silence_camera(duo: FrankaDuo) -> None:
     camera(duo, "head").is_silent = True
 
 
-FAULTS: dict[str, tuple[Callable[[HardwareDuo], None], FaultKind, str]] = {
+FAULTS: dict[str, tuple[Callable[[FrankaDuo], None], FaultKind, str]] = {
     "a reflex": (
         lambda duo: arm(duo, RIGHT).fail("cartesian_reflex"),
         FaultKind.REFLEX,

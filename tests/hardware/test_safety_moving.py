@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from duobench.errors import ActionError, BackendError
-from duobench.hardware import watched
-from duobench.hardware.duo import HardwareDuo
-from duobench.hardware.motion.follower import HIGHEST, LOWEST
+from duobench.hardware import watchdog
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.follower import HIGHEST, LOWEST
 from duobench.hardware.rig import (
     FOLLOWER_HZ,
     MAX_ACCELERATION,
@@ -30,7 +30,7 @@ AWAY = np.array([0.2, -0.2, 0.3, 0.2, -0.3, 0.2, 0.4])
 class Log:
     """Everything that an arm is told."""
 
-    def __init__(self, duo: HardwareDuo, side: Side) -> None:
+    def __init__(self, duo: FrankaDuo, side: Side) -> None:
         self.joints: list[Array] = []
         self.velocities: list[Array] = []
         told = arm(duo, side)
@@ -89,8 +89,8 @@ def test_after_a_hold_home_needs_the_operators_word_again() -> None:
 @pytest.fixture
 def soon(monkeypatch: pytest.MonkeyPatch) -> float:
     """Let thirty seconds pass in three."""
-    assert watched.STOP_AFTER_S == 30.0
-    monkeypatch.setattr(watched, "STOP_AFTER_S", 3.0)
+    assert watchdog.STOP_AFTER_S == 30.0
+    monkeypatch.setattr(watchdog, "STOP_AFTER_S", 3.0)
     return 3.0
 
 
@@ -245,7 +245,7 @@ def test_what_is_not_finite_is_refused_before_anything_moves(wrong: float) -> No
 # --- 4: stalls -----------------------------------------------------------------------------------
 
 
-def stalled(duo: HardwareDuo) -> tuple[DuoCommand, Log]:
+def stalled(duo: FrankaDuo) -> tuple[DuoCommand, Log]:
     """A policy that moves on quickly and then says nothing more."""
     log = Log(duo, Side.LEFT)
     for number in range(1, 16):

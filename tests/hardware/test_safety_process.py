@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from duobench.data import DataSet
-from duobench.hardware.health import MAX_FREEZE_S
+from duobench.hardware.watchdog import MAX_FREEZE_S
 
 ROOT = Path(__file__).parents[2]
 

@@ -14,10 +14,9 @@ from PIL import Image
 from duobench.errors import BackendError
 from duobench.hardware.clock import SystemClock, VirtualClock
 from duobench.hardware.devices import FaultKind, Frame
-from duobench.hardware.drivers import v4l2
+from duobench.hardware.drivers import uvc
 from duobench.hardware.drivers.frames import ThreadedCamera
-from duobench.hardware.drivers.uvc import FileCamera, UvcCamera
-from duobench.hardware.drivers.v4l2 import lock_exposure
+from duobench.hardware.drivers.uvc import FileCamera, UvcCamera, lock_exposure
 from duobench.hardware.rig import CameraConfig, CameraDriver
 
 COUNT = 12
@@ -158,7 +157,7 @@ def test_exposure_is_set_by_the_controls_of_linux(
     device.touch()
     said: list[tuple[int, int]] = []
     monkeypatch.setattr(
-        v4l2.fcntl, "ioctl", lambda _file, _request, data: said.append(struct.unpack("=Ii", data))
+        uvc.fcntl, "ioctl", lambda _file, _request, data: said.append(struct.unpack("=Ii", data))
     )
     lock_exposure(str(device), 8000.0, 16.0)
     auto_exposure, absolute_exposure = 0x009A0901, 0x009A0902

@@ -17,7 +17,7 @@ from duobench.looks.colours import colour_name, shifted
 from duobench.looks.look import CameraOffset, Light, Look, Material
 from duobench.looks.textures import TEXTURES, texture
 from duobench.robot.workcell import FLOOR_Z, ROOM_X, ROOM_Y
-from duobench.sim.materials import resolve_materials
+from duobench.sim.appearance import resolve_materials
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.types import HEAD

@@ -11,7 +11,7 @@ from typing import Any
 
 from duobench.errors import DuoBenchError
 from duobench.hardware.clock import VirtualClock
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.results.suite import TaskInfo, find_tasks
 from duobench.rig_sessions.trial_folder import TrialsFolder
@@ -103,7 +103,7 @@ class Stand:
     def __init__(self, path: Path, contenders: Sequence[Contender], **options: Any) -> None:
         self.folder = TrialsFolder(path)
         self.ending = ExitStack()
-        self.duo: HardwareDuo = open_rig("simulated", VirtualClock(), guard=False)
+        self.duo: FrankaDuo = open_rig("simulated", VirtualClock(), guard=False)
         self.ending.callback(self.duo.close)
         self.server = PageServer(assets("trials_page.html"))
         self.ending.callback(self.server.close)

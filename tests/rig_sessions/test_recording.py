@@ -15,7 +15,7 @@ from duobench.errors import OptionError, PolicyError
 from duobench.evaluation.policies import PolicySource
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.policy import PolicyMetadata
 from duobench.rig_sessions.playback import Playback, slowed
@@ -77,7 +77,7 @@ def session(
     folder: Path,
     script: Script,
     source: PolicySource | None = None,
-    on_step: Callable[[HardwareDuo, int], None] = lambda _duo, _step: None,
+    on_step: Callable[[FrankaDuo, int], None] = lambda _duo, _step: None,
     **options: Any,
 ) -> Iterator[RealRecording]:
     duo = open_rig("simulated", VirtualClock(), guard=False)
@@ -160,7 +160,7 @@ def test_a_hold_ends_the_episode_and_keeps_what_was_recorded(tmp_path: Path, key
 def test_a_fault_is_in_the_record_and_recovered_by_the_operator(tmp_path: Path) -> None:
     faults = []
 
-    def fail(duo: HardwareDuo, step: int) -> None:
+    def fail(duo: FrankaDuo, step: int) -> None:
         if step == 5 and not faults:
             faults.append(step)
             duo.arms[Side.LEFT].fail("cartesian_reflex", FaultKind.REFLEX)  # type: ignore[attr-defined]
@@ -178,7 +178,7 @@ def test_a_fault_is_in_the_record_and_recovered_by_the_operator(tmp_path: Path) 
 
 
 def test_a_policy_that_fails_loses_nothing(tmp_path: Path) -> None:
-    def fail(_duo: HardwareDuo, step: int) -> None:
+    def fail(_duo: FrankaDuo, step: int) -> None:
         if step == 6:
             raise PolicyError("It has no idea.")
 

@@ -6,7 +6,7 @@ import mujoco
 import pytest
 
 from duobench.errors import UnknownNameError
-from duobench.sim.handles import names_of, resolve, resolve_all
+from duobench.sim.duo import names_of, resolve, resolve_all
 
 TOY = """
 <mujoco>

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from duobench.hardware.drivers.frames import STALE_S
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.rig_sessions.page_cameras import PERIOD_S, SHOWN_WIDTH, CameraFeed, jpeg
 from duobench.types import POLICY_CAMERAS
 from duobench.web.page import assets
@@ -26,7 +26,7 @@ class Shown:
     """A rig, a server and a page that has it open."""
 
     def __init__(self, ending: ExitStack) -> None:
-        self.duo: HardwareDuo = new_rig()
+        self.duo: FrankaDuo = new_rig()
         ending.callback(self.duo.close)
         self.server = PageServer(assets())
         ending.callback(self.server.close)

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from duobench.fabrication.coupon import fit_coupon as fit_coupon
     from duobench.fabrication.folder import PrintChoice as PrintChoice
     from duobench.fabrication.folder import write_prints as write_prints
+    from duobench.fabrication.formats import stl_bytes as stl_bytes
+    from duobench.fabrication.formats import threemf_bytes as threemf_bytes
     from duobench.fabrication.parts import PrintedPart as PrintedPart
     from duobench.fabrication.parts import PrintJob as PrintJob
     from duobench.fabrication.parts import job_of as job_of
@@ -21,8 +23,6 @@ if TYPE_CHECKING:
     from duobench.fabrication.sheet import layout_sheet as layout_sheet
     from duobench.fabrication.sheet import neutral_layout as neutral_layout
     from duobench.fabrication.sheet import outlines_of as outlines_of
-    from duobench.fabrication.sheet_pages import Paper as Paper
-    from duobench.fabrication.stl import stl_bytes as stl_bytes
-    from duobench.fabrication.threemf import threemf_bytes as threemf_bytes
+    from duobench.sheets import Paper as Paper
 
 lazy(__name__)

@@ -21,11 +21,10 @@ class Spot:
     """Where one copy of a part lies."""
 
     part: PrintedPart
-    """What lies there."""
     copy: int
     """Which of its copies, from 0."""
     bed: int
-    """Which bed, from 0."""
+    """From 0."""
     x: float
     """Middle of the part's box on the bed, in metres from its left edge."""
     y: float

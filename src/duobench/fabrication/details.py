@@ -1,16 +1,40 @@
-"""What is known about printing the benchmark's objects, by body: the part beside the geometry.
+"""What is known about making the benchmark's objects, beside their geometry.
 
-Sizes are those that the objects are made with, so that a recipe asks for what is simulated.
+Sizes are those that the objects are made with, so that a recipe asks for what is simulated. What is
+said in words stands in `recipes.toml`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+import string
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatch
+from functools import cache
+from importlib.resources import files
+from typing import Any
 
-from duobench.objects import blocks, bowl, chest, cup, gate, hexagon_peg, joint_blocks, maze_board
+import msgspec
+import numpy as np
+
+from duobench.objects import (
+    blocks,
+    bowl,
+    chest,
+    cup,
+    gate,
+    hexagon_peg,
+    joint_blocks,
+    maze_board,
+    microwave,
+    pot,
+)
+from duobench.objects.prop import Prop
 from duobench.objects.shapes import JOINT_PLAY
+from duobench.objects.solid import mass_properties, printable
+from duobench.tasks import pour_marbles
+from duobench.tasks.task import Task
 
 FREE, MATING = 0.2, 0.1
 """Tolerance in mm of a size that stands alone, and of one that something goes into."""
@@ -21,11 +45,8 @@ class Dimension:
     """A size to measure with calipers."""
 
     what: str
-    """What is measured."""
     mm: float
-    """Its size in millimetres."""
     tolerance_mm: float
-    """How far it may be off, in millimetres."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -33,9 +54,8 @@ class ColourChange:
     """From which height on a part is printed in another colour."""
 
     above_mm: float
-    """Height above the bed in millimetres."""
+    """Height above the bed."""
     rgba: tuple[float, float, float, float]
-    """The colour."""
 
 
 def _size(what: str, metres: float, tolerance: float = MATING) -> Dimension:
@@ -109,63 +129,6 @@ CHANGES: Mapping[str, tuple[ColourChange, ...]] = {
 }
 """Where the colour changes with the height."""
 
-SUPPORTS: Mapping[str, str] = {
-    "ball_maze/ball": "from the bed, with a brim of 5 mm; sand off what is left of them",
-}
-"""What needs supports; anything else needs none."""
-
-ASSEMBLY: Mapping[str, tuple[str, ...]] = {
-    "hinge_chest": (
-        "Hold the lid's barrel between the lugs of the chest.",
-        "Turn an M3 × 20 mm screw from either side through the lug into the barrel, until its head "
-        "touches the lug and the lid still falls by its own weight.",
-    ),
-    "ball_maze": (
-        "Push the two dovetails of each grip from below into the slots of the rim, up to the "
-        "stop, with glue.",
-        "Stick a square of red film on the floor of the goal's corner and a green one on that of "
-        f"the start's, {1000 * (maze_board.PITCH - maze_board.WALL):.0f} mm wide: the notes "
-        "below say which.",
-    ),
-    "join_blocks": (
-        "Nothing is glued: the light block's peg slides into a socket of the dark block, and the "
-        "wall's peg into the other one.",
-    ),
-    "transfer_gate": (
-        "Glue the post into the hole of the base, its slot along the longer edge of the base.",
-        "Glue the ring into the slot, with its notch over the key.",
-    ),
-}
-"""How parts go together."""
-
-FIXING: Mapping[str, str] = {
-    "hinge_chest/chest": "double-sided tape under the floor, or a clamp inside",
-    "join_blocks/wall": "tape does not bear the push on the peg: clamp the foot of the plate, or "
-    "screw an angle behind it to the table",
-    "transfer_gate/gate": "clamp the base, or screw it through holes drilled into its corners",
-    "transfer_gate/mat": "double-sided tape",
-    "transfer_reorient/board": "double-sided tape over the whole underside, or clamps at its ends",
-}
-"""How what stands still is fixed to the table."""
-
-NOTES: Mapping[str, tuple[str, ...]] = {
-    "hinge_chest": (
-        "The lid has no spring, as in simulation: its weight shuts it, so print it solid.",
-    ),
-    "ball_maze": (
-        "There are ten mazes. A layout names one of them by its number, and all weigh the same: "
-        "print those that your evaluation asks for.",
-    ),
-    "join_blocks": (
-        "The finished pair droops by about two degrees a joint: that is meant, as in simulation.",
-    ),
-    "transfer_reorient": (
-        f"The peg is turned by up to {math.degrees(math.pi / 6):.0f}° about its axis until it "
-        "fits the hexagonal hole; the two other holes do not take it, however it is turned.",
-    ),
-}
-"""What else there is to know about a task."""
-
 FINE = frozenset(
     (
         *(f"join_blocks/{name}" for name in ("light_block", "dark_block", "wall")),
@@ -173,3 +136,99 @@ FINE = frozenset(
     )
 )
 """What has chamfers that something finds its way by: finer layers."""
+
+
+# --- in words ---
+
+NAMED = {
+    "maze_way": maze_board.PITCH - maze_board.WALL,
+    "handle_height": pot.HEIGHT / 2 + pot.HANDLE_Z,
+    "marble_grams": 1000 * cup.GLASS_DENSITY * 4 / 3 * math.pi * cup.MARBLE_RADIUS**3,
+}
+"""Numbers that the words name and no object has by itself: lengths in metres, a mass in grams."""
+_MODULES = {"cup": cup, "microwave": microwave, "pot": pot, "pour_marbles": pour_marbles}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PurchasedPart:
+    """Something to buy, or to make by other means.
+
+    The paper names no products. What is bought should come as near to these sizes as can be had:
+    where it differs, the real task differs from the simulated one by as much.
+    """
+
+    name: str
+    props: tuple[str, ...] = ()
+    """The objects of the task that it stands for; none for screws and the like."""
+    count: int = 1
+    sizes: tuple[str, ...] = ()
+    """One phrase each."""
+    note: str = ""
+    """What else matters, in a sentence."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskDetails:
+    """What is known about the objects of one task, as in `recipes.toml`."""
+
+    assembly: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    fixing: dict[str, str] = field(default_factory=dict[str, str])
+    supports: dict[str, str] = field(default_factory=dict[str, str])
+    bought: tuple[PurchasedPart, ...] = ()
+
+
+class _Words(string.Formatter):
+    """Fills in numbers: `:mm`, `:2mm` (twice the length), `:deg`, or as Python does."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if format_spec.endswith("mm"):
+            return f"{float(format_spec[:-2] or 1) * 1000 * value:.0f}"
+        if format_spec == "deg":
+            return f"{math.degrees(value):.0f}"
+        return super().format_field(value, format_spec)
+
+
+@cache
+def details() -> Mapping[str, TaskDetails]:
+    """What is known about the benchmark's tasks, by their ids."""
+    text = (files("duobench.fabrication") / "recipes.toml").read_text(encoding="utf-8")
+    text = _Words().vformat(text[text.index("[") :], (), {**NAMED, **_MODULES})
+    return msgspec.toml.decode(text, type=dict[str, TaskDetails])
+
+
+def details_of(task: str) -> TaskDetails:
+    """What is known about a task; nothing about one that is not the benchmark's."""
+    return details().get(task, TaskDetails())
+
+
+def parts_to_buy(task: Task) -> tuple[PurchasedPart, ...]:
+    """What to buy for a task: nothing for one whose objects are all printed.
+
+    Objects of a task that is not the benchmark's, and not printable, are listed with their sizes.
+    """
+    if task.id not in details():
+        return () if task.printable else tuple(map(_unprinted, task.props))
+    bought = []
+    for part in details()[task.id].bought:
+        names = [prop.name for prop in task.props]
+        props = tuple(name for name in names if any(fnmatch(name, each) for each in part.props))
+        bought.append(replace(part, props=props, count=len(props) or part.count))
+    return tuple(bought)
+
+
+def _unprinted(prop: Prop) -> PurchasedPart:
+    solids = prop.prints({prop.choice or "": min(prop.variants, default="")})
+    names = (prop.name, *(prop.part_name(part.name) for part in prop.parts))
+    sizes = []
+    for name, solid in zip(names, solids, strict=True):
+        edges = " × ".join(f"{1000 * e:.0f}" for e in np.ptp(printable(solid).vertices, axis=0))
+        sizes.append(f"{name}: {edges} mm, {1000 * mass_properties(solid).mass:.0f} g")
+    return PurchasedPart(name=prop.name, props=(prop.name,), sizes=tuple(sizes))
+
+
+def shopping_lines(parts: Iterable[PurchasedPart]) -> Iterator[str]:
+    """What is bought as lines of a list in Markdown."""
+    for part in parts:
+        yield f"- {part.count} × {part.name}{f' ({part.note})' if part.note else ''}"
+        yield from (f"    - {size}" for size in part.sizes)

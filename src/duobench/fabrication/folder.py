@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
+from duobench import pages
 from duobench.errors import FabricationError, check_known
 from duobench.fabrication.coupon import ID as COUPON
 from duobench.fabrication.coupon import fit_coupon
+from duobench.fabrication.details import shopping_lines
+from duobench.fabrication.formats import stl_bytes, threemf_bytes
 from duobench.fabrication.parts import ALL_VARIANTS, PrintJob, job_of
-from duobench.fabrication.recipe import RECIPE_SCHEMA, Recipe, recipe_of
-from duobench.fabrication.recipe_page import UNTRIED, recipe_page
+from duobench.fabrication.recipe import RECIPE_SCHEMA, UNTRIED, Recipe, recipe_of, recipe_page
 from duobench.fabrication.sheet import layout_sheet, neutral_layout
-from duobench.fabrication.sheet_pages import Paper
-from duobench.fabrication.shopping import shopping_lines
-from duobench.fabrication.stl import stl_bytes
-from duobench.fabrication.threemf import threemf_bytes
 from duobench.files import begin_or_continue, differences, encode, locked, remove_temporary, write
+from duobench.sheets import Paper
 from duobench.sim.layout import Layout
 from duobench.tasks.task import Task
 from duobench.versions import __version__
@@ -36,15 +35,13 @@ class PrintChoice:
     """What a folder of prints holds."""
 
     tasks: list[str]
-    """Ids of the tasks."""
+    """Ids."""
     variants: list[str]
     """Variants of their objects; empty for the first one, or for those of the seed's layout."""
     seed: int | None
     """Seed of the layout on the sheets; None for the neutral one."""
     paper: str
-    """Size of the sheets."""
     version: str = __version__
-    """Version of DuoBench."""
 
     def differences(self, other: Self) -> list[str]:
         """In what another one differs, one phrase each."""
@@ -120,8 +117,9 @@ def write_prints(
                 title = "neutral layout" if seed is None else f"layout of seed {seed}"
                 write(folder / job.id / "layout.pdf", layout_sheet(task, layout, title, paper))
             progress(recipe)
-        write(folder / "README.md", "\n".join(_index(recipes)) + "\n")
-        write(folder / "shopping.md", "\n".join(_shopping(recipes)) + "\n")
+        for name, template in (("README.md", "prints.md.j2"), ("shopping.md", "shopping.md.j2")):
+            words = {"recipes": recipes, "shopping_lines": shopping_lines, "untried": UNTRIED}
+            write(folder / name, pages.render("duobench.fabrication", template, **words))
     return recipes
 
 
@@ -139,29 +137,3 @@ def _write_job(folder: Path, job: PrintJob, recipe: Recipe) -> None:
         write(folder / recipe.file, threemf_bytes(job))
     write(folder / "recipe.json", encode(recipe, RECIPE_SCHEMA))
     write(folder / "recipe.md", recipe_page(recipe))
-
-
-def _index(recipes: Sequence[Recipe]) -> Iterator[str]:
-    yield from ("# Objects to print", "", UNTRIED, "")
-    yield "Print the fit coupon, measure and try it, then the tasks. A folder has the parts as STL,"
-    yield "all of them as they lie in one 3MF, the recipe, and the layout sheet."
-    yield "[shopping.md](shopping.md) lists what is bought."
-    yield ""
-    yield "| folder | parts | beds | filament (g) | hours |"
-    yield "| --- | ---: | ---: | ---: | ---: |"
-    for recipe in recipes:
-        count = sum(part.count for part in recipe.parts)
-        numbers = f"{count} | {recipe.beds} | {recipe.filament_g:.0f} | {recipe.hours:.1f}"
-        yield f"| [{recipe.id}]({recipe.id}/recipe.md) | {numbers} |"
-
-
-def _shopping(recipes: Sequence[Recipe]) -> Iterator[str]:
-    yield from ("# What is bought", "")
-    grams = sum(recipe.filament_g for recipe in recipes)
-    yield f"For all tasks: about {grams:.0f} g of PLA filament (estimated), glue for plastic,"
-    yield "double-sided tape, calipers, a scale that shows 0.1 g. No product is named: what is"
-    yield "bought should be as near to these sizes as can be had."
-    yield ""
-    for recipe in recipes:
-        if recipe.bought:
-            yield from (f"## {recipe.title}", "", *shopping_lines(tuple(recipe.bought)), "")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from duobench.errors import FabricationError, UnknownNameError
-from duobench.fabrication.shopping import Item, items_of
+from duobench.fabrication.details import PurchasedPart, parts_to_buy
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import PRINTER, Colour
 from duobench.objects.solid import (
@@ -42,7 +42,7 @@ class PrintedPart:
     """One part, in its print pose."""
 
     name: str
-    """Name of its file, without an ending."""
+    """Of its file, without an ending."""
     body: str
     """The object or part of an object that it belongs to, such as "chest/lid"."""
     piece: str = ""
@@ -50,9 +50,7 @@ class PrintedPart:
     mesh: Mesh
     """What is printed, in metres: z up, its lowest point at 0, the middle of its box over 0, 0."""
     rgba: Colour
-    """Red, green, blue and opacity, each 0 to 1."""
     count: int = 1
-    """How many of it are needed."""
     print_from_object: SE3 = field(default_factory=SE3)
     """Pose of the object's frame in that of the mesh."""
     is_solid: bool = True
@@ -95,14 +93,11 @@ class PrintJob:
     id: str
     """Name of its folder: the task's."""
     title: str
-    """Name for people."""
     description: str
-    """What it is for, in a sentence."""
     parts: tuple[PrintedPart, ...]
-    """What is printed; may be nothing."""
+    """May be nothing."""
     masses: tuple[ObjectMass, ...] = ()
-    """What the objects weigh."""
-    bought: tuple[Item, ...] = ()
+    bought: tuple[PurchasedPart, ...] = ()
     """What is not printed."""
 
 
@@ -118,7 +113,7 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
         UnknownNameError: There is no such variant.
         FabricationError: A part does not fit a printer of `shapes.PRINTER`.
     """
-    bought = items_of(task)
+    bought = parts_to_buy(task)
     not_printed = {name for item in bought for name in item.props}
     props = [prop for prop in task.props if prop.name not in not_printed]
     parts, masses = [], []

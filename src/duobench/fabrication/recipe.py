@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duobench import pages
 from duobench.fabrication import coupon, details
 from duobench.fabrication.bed import lay_out
-from duobench.fabrication.details import Dimension
+from duobench.fabrication.details import Dimension, PurchasedPart, shopping_lines
+from duobench.fabrication.formats import hex_colour
 from duobench.fabrication.parts import PrintedPart, PrintJob
-from duobench.fabrication.shopping import Item
-from duobench.fabrication.threemf import hex_colour
 from duobench.objects.mazes import CELLS, MAZES, Cell
 from duobench.objects.shapes import PRINTER
 from duobench.objects.solid import PLA_DENSITY
@@ -36,8 +36,7 @@ ones less by as much. A slow printer needs twice the time, and a fast one half o
 WASTE = 1.05
 """What is laid down over what is in the parts: purged, brims, supports."""
 _STEEP = 0.72
-"""Share of an area that looks down from which on it needs something below it: 46 degrees."""
-_FIRST_LAYER = 2e-4
+"""Share of an area that looks up or down from which on it is a floor or a roof."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,13 +44,10 @@ class PartRecipe:
     """How to print one part."""
 
     name: str
-    """The part; its STL has this name."""
     file: str
     """Its STL, in the folder of the recipe."""
     body: str
-    """The object that it is a part of."""
     count: int
-    """How many of it."""
     beds: list[int]
     """On which beds of the 3MF its copies lie, counted from 1."""
     size_mm: tuple[float, float, float]
@@ -59,27 +55,22 @@ class PartRecipe:
     orientation: str
     """Which side is up."""
     colour: str
-    """Colour as #RRGGBB."""
+    """#RRGGBB."""
     colour_changes: list[tuple[float, str]]
     """From which height (mm above the bed) on it has another colour."""
     layer_mm: float
-    """Height of its layers."""
     walls: int
-    """Lines of its walls."""
     infill_percent: int
     """How much of it is filled: 100 is solid."""
     supports: str
     """Where it needs supports."""
     volume_cm3: float
-    """Volume of one."""
     mass_g: tuple[float, float, float] | None
     """Mass of one: least, target and most. None where it may weigh anything."""
     filament_g: float
-    """Estimated filament for all copies, in grams."""
+    """Estimate for all copies, as `hours` is."""
     hours: float
-    """Estimated time for all copies."""
     dimensions: list[Dimension]
-    """What to measure."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -101,36 +92,28 @@ class Recipe:
     id: str
     """The task, or "coupon"."""
     title: str
-    """Name for people."""
     printer: str
-    """What kind of printer."""
     material: str
-    """What is printed."""
     nozzle_mm: float
-    """Diameter of the nozzle."""
     file: str | None
     """The 3MF with all parts; None where nothing is printed."""
     beds: int
-    """How many beds the 3MF has."""
     parts: list[PartRecipe]
-    """The parts."""
     objects: list[ObjectRecipe]
     """What they are put together to."""
     assembly: list[str]
     """How that is done."""
-    bought: list[Item]
-    """What is not printed."""
+    bought: list[PurchasedPart]
     notes: list[str]
-    """What else there is to know."""
     filament_g: float
-    """Estimated filament in grams."""
+    """Estimate, as `hours` is."""
     hours: float
-    """Estimated time."""
 
 
 def recipe_of(job: PrintJob) -> Recipe:
     """How to print a job."""
     spots = lay_out(job.parts)
+    known = details.details_of(job.id)
     beds = {part.name: [s.bed + 1 for s in spots if s.part is part] for part in job.parts}
     parts = [_part(job.id, part, beds[part.name]) for part in job.parts]
     return Recipe(
@@ -146,26 +129,16 @@ def recipe_of(job: PrintJob) -> Recipe:
             ObjectRecipe(
                 body=each.body,
                 mass_g=_range(1000 * each.mass) if each.is_solid else None,
-                fixing=details.FIXING.get(f"{job.id}/{each.body}", ""),
+                fixing=known.fixing.get(each.body, ""),
             )
             for each in job.masses
         ],
-        assembly=list(details.ASSEMBLY.get(job.id, ())),
+        assembly=list(known.assembly),
         bought=list(job.bought),
         notes=_notes(job),
         filament_g=round(math.fsum(part.filament_g for part in parts), 1),
         hours=round(math.fsum(part.hours for part in parts), 1),
     )
-
-
-def overhang(part: PrintedPart) -> float:
-    """Area in m² of a part that looks down by more than 45 degrees, that on the bed aside."""
-    corners = part.mesh.vertices[part.mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    twice = np.linalg.norm(normals, axis=1)
-    looks_down = normals[:, 2] < -_STEEP * twice
-    is_high = corners[:, :, 2].mean(axis=1) > _FIRST_LAYER
-    return float(twice[looks_down & is_high].sum() / 2)
 
 
 def extruded(part: PrintedPart) -> float:
@@ -202,13 +175,15 @@ def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
         layer_mm=layer,
         walls=WALLS,
         infill_percent=100 if part.is_solid else round(100 * SPARSE),
-        supports=details.SUPPORTS.get(key, "none"),
+        supports=details.details_of(job).supports.get(key.partition("/")[2], "none"),
         volume_cm3=round(1e6 * part.volume, 2),
         mass_g=_range(1000 * part.mass) if part.is_solid else None,
         filament_g=round(1000 * laid_down * part.density, 1),
         hours=round(laid_down / MATERIAL_PER_SECOND * LAYER / layer / 3600, 2),
         dimensions=[
-            *_box(width, depth, height),
+            Dimension(what="width", mm=width, tolerance_mm=details.FREE),
+            Dimension(what="depth", mm=depth, tolerance_mm=details.FREE),
+            Dimension(what="height", mm=height, tolerance_mm=details.FREE),
             *details.DIMENSIONS.get(key, ()),
         ],
     )
@@ -219,13 +194,6 @@ def _key(job: str, part: PrintedPart) -> str:
     body, slash, rest = part.body.partition("/")
     stem = body.rpartition("_")[0] if body.rpartition("_")[2].isdigit() else body
     return "/".join(filter(None, (job, stem + slash + rest, part.piece)))
-
-
-def _box(*edges: float) -> list[Dimension]:
-    return [
-        Dimension(what=what, mm=edge, tolerance_mm=details.FREE)
-        for what, edge in zip(("width", "depth", "height"), edges, strict=True)
-    ]
 
 
 def _range(grams: float) -> tuple[float, float, float]:
@@ -245,7 +213,7 @@ def _orientation(part: PrintedPart) -> str:
 
 
 def _notes(job: PrintJob) -> list[str]:
-    notes = list(details.NOTES.get(job.id, ()))
+    notes = list(details.details_of(job.id).notes)
     if job.id == "ball_maze":
         for each in job.masses:
             number = each.body.rpartition("_")[2]
@@ -280,3 +248,36 @@ def _about_coupon() -> list[str]:
         "holes too narrow: set its program's compensation of holes to the difference, and print "
         "the coupon again.",
     ]
+
+
+# --- the page ---
+
+UNTRIED = (
+    "Nothing of this was printed by us so far, and no printer's program was tried with the files: "
+    "print the coupon first, weigh and measure."
+)
+"""What to know before anything is printed."""
+
+
+def recipe_page(recipe: Recipe) -> str:
+    """A recipe as a page for people, in Markdown."""
+    return pages.render(
+        "duobench.fabrication",
+        "recipe.md.j2",
+        recipe=recipe,
+        bought=list(shopping_lines(recipe.bought)),
+        mass=_mass,
+        untried=UNTRIED,
+        waste=f"{100 * (WASTE - 1):.0f}",
+        rate=f"{1e9 * MATERIAL_PER_SECOND:.0f}",
+        layer=LAYER,
+        sparse=f"{100 * SPARSE:.0f}",
+        tolerance=f"{100 * TOLERANCE:.0f}",
+    )
+
+
+def _mass(grams: tuple[float, float, float] | None) -> str:
+    if grams is None:
+        return "any"
+    least, target, most = grams
+    return f"{target:.1f} ({least:.1f} to {most:.1f})"

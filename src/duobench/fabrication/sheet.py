@@ -7,15 +7,17 @@ to edge on a grid of the table; what no object touches is left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from duobench.errors import check_known
-from duobench.fabrication.pdf import pdf
-from duobench.fabrication.sheet_pages import Mark, Paper, overview, tile_page, tiles_of
 from duobench.objects.prop import Prop
 from duobench.objects.solid import manifold_from, placed, printable
+from duobench.robot.workcell import TABLE_X, TABLE_Y
+from duobench.sheets import Paper, Sheet, pdf
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.tasks.task import Task
@@ -25,6 +27,19 @@ CONTACT = 0.002
 """Height in metres above its lowest point up to which an object counts as lying on the table."""
 _SMALLEST = 1e-8
 """Area in m² under which a polygon is what arithmetic leaves."""
+RULER = 100.0
+"""Length of the rulers in mm."""
+GRID = 50.0
+"""Distance of the marks of a tile in mm."""
+LABEL = 12.0
+"""Room that the place of a mark takes, in mm."""
+MARGIN, FOOT = 12.0, 22.0
+"""White around a tile, and below it for the ruler, in mm."""
+Tile = tuple[int, int]
+"""Row and column of a tile, along the table's x and y."""
+Box = tuple[float, float, float, float]
+"""Left, lower, right and upper edge in mm."""
+Point = tuple[float, float]
 
 
 def outlines_of(
@@ -101,16 +116,16 @@ def layout_sheet(
         UnknownNameError: The layout lacks an object, or a value of its choice.
     """
     marks = tuple(_marks(task, layout))
-    tiles = tiles_of(marks, paper)
-    pages = [overview(f"{task.title}: {title}", marks, tiles, paper)]
+    tiles = _tiles_of(marks, paper)
+    pages = [_overview(f"{task.title}: {title}", marks, tiles, paper)]
     pages += [
-        tile_page(f"{task.id}, {title}: sheet {number} of {len(tiles)}", place, marks, paper)
+        _tile_sheet(f"{task.id}, {title}: sheet {number} of {len(tiles)}", place, marks, paper)
         for number, place in enumerate(tiles, 1)
     ]
     return pdf(pages, f"DuoBench {task.id}: {title}")
 
 
-def _marks(task: Task, layout: Layout) -> Iterator[Mark]:
+def _marks(task: Task, layout: Layout) -> Iterator[_Mark]:
     """Where the objects are; outlines of those that stand on the table."""
     for prop in task.props:
         check_known("object of the layout", prop.name, layout.poses)
@@ -125,13 +140,13 @@ def _marks(task: Task, layout: Layout) -> Iterator[Mark]:
             for solid, at in zip(solids, poses, strict=True)
         )
         if z / 1000 + lowest > CONTACT:
-            yield Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
+            yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
             continue
         contact, seen = (
             tuple(_on_table(outline, pose) for outline in outlines_of(prop, variants, below=below))
             for variants, below in ((layout.variants, CONTACT), (layout.variants, None))
         )
-        yield Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
+        yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
 
 
 def _on_table(outline: Array, pose: SE3) -> Array:
@@ -153,3 +168,197 @@ def _middle(low: float, high: float) -> float:
 def _as_counted(name: str) -> tuple[int, str]:
     """Numbers in their order, before names."""
     return (int(name), "") if name.isdigit() else (10**9, name)
+
+
+# --- drawing ---
+
+
+def tile_size(paper: Paper) -> tuple[float, float]:
+    """Width and height in mm of what a sheet shows of the table."""
+    width, height = paper.size
+    return 10 * ((width - 2 * MARGIN) // 10), 10 * ((height - MARGIN - FOOT) // 10)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Mark:
+    """Where one object is, and its outlines on the table in mm."""
+
+    name: str
+    x: float
+    y: float
+    yaw: float
+    on_table: bool
+    contact: tuple[Array, ...] = ()
+    seen: tuple[Array, ...] = ()
+
+    @property
+    def words(self) -> str:
+        return f"x {self.x:.1f}, y {self.y:.1f} mm, yaw {self.yaw:.1f}°"
+
+
+def _tiles_of(marks: Sequence[_Mark], paper: Paper) -> list[Tile]:
+    """Rows and columns of the tiles that an outline touches; the middle column has y = 0."""
+    width, height = tile_size(paper)
+    found = set()
+    for mark in marks:
+        for outline in mark.seen:
+            low, high = outline.min(axis=0), outline.max(axis=0)
+            rows = range(math.floor(low[0] / height), math.floor(high[0] / height) + 1)
+            columns = range(math.floor(low[1] / width + 0.5), math.floor(high[1] / width + 0.5) + 1)
+            found |= set(product(rows, columns))
+    return sorted(found, key=lambda each: (-each[0], -each[1]))
+
+
+def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: Paper) -> Sheet:
+    """All objects in small, with the tiles, and a table of their places."""
+    sheet = Sheet(*paper.size)
+    width, height = sheet.width - 2 * MARGIN, sheet.height
+    sheet.text(MARGIN, height - 20, title, 5.0, bold=True)
+    for number, line in enumerate(_explanation(tiles, paper)):
+        sheet.text(MARGIN, height - 28 - 5 * number, line, 2.6)
+    (low_x, high_x), (low_y, high_y) = (1000 * np.array(edge) for edge in (TABLE_X, TABLE_Y))
+    scale = width / (high_y - low_y)
+    top = height - 62
+
+    def at(x: float, y: float) -> tuple[float, float]:
+        return MARGIN + scale * (high_y - y), top - scale * (high_x - x)
+
+    sheet.polygon(_rectangle(at(low_x, high_y), at(high_x, low_y)), grey=0.5)
+    tile_width, tile_height = tile_size(paper)
+    for number, (row, column) in enumerate(tiles, 1):
+        x, y = row * tile_height, (column + 0.5) * tile_width
+        left, low = at(x, y)
+        frame = _rectangle((left, low), at(x + tile_height, y - tile_width))
+        sheet.polygon(frame, line=0.15, grey=0.6, dash=1.0)
+        sheet.text(left + 1, low + 1, str(number), 2.6)
+    for number, mark in enumerate((m for m in marks if m.on_table), 1):
+        for outline in mark.seen:
+            sheet.polygon([at(*point) for point in outline], line=0.2, fill=0.85)
+        sheet.text(*at(mark.x, mark.y), str(number), 2.4, bold=True)
+    x, y = at(0.0, 0.0)
+    _plus(sheet, x, y, 4)
+    sheet.text(x + 2, y + 2, "x = 0, y = 0", 2.2)
+    _places(sheet, marks, top - scale * (high_x - low_x) - 10)
+    return sheet
+
+
+def _explanation(tiles: Sequence[Tile], paper: Paper) -> tuple[str, ...]:
+    return (
+        f"Print all pages at 100 % on {paper.value.upper()}; each sheet has two rulers of "
+        f"{RULER:.0f} mm to check that.",
+        f"{len(tiles)} sheets follow. Cut them at their frames and lay them edge to edge, as",
+        "below. Up is away from the robot (x), left is the robot's left (y). x = 0, y = 0 is",
+        "under the middle of the mount; corners of the sheets have their places in mm.",
+        "Full lines are what lies on the table; dashed ones what is above it.",
+    )
+
+
+def _places(sheet: Sheet, marks: Sequence[_Mark], top: float) -> None:
+    """The table of objects and their places."""
+    standing = [mark for mark in marks if mark.on_table]
+    lines = [f"{number}  {mark.name}: {mark.words}" for number, mark in enumerate(standing, 1)]
+    others = [mark for mark in marks if not mark.on_table]
+    if len(others) > 3:  # noqa: PLR2004 - a heap, such as of marbles
+        lines.append(f"In or on another object: {others[0].name} to {others[-1].name}")
+    else:
+        lines += [f"In or on another object: {mark.name}, {mark.words}" for mark in others]
+    for number, line in enumerate(lines):
+        sheet.text(MARGIN, top - 5.5 * number, line, 2.8)
+
+
+def _tile_sheet(title: str, place: Tile, marks: Sequence[_Mark], paper: Paper) -> Sheet:
+    """One tile in true size."""
+    sheet = Sheet(*paper.size)
+    width, height = tile_size(paper)
+    low_x, high_y = place[0] * height, (place[1] + 0.5) * width
+    left = (sheet.width - width) / 2
+    bottom = sheet.height - MARGIN - height
+
+    def at(x: float, y: float) -> tuple[float, float]:
+        return left + high_y - y, bottom + x - low_x
+
+    for x in np.arange(math.ceil(low_x / GRID) * GRID, low_x + height + 1e-6, GRID):
+        for y in np.arange(math.ceil((high_y - width) / GRID) * GRID, high_y + 1e-6, GRID):
+            across, up = at(x, y)
+            _plus(sheet, across, up, 2, line=0.1, grey=0.5)
+            if across + LABEL < left + width:
+                sheet.text(across + 0.6, up + 0.6, f"{x:.0f}, {y:.0f}", 1.3)
+    inside = (left, bottom, left + width, bottom + height)
+    for mark in marks:
+        for outlines, style in (
+            (mark.seen, {"line": 0.2, "dash": 1.5}),
+            (mark.contact, {"line": 0.4}),
+        ):
+            for outline in outlines:
+                for start, end in _clipped([at(*point) for point in outline], inside):
+                    sheet.line(start, end, **style)
+        if mark.on_table:
+            _cross(sheet, mark, at(mark.x, mark.y), inside)
+    frame = _rectangle((left, bottom), (left + width, bottom + height))
+    sheet.polygon(frame, line=0.15, dash=2.0, grey=0.4)
+    corner = f"lower left corner: x {low_x:.0f}, y {high_y:.0f} mm"
+    sheet.text(left, bottom - 5.5, f"{title}; {corner}", 2.2)
+    _rulers(sheet, (left, bottom - 14), (left - 6, bottom))
+    return sheet
+
+
+def _cross(sheet: Sheet, mark: _Mark, at: tuple[float, float], inside: Box) -> None:
+    """An object's origin, an arrow along its x, and its place in words."""
+    x, y = at
+    if not (inside[0] <= x <= inside[2] and inside[1] <= y <= inside[3]):
+        return
+    angle = math.radians(mark.yaw)
+    # The table's x is up, its y to the left.
+    tip = (x - 12 * math.sin(angle), y + 12 * math.cos(angle))
+    sheet.line((x, y), tip, line=0.3)
+    for side in (-1, 1):
+        turn = angle + side * 2.7
+        sheet.line(tip, (tip[0] - 3 * math.sin(turn), tip[1] + 3 * math.cos(turn)), line=0.3)
+    _plus(sheet, x, y, 3, line=0.2)
+    begin = min(x + 2, inside[2] - 62)
+    base = y - 5 if y - 10 > inside[1] else y + 7
+    sheet.text(begin, base, mark.name, 2.6, bold=True)
+    sheet.text(begin, base - 4, mark.words, 2.2)
+
+
+def _clipped(points: Sequence[Point], inside: Box) -> Iterator[tuple[Point, Point]]:
+    """The parts of a closed outline's lines that lie in a box."""
+    left, low, right, high = inside
+    for start, end in zip(points, [*points[1:], points[0]], strict=True):
+        first, last = 0.0, 1.0
+        for a, b, least, most in (
+            (start[0], end[0], left, right),
+            (start[1], end[1], low, high),
+        ):
+            if abs(b - a) < 1e-9:  # noqa: PLR2004 - parallel to the edge
+                if not least <= a <= most:
+                    last = -1.0
+                continue
+            enter, leave = sorted(((least - a) / (b - a), (most - a) / (b - a)))
+            first, last = max(first, enter), min(last, leave)
+        if first < last:
+            way = (end[0] - start[0], end[1] - start[1])
+            one, other = (
+                (start[0] + share * way[0], start[1] + share * way[1]) for share in (first, last)
+            )
+            yield one, other
+
+
+def _rulers(sheet: Sheet, flat: Point, upright: Point) -> None:
+    """Two rulers from their zeros: one to the right, one up."""
+    for (x, y), (across, up) in ((flat, (1, 0)), (upright, (0, 1))):
+        sheet.line((x, y), (x + RULER * across, y + RULER * up))
+        for k in range(int(RULER) // 10 + 1):
+            mark = (x + 10 * k * across, y + 10 * k * up)
+            length = 3 if k % 5 == 0 else 2
+            sheet.line(mark, (mark[0] + length * up, mark[1] + length * across))
+    sheet.text(flat[0] + RULER + 2, flat[1], f"{RULER:.0f} mm", 2.4)
+
+
+def _plus(sheet: Sheet, x: float, y: float, half: float, **style: float) -> None:
+    sheet.line((x - half, y), (x + half, y), **style)
+    sheet.line((x, y - half), (x, y + half), **style)
+
+
+def _rectangle(low: Point, high: Point) -> list[Point]:
+    return [low, (high[0], low[1]), high, (low[0], high[1])]

@@ -198,3 +198,15 @@ class Camera(Protocol):
     def close(self) -> None:
         """Let go of the camera; closing twice is harmless."""
         ...
+
+
+def latest_frames(cameras: Mapping[str, Camera]) -> dict[str, Frame]:
+    """The latest frame of each camera that has one, as it came from it."""
+    latest = {name: camera.latest() for name, camera in cameras.items()}
+    return {name: frame for name, frame in latest.items() if frame is not None}
+
+
+def image_ages(cameras: Mapping[str, Camera], now: float) -> dict[str, float]:
+    """Seconds since the latest image of each camera was taken; infinite without one."""
+    latest = latest_frames(cameras)
+    return {name: now - latest[name].time_s if name in latest else float("inf") for name in cameras}

@@ -3,24 +3,41 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import threading
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from duobench.backend import DuoLimits
-from duobench.errors import ActionError, BackendError, escaped
+from duobench.backend import DuoLimits, Image
+from duobench.errors import ActionError, BackendError, UnknownNameError, escaped
+from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.clock import Clock
-from duobench.hardware.devices import Arm, Camera, Fault, FaultKind, Gripper
+from duobench.hardware.controller import ArmsController
+from duobench.hardware.devices import (
+    Arm,
+    ArmReading,
+    Camera,
+    Fault,
+    FaultKind,
+    Frame,
+    Gripper,
+    GripperReading,
+    image_ages,
+    latest_frames,
+)
+from duobench.hardware.follower import PERIOD
 from duobench.hardware.guard import Guard
-from duobench.hardware.motion.follower import PERIOD
 from duobench.hardware.rig import Rig
-from duobench.hardware.supervisor import HELD, State
-from duobench.hardware.watched import WatchedRig
+from duobench.hardware.supervisor import HELD, State, Supervisor
+from duobench.hardware.watchdog import Watchdog
+from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits, speed_limits
-from duobench.types import SIDES, Array, DuoCommand, Side
+from duobench.types import SIDES, Array, DuoCommand, DuoState, Side
 
+REST_S = 1.0
+"""Longest time in seconds that arms are given to come to rest before they stop, damped."""
 HOME_SHARE = 0.8
-"""Part of the speed on the way home that the way itself takes; the rest is for catching up."""
+"""Part of the speed on the way home that the path itself takes; the rest is for catching up."""
 SLOWEST = 0.02
 """Speed in rad/s with which a joint leaves an end of its range."""
 HOME_TOLERANCE = 0.03
@@ -32,12 +49,21 @@ OPEN = 0.9
 """Opening from which a gripper counts as open."""
 
 
-class HardwareDuo(WatchedRig):
-    """A `DuoBackend` over devices of a rig.
+class FrankaDuo:
+    """A `DuoBackend` over devices of a rig; `open_rig` makes one from a rig's file.
 
     `start` connects, and moves nothing. Before anything moves the operator has to confirm
     (`supervisor.confirm`): then `home` goes home slowly, or `command` moves on from where the arms
-    are. A fault holds both arms until the operator recovers them (`supervisor.recover`).
+    are. A fault of any device holds both arms until the operator recovers them
+    (`supervisor.recover`).
+
+    Args:
+        rig: What the rig's file says.
+        clock: Calls what streams to the arms, and the watchdog.
+        arms: Both arms.
+        grippers: Both grippers.
+        cameras: Cameras by name.
+        guard: Keeps the arms apart, and off the table; None leaves that to people.
     """
 
     def __init__(
@@ -50,25 +76,32 @@ class HardwareDuo(WatchedRig):
         cameras: Mapping[str, Camera],
         guard: Guard | None = None,
     ) -> None:
-        """Put a rig together; nothing is connected yet. `open_rig` does this from a rig's file.
-
-        Args:
-            rig: What the rig's file says.
-            clock: Who calls followers and the watch.
-            arms: Both arms.
-            grippers: Both grippers.
-            cameras: Cameras by name.
-            guard: Who keeps the arms apart, and off the table; None leaves that to people.
-        """
-        super().__init__(rig, clock, arms=arms, grippers=grippers, cameras=cameras, guard=guard)
+        self.rig, self.clock, self.guard = rig, clock, guard
+        self.arms, self.grippers, self.cameras = dict(arms), dict(grippers), dict(cameras)
+        self.supervisor = Supervisor(clock.now, self._recover)
+        self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
+        self._watchdog = Watchdog(
+            self.arms,
+            self.grippers,
+            self.cameras,
+            controller=self._controller,
+            supervisor=self.supervisor,
+            clock=clock,
+            hold=self._hold,
+        )
+        self._motion = threading.RLock()  # between who moves the arms and who holds them
         self._configs = configs = [rig.arms[side] for side in SIDES]
         left, right = (config.speed_fraction for config in configs)
         self._nominal = duo_limits()
         self._limits = duo_limits((left, right), RANGE_MARGIN)
         self._accelerations = np.array([[config.acceleration] for config in configs])
-        self._due = 0.0
-        self._late = 0.0
+        self._due = self._late = self._time = 0.0
         self._last: DuoCommand | None = None
+        self._views: dict[str, CanonicalView] = {}
+        self._state: DuoState | None = None
+        self._velocities = np.zeros((2, 7))
+
+    # --- connecting ------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Connect everything; nothing moves. Twice is harmless.
@@ -76,40 +109,117 @@ class HardwareDuo(WatchedRig):
         Raises:
             BackendError: A device cannot be reached; then none is connected.
         """
-        was_off = self.supervisor.state is State.OFF
-        super().start()
-        if was_off:
-            self._last = self._here()
+        if self.supervisor.state is not State.OFF:
+            return
+        connected: list[Arm | Gripper | Camera] = []
+        try:
+            for device in self._devices():
+                connected.append(device)
+                device.connect()
+            self._measure()
+        except BackendError:
+            for device in connected:
+                device.close()
+            raise
+        self.supervisor.enter(State.CONNECTED)
+        self._watchdog.start()
+        self._last = self._here()
 
-    # --- moving ----------------------------------------------------------------------------------
+    def stop(self) -> None:
+        """Come to rest, then stop damped; the operator has to confirm before anything moves."""
+        if self.supervisor.state is State.OFF:
+            return
+        with self._motion:
+            moving = (State.HOMING, State.READY, State.RUNNING)
+            self.supervisor.enter(State.CONNECTED, only_from=moving)
+            self.supervisor.revoke()
+            self._controller.hold()
+        end = self.clock.now() + REST_S
+        arms = self._controller
+        while arms.is_engaged and not arms.is_at_rest and self.clock.now() < end:
+            self.clock.wait_until(self.clock.now() + PERIOD)
+        arms.disengage()
+
+    def close(self) -> None:
+        """Stop, and let go of everything; closing twice is harmless."""
+        self.stop()
+        self._watchdog.stop()
+        for device in self._devices():
+            device.close()
+        if self.supervisor.state is not State.OFF:
+            self.supervisor.enter(State.OFF)
+        if self.guard is not None:
+            self.guard.close()
+
+    def _devices(self) -> tuple[Arm | Gripper | Camera, ...]:
+        return (*self.arms.values(), *self.grippers.values(), *self.cameras.values())
+
+    # --- holding ---------------------------------------------------------------------------------
+
+    def hold(self, reason: str) -> None:
+        """Bring both arms to rest and hold them there; a person's word, or a program's."""
+        self._hold(reason)
+
+    def _hold(self, reason: str, fault: Fault | None = None) -> None:
+        with self._motion:
+            if not self.supervisor.hold(reason, fault):
+                return
+            self._watchdog.feed()
+            self._controller.hold()
+
+    @property
+    def held(self) -> str | None:
+        """Why the arms are held; None while they follow commands."""
+        return self.supervisor.reason
+
+    @property
+    def fault(self) -> Fault | None:
+        """What is wrong; None while nothing is."""
+        return self.supervisor.fault
+
+    def health(self) -> str | None:
+        """What is wrong, in words; both arms are then held already."""
+        self._watchdog.check()
+        fault = self.supervisor.fault
+        return None if fault is None else fault.text
+
+    def _recover(self) -> None:
+        """Clear the faults of all devices, at the operator's word; nothing moves."""
+        self._controller.disengage()
+        for arm in self.arms.values():
+            arm.recover()
+        if (fault := self._watchdog.find_fault()) is not None:
+            raise BackendError(f"The rig is not well yet: {fault.text}")
+
+    # --- going home ------------------------------------------------------------------------------
 
     def home(self) -> None:
-        """Go home slowly on a way that the guard found free, and open the grippers.
+        """Go home slowly on a path that the guard found free, and open the grippers.
 
         Raises:
-            BackendError: The operator has not confirmed, no free way was found, or something went
+            BackendError: The operator has not confirmed, no free path was found, or something went
                 wrong on the way; then both arms are held.
         """
         self.start()
         self.supervisor.check_confirmed()
-        way = self.way_home()
+        path = self.path_home()
         here = self.read().joints
         self.supervisor.begin(State.HOMING)
         self._engage()
-        self._drive.limit(is_home=True)
+        self._controller.limit(is_home=True)
         self._due = self.clock.now()
-        for start, end in zip([here, *way[:-1]], way, strict=True):
+        for start, end in zip([here, *path[:-1]], path, strict=True):
             self._go(start, end)
         for gripper in self.grippers.values():
             gripper.command(1.0)
         self._last = DuoCommand(joints=HOME_JOINTS.copy(), openings=np.ones(2))
         self._settle()
-        self._drive.limit(is_home=False)
+        self._controller.limit(is_home=False)
         if not self.supervisor.enter(State.READY, only_from=(State.HOMING,)):
             raise BackendError(f"The arms did not get home: {self.held}")
 
-    def way_home(self) -> list[Array]:
-        """The way that `home` takes from where the arms are.
+    def path_home(self) -> list[Array]:
+        """The path that `home` takes from where the arms are.
 
         Returns:
             Joint positions (2, 7) to go through, home last, each on a straight line from the one
@@ -119,9 +229,9 @@ class HardwareDuo(WatchedRig):
             BackendError: The guard found no free one.
         """
         self._measure()
-        return (
-            [HOME_JOINTS] if self.guard is None else self.guard.way(self.read().joints, HOME_JOINTS)
-        )
+        if self.guard is None:
+            return [HOME_JOINTS]
+        return self.guard.plan_path(self.read().joints, HOME_JOINTS)
 
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""
@@ -134,14 +244,12 @@ class HardwareDuo(WatchedRig):
             low, high = map(np.array, zip(*map(speed_limits, start + share * way), strict=True))
             speeds = np.maximum(HOME_SHARE * fractions * np.minimum(-low, high), SLOWEST)
             share = min(1.0, share + PERIOD / max(np.max(np.abs(way) / speeds), PERIOD))
-            self._aim(start + share * way)
+            with self._motion:
+                if self.supervisor.state is not State.HOMING:
+                    reason = self.held or "they were stopped"
+                    raise BackendError(f"The arms did not get home: {reason}")
+                self._controller.aim(start + share * way)
             self._tick()
-
-    def _aim(self, joints: Array) -> None:
-        with self._motion:
-            if self.supervisor.state is not State.HOMING:
-                raise BackendError(f"The arms did not get home: {self.held or 'they were stopped'}")
-            self._drive.aim(joints)
 
     def _settle(self) -> None:
         """Wait until both arms are at rest at home with open grippers."""
@@ -152,7 +260,8 @@ class HardwareDuo(WatchedRig):
                 raise BackendError(f"The arms did not get home: {reason}")
             here = self._here()
             off = float(np.max(np.abs(here.joints - HOME_JOINTS)))
-            if off <= HOME_TOLERANCE and here.openings.min() >= OPEN and self._drive.is_at_rest:
+            is_open = here.openings.min() >= OPEN
+            if off <= HOME_TOLERANCE and is_open and self._controller.is_at_rest:
                 return
             if self.clock.now() > end:
                 text = (
@@ -161,6 +270,8 @@ class HardwareDuo(WatchedRig):
                 )
                 self._hold(text, Fault(kind=FaultKind.DEVICE, text=text))
                 raise BackendError(text)
+
+    # --- commands --------------------------------------------------------------------------------
 
     def command(self, command: DuoCommand) -> DuoCommand:
         """Move towards a command until the next tick of the control rate.
@@ -178,7 +289,7 @@ class HardwareDuo(WatchedRig):
             raise ActionError(f"A command is finite, got {targets.tolist()}. Nothing was moved.")
         self._begin()
         self._late = max(0.0, self.clock.now() - self._due - PERIOD)
-        self._check()
+        self._watchdog.check()
         if self.held is None:
             self._send(targets)
         self._tick()
@@ -192,31 +303,36 @@ class HardwareDuo(WatchedRig):
         if state in {State.OFF, State.HOMING}:
             raise BackendError(f"Commands are followed after start and home; the rig is {state}.")
         self.supervisor.check_confirmed()
-        if not self._drive.is_engaged:
+        if not self._controller.is_engaged:
             self._measure()
             self._engage()
-        self._last_heard = self._due = self.clock.now()
-        self._drive.limit(is_home=False)
+        self._watchdog.feed()
+        self._due = self.clock.now()
+        self._controller.limit(is_home=False)
         self.supervisor.begin(State.RUNNING)
 
     def _send(self, targets: Array) -> None:
         last = self.last_command
         sent = DuoCommand.from_flat(self._limits.clip(targets, last.flat))
-        if (objection := self._objection(last.joints, sent.joints)) is not None:
-            self._hold(objection.text, objection)
+        if (fault := self._guard_fault(last.joints, sent.joints)) is not None:
+            self._hold(fault.text, fault)
             return
         with self._motion:
             if self.supervisor.state is not State.RUNNING:
                 return
-            self._drive.send(sent)
-            self._last, self._last_heard = sent, self.clock.now()
+            self._controller.send(sent)
+            self._last = sent
+            self._watchdog.feed()
 
-    def _objection(self, last: Array, target: Array) -> Fault | None:
+    def _guard_fault(self, last: Array, target: Array) -> Fault | None:
         """Why the guard does not let a command pass; None if it does."""
         if self.guard is None:
             return None
+        # Where arms come to rest that brake at the target.
+        speeds = (target - last) / PERIOD
+        rest = target + speeds * np.abs(speeds) / (2.0 * self._accelerations)
         try:
-            problem = self.guard.problem(target) or self.guard.problem(self._stopping(last, target))
+            problem = self.guard.problem(target) or self.guard.problem(rest)
         except Exception as error:  # noqa: BLE001 - whatever it is, nobody looks out then
             text = f"The guard failed: {escaped(repr(error))}"
             return Fault(kind=FaultKind.DEVICE, text=text)
@@ -224,21 +340,17 @@ class HardwareDuo(WatchedRig):
             return None
         return Fault(kind=FaultKind.REFLEX, text=f"The guard refused a command: {problem}")
 
-    def _stopping(self, last: Array, target: Array) -> Array:
-        """Where the arms come to rest that brake at a target."""
-        speeds = (target - last) / PERIOD
-        return target + speeds * np.abs(speeds) / (2.0 * self._accelerations)
-
     def _engage(self) -> None:
         """Have the arms track their followers, from where they are."""
-        if self._drive.is_engaged:
+        if self._controller.is_engaged:
             return
         try:
-            self._drive.engage()
+            self._controller.engage()
         except BackendError as error:
             self._hold(str(error), Fault(kind=FaultKind.DEVICE, text=str(error)))
             raise
-        self._last_heard = self._due = self.clock.now()
+        self._watchdog.feed()
+        self._due = self.clock.now()
         self._last = self._here()
 
     def _tick(self) -> None:
@@ -265,6 +377,66 @@ class HardwareDuo(WatchedRig):
     def late_s(self) -> float:
         """How many seconds too late the last command came."""
         return self._late
+
+    # --- readings --------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Seconds on the rig's clock when the latest state was measured."""
+        return self._time
+
+    def read(self) -> DuoState:
+        """The state that was measured last."""
+        if self._state is None:
+            raise BackendError("The rig is not started.")
+        return self._state
+
+    def joint_velocities(self) -> Array:
+        """Joint velocities (2, 7) in rad/s, left then right, measured last."""
+        return self._velocities.copy()
+
+    def readings(self) -> dict[Side, ArmReading]:
+        """What both arms say at this moment."""
+        return {side: self.arms[side].read() for side in SIDES}
+
+    def gripper_readings(self) -> dict[Side, GripperReading]:
+        """What both grippers say at this moment."""
+        return {side: self.grippers[side].read() for side in SIDES}
+
+    def frames(self) -> dict[str, Frame]:
+        """The latest frame of each camera that has one, as it came from it."""
+        return latest_frames(self.cameras)
+
+    def image_ages(self) -> dict[str, float]:
+        """Seconds since the latest image of each camera was taken; infinite without one."""
+        return image_ages(self.cameras, self.clock.now())
+
+    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
+        """The latest image of each of some cameras, as the simulation's camera would see it.
+
+        Raises:
+            UnknownNameError: The rig has no such camera.
+            BackendError: A camera has given no image yet.
+        """
+        frames, images = self.frames(), {}
+        for name in cameras:
+            if name not in self.cameras:
+                raise UnknownNameError("camera of this rig", name, self.cameras)
+            if name not in frames:
+                raise BackendError(f"The camera {name} has given no image yet.")
+            if name not in self._views:
+                config = self.rig.cameras[name]
+                self._views[name] = CanonicalView(name, config.calibration, config.size)
+            images[name] = self._views[name].image(frames[name].image, shape)
+        return images
+
+    def _measure(self) -> None:
+        readings, grippers = self.readings(), self.gripper_readings()
+        joints = np.array([readings[side].joints for side in SIDES])
+        self._velocities = np.array([readings[side].velocities for side in SIDES])
+        openings = np.array([grippers[side].opening for side in SIDES])
+        self._state = DuoState(joints=joints, openings=openings, tcp_poses=tcp_poses(joints))
+        self._time = self.clock.now()
 
     def _here(self) -> DuoCommand:
         """Where the arms are, as a command."""

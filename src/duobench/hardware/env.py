@@ -25,8 +25,8 @@ from duobench.envs.episode_wrappers import Judge, TaskStages
 from duobench.envs.protocol import stack_on
 from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import OptionError, check_known
-from duobench.hardware.duo import HardwareDuo
-from duobench.hardware.judge import DeclaredJudge
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.judge import HumanJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import Rig
 from duobench.randomness import EVAL, SPLITS
@@ -53,11 +53,11 @@ class RealEnv(DuoEnv):
     and `layout_seed` (kept in info), and `instruction`.
     """
 
-    backend: HardwareDuo
+    backend: FrankaDuo
 
     def __init__(
         self,
-        backend: HardwareDuo,
+        backend: FrankaDuo,
         task: Task,
         *,
         prepare: Callable[[Mapping[str, Any]], None] | None = None,
@@ -145,7 +145,7 @@ def _layout_of(task: Task, given: Any, seed: int, split: str) -> Layout:
 
 
 def make_real_env(
-    rig: HardwareDuo | Rig | Path | str,
+    rig: FrankaDuo | Rig | Path | str,
     task: str | Task,
     *,
     judge: Judge | None = None,
@@ -157,7 +157,7 @@ def make_real_env(
     Args:
         rig: A rig, or what `open_rig` takes.
         task: A task, its id, or its import path "module:ATTRIBUTE".
-        judge: Who says which stage is reached; a `DeclaredJudge` where none is given, which is
+        judge: Who says which stage is reached; a `HumanJudge` where none is given, which is
             `env.get_wrapper_attr("judge")`.
         prepare: Called with a reset's options before the arms go home; see `RealEnv`.
         options: The fields of `EnvConfig` as `EnvConfig.from_options` takes them, such as
@@ -168,7 +168,7 @@ def make_real_env(
         OptionError: A value is invalid, or asks for what only a simulation has.
         BackendError: A device cannot be reached.
     """
-    duo = rig if isinstance(rig, HardwareDuo) else open_rig(rig)
+    duo = rig if isinstance(rig, FrankaDuo) else open_rig(rig)
     definition = cast("Task", catalog.get(task))
     config = EnvConfig.from_options({"cameras": tuple(duo.cameras), **options})
     if config.object_state or config.render_mode is not None or config.shift != NO_SHIFT:
@@ -180,5 +180,5 @@ def make_real_env(
         definition = replace(definition, horizon=horizon)
     base = RealEnv(duo, definition, prepare=prepare)
     base.config = config
-    judge = judge or DeclaredJudge(definition.max_stage, duo.clock.now)
+    judge = judge or HumanJudge(definition.max_stage, duo.clock.now)
     return stack_on(TaskStages(base, judge), config, horizon)

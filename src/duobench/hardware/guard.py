@@ -8,7 +8,7 @@ at first use.
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.errors import BackendError
+from duobench.hardware.follower import HIGHEST, LOWEST
 from duobench.types import SIDES, Array, Side
 
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ Experts of the tasks that the paper rebuilt keep it [measured]."""
 TABLE_DEPTH = 0.002
 """How far fingers may be told to press on the table, in metres: they grasp what lies on it."""
 PATH_STEP = 0.02
-"""Largest change of a joint in radians between two configurations of a way that are looked at."""
+"""Largest change of a joint in radians between two configurations of a path that are looked at."""
 _ALLOWED_NEARER = 1e-4
-"""A way may begin too near something, if it comes no nearer than by this many metres."""
+"""A path may begin too near something, if it comes no nearer than by this many metres."""
 _FINGER_WORDS = ("driver", "coupler", "spring_link", "follower", "pad")
 
 
@@ -103,12 +104,12 @@ class Guard:
         nearest = self.nearest(joints, MARGIN)
         return str(nearest) if nearest is not None and nearest.room < 0.0 else None
 
-    def way(self, start: Array, end: Array) -> list[Array]:
-        """A way on which nothing comes too near anything.
+    def plan_path(self, start: Array, end: Array) -> list[Array]:
+        """A path on which nothing comes too near anything.
 
         Args:
             start: Joint positions (2, 7) in radians where the arms are. They may be too near
-                something; then the way comes no nearer.
+                something; then the path comes no nearer.
             end: Where they are to go.
 
         Returns:
@@ -117,24 +118,22 @@ class Guard:
         Raises:
             BackendError: None was found; then people move the arms by hand.
         """
-        from duobench.hardware.motion.way import candidates
-
         why: Clearance | None = None
-        for way in candidates(start, end):
-            problem = self._problem_on(start, way)
+        for path in path_candidates(start, end):
+            problem = self._problem_on(start, path)
             if problem is None:
-                return way
+                return path
             why = why or problem
         raise BackendError(
             f"No free way home was found: on the straight one {why} Lead the arms by hand to a "
             "place from which they can go home."
         )
 
-    def _problem_on(self, start: Array, way: Sequence[Array]) -> Clearance | None:
+    def _problem_on(self, start: Array, path: Sequence[Array]) -> Clearance | None:
         nearest = self.nearest(start, MARGIN)
         allowed = 0.0 if nearest is None else min(0.0, nearest.room - _ALLOWED_NEARER)
         here = start
-        for there in way:
+        for there in path:
             steps = max(1, int(np.ceil(np.max(np.abs(there - here)) / PATH_STEP)))
             for step in range(1, steps + 1):
                 nearest = self.nearest(here + (there - here) * (step / steps), MARGIN)
@@ -268,3 +267,43 @@ def _margin(one: _Part, other: _Part) -> float | None:
     if one.link < 2 and other.link < 2:  # noqa: PLR2004
         return None  # the shoulders stand side by side
     return FINGER_MARGIN if one.is_finger or other.is_finger else MARGIN
+
+
+# --- paths ---
+
+LIFTED = ((1, -0.4), (3, -0.25))
+"""Joints and changes in radians that lift and draw back a hand before it goes on."""
+
+
+def path_candidates(start: Array, end: Array) -> Iterator[list[Array]]:
+    """Paths between two configurations of both arms, from the simplest to longer ones.
+
+    Args:
+        start: Joint positions (2, 7) in radians where both arms are.
+        end: Where they are to go.
+
+    Yields:
+        Joint positions (2, 7) to go through, `end` last: straight; one arm after the other; both
+        lifted first; one lifted after the other, and then one after the other.
+    """
+    yield [end]
+    for first in (0, 1):
+        yield [_one(start, end, first), end]
+    lifted = np.array(start)
+    for joint, change in LIFTED:
+        lifted[:, joint] += change
+    lifted = np.clip(lifted, LOWEST, HIGHEST)
+    yield [lifted, end]
+    for first in (0, 1):
+        yield [lifted, _one(lifted, end, first), end]
+    for first in (0, 1):
+        begun = _one(start, lifted, first)
+        yield [begun, lifted, _one(lifted, end, first), end]
+        yield [begun, _one(begun, end, first), end]
+
+
+def _one(start: Array, end: Array, side: int) -> Array:
+    """One arm at the end, the other one still where it is."""
+    middle = np.array(start)
+    middle[side] = end[side]
+    return middle

@@ -15,7 +15,7 @@ from duobench.stages.progress import ProgressState
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Declaration:
+class StageLabel:
     """One thing that a person said."""
 
     time_s: float
@@ -28,7 +28,7 @@ class Declaration:
     """Whether the latest declaration was taken back."""
 
 
-class DeclaredJudge:
+class HumanJudge:
     """The judge of `TaskStages` on real arms: the highest stage that a person declared.
 
     What is declared counts from the next control step on, so that every step has one stage.
@@ -49,7 +49,7 @@ class DeclaredJudge:
         """Begin an episode at stage 0, with an empty log."""
         with self._lock:
             self._stages = [0]
-            self._log: list[Declaration] = []
+            self._log: list[StageLabel] = []
             self._steps = 0
             self._at_end: bool | None = None
             self._judged = 0
@@ -77,7 +77,7 @@ class DeclaredJudge:
         return self._stages[-1]
 
     @property
-    def log(self) -> tuple[Declaration, ...]:
+    def log(self) -> tuple[StageLabel, ...]:
         """Everything that was said in this episode."""
         with self._lock:
             return tuple(self._log)
@@ -126,5 +126,5 @@ class DeclaredJudge:
             self._judged = state.stage
 
     def _write(self, stage: int, *, is_undo: bool = False) -> None:
-        said = Declaration(time_s=self._now(), step=self._steps, stage=stage, is_undo=is_undo)
+        said = StageLabel(time_s=self._now(), step=self._steps, stage=stage, is_undo=is_undo)
         self._log.append(said)

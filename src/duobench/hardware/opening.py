@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from duobench.hardware.clock import Clock, SystemClock
 from duobench.hardware.devices import Arm, Camera, Gripper
-from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.guard import Guard
 from duobench.hardware.rig import (
     ArmConfig,
@@ -26,6 +26,7 @@ from duobench.types import SIDES, Side
 SIMULATED = "simulated"
 """Name of the rig without hardware."""
 _DRIVERS = "duobench.hardware.drivers"
+_SIMULATED = f"{_DRIVERS}.simulated"
 DRIVERS: Mapping[str, str] = {
     ArmDriver.FRANKY: f"{_DRIVERS}.franky_arm:FrankyArm",
     GripperDriver.ROBOTIQ: f"{_DRIVERS}.robotiq:RobotiqGripper",
@@ -37,9 +38,7 @@ DRIVERS: Mapping[str, str] = {
 and a camera's with its name; their libraries are loaded when one is made."""
 
 
-def open_rig(
-    rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True
-) -> HardwareDuo:
+def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True) -> FrankaDuo:
     """A rig, not connected yet: `start` does that.
 
     Args:
@@ -55,7 +54,7 @@ def open_rig(
         rig = Rig.simulated()
     elif not isinstance(rig, Rig):
         rig = Rig.read(Path(rig))
-    return HardwareDuo(
+    return FrankaDuo(
         rig,
         clock,
         arms={side: _arm(side, rig.arms[side], clock) for side in SIDES},
@@ -65,23 +64,23 @@ def open_rig(
     )
 
 
-def _driver(name: str) -> Callable[..., object]:
-    return load(DRIVERS[name], "driver", callable)
+def _load(path: str) -> Callable[..., Any]:
+    return load(path, "driver", callable)
 
 
 def _arm(side: Side, config: ArmConfig, clock: Clock) -> Arm:
     if config.driver is ArmDriver.SIMULATED:
-        return SimulatedArm(clock, HOME_JOINTS[side.index])
-    return _driver(config.driver)(config, clock)  # pyright: ignore[reportReturnType]
+        return _load(f"{_SIMULATED}:SimulatedArm")(clock, HOME_JOINTS[side.index])
+    return _load(DRIVERS[config.driver])(config, clock)
 
 
 def _gripper(config: GripperConfig, clock: Clock) -> Gripper:
     if config.driver is GripperDriver.SIMULATED:
-        return SimulatedGripper(clock)
-    return _driver(config.driver)(config, clock)  # pyright: ignore[reportReturnType]
+        return _load(f"{_SIMULATED}:SimulatedGripper")(clock)
+    return _load(DRIVERS[config.driver])(config, clock)
 
 
 def _camera(name: str, config: CameraConfig, clock: Clock) -> Camera:
     if config.driver is CameraDriver.SIMULATED:
-        return SimulatedCamera(clock, fps=config.fps)
-    return _driver(config.driver)(config, clock, name)  # pyright: ignore[reportReturnType]
+        return _load(f"{_SIMULATED}:SimulatedCamera")(clock, fps=config.fps)
+    return _load(DRIVERS[config.driver])(config, clock, name)

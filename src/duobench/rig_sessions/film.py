@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from duobench.backend import Image
 from duobench.errors import BackendError, RenderingError, VideoError
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.rig_sessions.overlay import jpeg
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, HEAD
@@ -41,7 +41,7 @@ _WAITING = 64
 class HeadCamera:
     """The head camera of a rig that may have none."""
 
-    def __init__(self, duo: HardwareDuo) -> None:
+    def __init__(self, duo: FrankaDuo) -> None:
         """Look through the camera of a rig."""
         self._duo = duo
 

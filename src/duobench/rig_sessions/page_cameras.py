@@ -20,7 +20,7 @@ from duobench.hardware.drivers.frames import STALE_S
 if TYPE_CHECKING:
     from duobench.backend import Image
     from duobench.hardware.devices import Frame
-    from duobench.hardware.duo import HardwareDuo
+    from duobench.hardware.duo import FrankaDuo
     from duobench.web.server import PageServer
 
 _log = logging.getLogger(__name__)
@@ -35,7 +35,7 @@ _JPEG_QUALITY = 80
 class CameraFeed:
     """Shows a page the newest image of each camera, as it came from it, and how old it is."""
 
-    def __init__(self, duo: HardwareDuo, server: PageServer) -> None:
+    def __init__(self, duo: FrankaDuo, server: PageServer) -> None:
         """Begin to look.
 
         Args:

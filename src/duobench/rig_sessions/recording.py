@@ -19,9 +19,9 @@ from duobench.errors import BackendError, OptionError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollout import rollout
 from duobench.hardware.clock import VirtualClock
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
-from duobench.hardware.judge import DeclaredJudge
+from duobench.hardware.judge import HumanJudge
 from duobench.randomness import TRAIN, episode_seed
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
@@ -83,7 +83,7 @@ class RealRecording:
 
     def __init__(  # noqa: PLR0913 - what can be chosen about it
         self,
-        duo: HardwareDuo,
+        duo: FrankaDuo,
         task: str,
         data: DataSet,
         source: PolicySource,
@@ -129,7 +129,7 @@ class RealRecording:
             horizon=horizon or info.horizon,
         )
         self._duo = duo
-        self._judge: DeclaredJudge = env.get_wrapper_attr("judge")
+        self._judge: HumanJudge = env.get_wrapper_attr("judge")
         is_program = isinstance(source.bind(env), Playback)
         who = Actor(
             kind=ActorKind.PROGRAM if is_program else ActorKind.POLICY,
@@ -234,9 +234,7 @@ class RealRecording:
 class _Watched:
     """A block in which the arms move, and keys of the operator count at once."""
 
-    def __init__(
-        self, operator: Operator, duo: HardwareDuo, judge: DeclaredJudge, last: int
-    ) -> None:
+    def __init__(self, operator: Operator, duo: FrankaDuo, judge: HumanJudge, last: int) -> None:
         self._operator, self._duo, self._judge, self._last = operator, duo, judge, last
 
     def __enter__(self) -> None:

@@ -23,7 +23,7 @@ from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
 from duobench.errors import BackendError, DuoBenchError
 from duobench.hardware.clock import VirtualClock
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import RealEnv, make_real_env
 from duobench.randomness import TRAIN
 from duobench.rig_sessions.teleop_page import LiveSession
@@ -64,7 +64,7 @@ class Confirms(Protocol):
 class Homing:
     """Asks the operator before the arms go home, as `RealEnv` wants it."""
 
-    def __init__(self, duo: HardwareDuo, operator: Confirms) -> None:
+    def __init__(self, duo: FrankaDuo, operator: Confirms) -> None:
         """Join the two."""
         self._duo, self._operator = duo, operator
 
@@ -92,7 +92,7 @@ class Homing:
 
 
 def make_real_recorder(
-    duo: HardwareDuo,
+    duo: FrankaDuo,
     task: str | Task,
     data: DataSet | str | Path,
     actor: Actor,

@@ -13,7 +13,7 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.hardware.clock import VirtualClock
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.policy.serving.address import RemoteServer
 from duobench.results.limits import TimeLimits
@@ -59,7 +59,7 @@ def choose(spec: str) -> PolicyChoice:
 
 def open_session(  # noqa: PLR0913 - everything that can be chosen
     folder: TrialsFolder,
-    duo: HardwareDuo,
+    duo: FrankaDuo,
     task: TaskInfo,
     entries: Sequence[Contender],
     server: PageServer,

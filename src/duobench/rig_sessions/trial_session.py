@@ -19,7 +19,7 @@ import numpy as np
 from duobench.errors import BackendError, MessageError
 from duobench.fabrication.sheet import layout_sheet
 from duobench.files import write
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.results.records import Judged, Press
 from duobench.rig_sessions import trial_messages as messages
 from duobench.rig_sessions.film import NATIVE, Film, HeadCamera
@@ -70,7 +70,7 @@ class TrialsSession:
         plan: Plan,
         players: Players,
         judge: PersonJudge,
-        duo: HardwareDuo,
+        duo: FrankaDuo,
         overlay: Overlay,
         server: PageServer,
         *,

@@ -180,7 +180,7 @@ def choose_once(node: str, renderers: int) -> str:
         RenderingError: Nothing renders.
         OSError: The choice cannot be kept.
     """
-    from duobench.sim.probe import BACKENDS, CHOSEN, choose
+    from duobench.sim.opengl import BACKENDS, CHOSEN, choose
 
     folder = Path(tempfile.gettempdir(), f"duobench-{os.getuid()}")
     folder.mkdir(mode=0o700, exist_ok=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from duobench.looks.look import Light, Look
 from duobench.robot.cameras import OVERVIEW, OVERVIEW_VIEW
 from duobench.robot.workcell import SHADOW_CENTRE
-from duobench.sim.materials import GeomMaterials, Texture
+from duobench.sim.appearance import GeomMaterials, Texture
 from duobench.spatial import matrix_from_wxyz
 from duobench.types import Array
 

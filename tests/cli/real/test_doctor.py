@@ -6,9 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from duobench.cli import main
 from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
@@ -44,29 +42,6 @@ def test_a_check_that_fails_ends_with_1_and_leaves_the_file(
     assert document["is_well"] is False
     assert "nothing.mkv" in document["checks"][-1]["value"]
     assert document["rig_hash"] == Rig.read(rig).hash
-
-
-def test_a_camera_that_was_moved_is_found_by_its_reference(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def doctor(*words: str) -> str:
-        arguments = ["--rig", str(rig), "--out", str(tmp_path / "run"), "--seconds", "1", *words]
-        main(["real", "doctor", *arguments])
-        return capsys.readouterr().out
-
-    noise = np.random.default_rng(0).integers(0, 256, (76, 132, 3), dtype=np.uint8)
-    scene = Image.fromarray(noise).resize((1320, 760), Image.Resampling.BICUBIC)
-    picture = tmp_path / "seen.png"
-    scene.crop((10, 10, 1290, 730)).save(picture)
-    rig = lab(tmp_path, str(picture))
-    assert "no reference was stored" in doctor("--no-hold")
-    assert "Reference: " in doctor("--no-hold", "--store-reference")
-    assert (tmp_path / "rig.head.png").exists()
-    assert "px from the reference" in doctor()
-    scene.crop((18, 10, 1298, 730)).save(picture)
-    with pytest.raises(SystemExit):
-        doctor()
-    assert "calibrate it again" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from duobench.errors import BackendError
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import ArmConfig, ArmDriver, Rig
 from duobench.types import SIDES
 
@@ -35,7 +35,7 @@ def franky_rig(*, cameras: Sequence[str] = (), **limits: float) -> Rig:
     return replace(plain, arms=arms, cameras={name: plain.cameras[name] for name in cameras})
 
 
-def recover(duo: HardwareDuo) -> None:
+def recover(duo: FrankaDuo) -> None:
     """Recover as an operator does who waits until the arms stand still."""
     for _ in range(TRIES - 1):
         try:

@@ -18,9 +18,9 @@ from typing import Any, cast
 import numpy as np
 
 from duobench.data import Recorder
-from duobench.hardware import watched
+from duobench.hardware import watchdog
 from duobench.hardware.drivers.simulated import SimulatedCamera, SimulatedGripper
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
 from duobench.robot.joints import HOME_JOINTS
@@ -60,24 +60,24 @@ class Seen:
     """Of the rig, after it was recovered and sent home."""
 
 
-def stall(duo: HardwareDuo) -> None:
+def stall(duo: FrankaDuo) -> None:
     """Say nothing for longer than the arms wait."""
-    watched.STOP_AFTER_S = SOON_S  # pyright: ignore[reportAttributeAccessIssue]
+    watchdog.STOP_AFTER_S = SOON_S  # pyright: ignore[reportAttributeAccessIssue]
     time.sleep(SOON_S / 2)
     assert max(speeds(duo)) < RESTING / 10  # at rest at the last target, and still held there
     assert all(reading.is_tracking for reading in duo.readings().values())
     time.sleep(SOON_S)
 
 
-def silence_gripper(duo: HardwareDuo, *, is_silent: bool = True) -> None:
+def silence_gripper(duo: FrankaDuo, *, is_silent: bool = True) -> None:
     cast("SimulatedGripper", duo.grippers[Side.RIGHT]).is_silent = is_silent
 
 
-def silence_camera(duo: HardwareDuo, *, is_silent: bool = True) -> None:
+def silence_camera(duo: FrankaDuo, *, is_silent: bool = True) -> None:
     cast("SimulatedCamera", duo.cameras["head"]).is_silent = is_silent
 
 
-def jump(duo: HardwareDuo) -> None:
+def jump(duo: FrankaDuo) -> None:
     """Tell the left arm itself to be elsewhere, as no follower would, until it has a reflex."""
     end = time.monotonic() + 5.0
     while duo.held is None and time.monotonic() < end:
@@ -86,7 +86,7 @@ def jump(duo: HardwareDuo) -> None:
         time.sleep(0.0005)
 
 
-STRIKES: dict[str, Callable[[HardwareDuo], None]] = {
+STRIKES: dict[str, Callable[[FrankaDuo], None]] = {
     "stall": stall,
     "gripper": silence_gripper,
     "camera": silence_camera,
@@ -101,11 +101,11 @@ def target(number: int) -> Array:
     return DuoCommand(joints=HOME_JOINTS + swing, openings=np.ones(2)).flat
 
 
-def speeds(duo: HardwareDuo) -> list[float]:
+def speeds(duo: FrankaDuo) -> list[float]:
     return [float(np.abs(reading.velocities).max()) for reading in duo.readings().values()]
 
 
-def wait_for_rest(duo: HardwareDuo) -> float:
+def wait_for_rest(duo: FrankaDuo) -> float:
     """Wait until both arms stand still, and go on to; the seconds that it took."""
     begun = still = time.monotonic()
     while time.monotonic() - still < 0.5 and still - begun < 10.0:
@@ -115,7 +115,7 @@ def wait_for_rest(duo: HardwareDuo) -> float:
     return still - begun
 
 
-def play(env: Recorder, duo: HardwareDuo, name: str) -> tuple[int, list[float], dict[str, Any]]:
+def play(env: Recorder, duo: FrankaDuo, name: str) -> tuple[int, list[float], dict[str, Any]]:
     """Steps until the episode's end, the speeds when it was struck, and the last info."""
     before: list[float] = []
     info: dict[str, Any] = {}

@@ -19,7 +19,7 @@ import numpy as np
 
 from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import BackendError
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
@@ -61,7 +61,7 @@ def targets(is_near: bool) -> Iterator[DuoCommand]:
         yield DuoCommand(joints=goal, openings=np.ones(2))
 
 
-def note(seen: Seen, duo: HardwareDuo, late_s: float) -> None:
+def note(seen: Seen, duo: FrankaDuo, late_s: float) -> None:
     seen.targets += 1
     seen.late_s = max(seen.late_s, late_s)
     speeds = np.abs(duo.joint_velocities() / np.array(VELOCITY_LIMITS)).max(axis=1)
@@ -72,7 +72,7 @@ def note(seen: Seen, duo: HardwareDuo, late_s: float) -> None:
             seen.success_rate[number] = min(seen.success_rate[number], rate)
 
 
-def episode(env: DuoWrapper, duo: HardwareDuo, ways: Iterable[DuoCommand], seen: Seen) -> None:
+def episode(env: DuoWrapper, duo: FrankaDuo, ways: Iterable[DuoCommand], seen: Seen) -> None:
     """Play targets until none is left or a fault ends the episode."""
     env.reset(seed=0)
     for command in ways:
@@ -82,7 +82,7 @@ def episode(env: DuoWrapper, duo: HardwareDuo, ways: Iterable[DuoCommand], seen:
             return
 
 
-def play(env: DuoWrapper, duo: HardwareDuo, ways: Iterator[DuoCommand], count: int) -> Seen:
+def play(env: DuoWrapper, duo: FrankaDuo, ways: Iterator[DuoCommand], count: int) -> Seen:
     """Play a number of targets, whatever happens on the way."""
     seen = Seen()
     while seen.targets < count:

@@ -10,7 +10,7 @@ from lerobot.utils.decorators import check_if_already_connected, check_if_not_co
 
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.errors import ActionError, BackendError, OptionError, check_known
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.types import DuoCommand
 from lerobot_env_duobench.config import KEYS, Arms, DuoBenchDuoConfig
@@ -32,7 +32,7 @@ class DuoBenchDuo(Arms):
 
     config_class = DuoBenchDuoConfig
 
-    def __init__(self, config: DuoBenchDuoConfig, duo: HardwareDuo | None = None) -> None:
+    def __init__(self, config: DuoBenchDuoConfig, duo: FrankaDuo | None = None) -> None:
         """Know the options; nothing is connected before `connect`.
 
         Args:

@@ -38,13 +38,13 @@ def board(out: Path, paper: Paper = "a4") -> None:
         out: The PDF.
         paper: Size of the sheet.
     """
-    from duobench.hardware.calibration.board import PAPERS, Board
-    from duobench.hardware.calibration.pdf import write_board
+    from duobench.hardware.calibration.board import RULER_MM, Board, write_board
+    from duobench.sheets import Paper
 
     write_board(Board(paper=paper), out)
     console().print(
         f"{out}: print it at 100 %, glue it flat onto a plate, and measure its ruler, which should "
-        f"be {PAPERS[paper].ruler:g} mm long."
+        f"be {RULER_MM[Paper(paper)]:g} mm long."
     )
 
 
@@ -126,7 +126,7 @@ def wrist(
         ruler: Length of the board's printed ruler in mm, measured with another ruler.
         paper: Sheet of the board.
     """
-    from duobench.hardware.calibration.wrist import calibrate_wrist
+    from duobench.hardware.calibration.places import calibrate_wrist
 
     known, sheet, arm = _rig(rig), _measured(paper, ruler), Side(side)
     name = wrist_name(arm)
@@ -168,12 +168,14 @@ def _rig(path: Path) -> Rig:
 
 
 def _measured(paper: str, ruler: float | None) -> Board:
-    from duobench.hardware.calibration.board import PAPERS, Board
+    from duobench.hardware.calibration.board import RULER_MM, Board
+    from duobench.sheets import Paper
 
     if ruler is None:
+        wanted = RULER_MM[Paper(paper)]
         raise AdvisedError(
             f"Measure the ruler on the printed board, and say --ruler MM: it should be "
-            f"{PAPERS[paper].ruler:g} mm long, and prints that are not move cameras by centimetres."
+            f"{wanted:g} mm long, and prints that are not move cameras by centimetres."
         )
     return Board(paper=paper).measured(ruler)
 
@@ -214,7 +216,7 @@ def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) 
 
 def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet: Board) -> None:
     """Take an image at each Enter; nothing moves by itself."""
-    from duobench.hardware.calibration.detection import Detector
+    from duobench.hardware.calibration.board import Detector
     from duobench.hardware.clock import SystemClock
     from duobench.hardware.opening import open_rig
 

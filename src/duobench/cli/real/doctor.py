@@ -12,7 +12,7 @@ from duobench.cli.shared.console import console
 if TYPE_CHECKING:
     from duobench.backend import Image
     from duobench.hardware.doctor import Check
-    from duobench.hardware.duo import HardwareDuo
+    from duobench.hardware.duo import FrankaDuo
 
 _STYLES = {"ok": "green", "note": "yellow", "failed": "bold red", "skipped": "dim"}
 
@@ -71,7 +71,7 @@ def doctor(
         sys.exit(1)
 
 
-def _ask(duo: HardwareDuo, *, is_simulated: bool) -> None:
+def _ask(duo: FrankaDuo, *, is_simulated: bool) -> None:
     """Have the operator allow that the arms hold; errors of connecting are found again later."""
     from duobench.errors import BackendError
 
@@ -89,7 +89,7 @@ def _ask(duo: HardwareDuo, *, is_simulated: bool) -> None:
     duo.supervisor.confirm()
 
 
-def _store(duo: HardwareDuo, path: Path) -> None:
+def _store(duo: FrankaDuo, path: Path) -> None:
     from PIL import Image as Pictures
 
     from duobench.hardware.canonical import NATIVE

@@ -34,7 +34,7 @@ def home(rig: str, check: bool = False, fast: bool = False) -> None:
         here = duo.read().joints
         assert duo.guard is not None
         nearest = duo.guard.nearest(here, within=1.0)
-        way = duo.way_home()
+        way = duo.path_home()
         screen.print(f"Rig {duo.rig.name}, {duo.rig.hash[:12]}: everything answers.")
         screen.print(f"Nearest to each other: {nearest or 'nothing within a metre.'}")
         turns = [np.abs(b - a).max() for a, b in pairwise([here, *way])]

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from duobench.cli.shared.advice import AdvisedError
 
 if TYPE_CHECKING:
-    from duobench.hardware.duo import HardwareDuo
+    from duobench.hardware.duo import FrankaDuo
 
 
-def opened_rig(rig: str, *, guard: bool = True, fast: bool = False) -> HardwareDuo:
+def opened_rig(rig: str, *, guard: bool = True, fast: bool = False) -> FrankaDuo:
     """A rig, not connected yet.
 
     Args:

@@ -7,15 +7,23 @@ them hardly at all, so that nothing else tells: the printed ruler has to be meas
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench import files
+from duobench.backend import Image
 from duobench.errors import CalibrationError, OptionError
+from duobench.hardware.canonical import distorted
+from duobench.hardware.rig import CameraCalibration
 from duobench.machine import install_extra
+from duobench.sheets import CAPITAL, Paper, Sheet, pdf
+from duobench.spatial import SE3
 from duobench.types import Array
 
 COLUMNS, ROWS = 8, 5
@@ -30,27 +38,17 @@ DISTANCE = 4
 LARGEST_DEVIATION = 0.1
 """Deviation of a ruler's length at which a mistake in measuring is likelier than a bad print."""
 _SEED = 20
+_RULER_Y, _BOARD_Y = 24.0, 40.0
+_LINES = (
+    "Print at 100 % (actual size, no fit to page), on stiff paper or glued flat onto a plate.",
+    "Then measure this ruler from its first to its last mark, and give its length in mm.",
+)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Paper:
-    """A sheet, and what is printed on it."""
-
-    width: float
-    """Width in mm."""
-    height: float
-    """Height in mm."""
-    square: float
-    """Edge of a square in mm."""
-    ruler: float
-    """Length of the ruler in mm."""
-
-
-PAPERS = {
-    "a4": Paper(width=297.0, height=210.0, square=30.0, ruler=200.0),
-    "a3": Paper(width=420.0, height=297.0, square=42.0, ruler=300.0),
-}
-"""Sheets by name."""
+SQUARE_MM = {Paper.A4: 30.0, Paper.A3: 42.0}
+"""Edge of a square in mm by the size of the sheet, which lies on its longer side."""
+RULER_MM = {Paper.A4: 200.0, Paper.A3: 300.0}
+"""Length of the ruler in mm."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,8 +62,8 @@ class Board:
 
     def __post_init__(self) -> None:
         """Reject sheets that are not known."""
-        if self.paper not in PAPERS:
-            raise OptionError(f"Boards are on {' or '.join(PAPERS)}, got {self.paper!r}.")
+        if self.paper not in set(Paper):
+            raise OptionError(f"Boards are on {' or '.join(Paper)}, got {self.paper!r}.")
         if not 1 - LARGEST_DEVIATION <= self.scale <= 1 + LARGEST_DEVIATION:
             raise OptionError(f"A board's scale is about 1, got {self.scale}.")
 
@@ -78,7 +76,7 @@ class Board:
         Raises:
             CalibrationError: The length is too far from what it should be.
         """
-        wanted = PAPERS[self.paper].ruler
+        wanted = RULER_MM[Paper(self.paper)]
         if not abs(ruler_mm / wanted - 1.0) <= LARGEST_DEVIATION:
             raise CalibrationError(
                 f"The ruler on the {self.paper} board is {wanted:g} mm long if it was printed to "
@@ -90,7 +88,7 @@ class Board:
     @property
     def square(self) -> float:
         """Edge of a square in metres, as printed."""
-        return PAPERS[self.paper].square * self.scale / 1000.0
+        return SQUARE_MM[Paper(self.paper)] * self.scale / 1000.0
 
     @property
     def size(self) -> tuple[float, float]:
@@ -191,3 +189,159 @@ def detector_of(board: Board) -> Any:
         (COLUMNS, ROWS), board.square, MARKER_SHARE * board.square, words
     )
     return cv2.aruco.CharucoDetector(known)
+
+
+# --- the sheet ---
+
+
+def write_board(board: Board, path: Path) -> None:
+    """Write a sheet to print as PDF; the same board always gives the same bytes.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    paper = Paper(board.paper)
+    height, width = paper.size
+    sheet = Sheet(width, height)
+    square, ruler = SQUARE_MM[paper], RULER_MM[paper]
+    left, beside = (width - COLUMNS * square) / 2.0, (width - ruler) / 2.0
+    sheet.rectangles(
+        (left + square * x, _BOARD_Y + square * y, square * across, square * up)
+        for x, y, across, up in rectangles()
+    )
+    x, y = left - 3.0, _BOARD_Y - 3.0
+    sheet.line((x, y), (x + 15.0, y))
+    sheet.line((x, y), (x, y + 15.0))
+    size = 3.0 * CAPITAL
+    sheet.text(x + 16.0, y - 1.0, "x (the corner of the first square is the origin)", size)
+    sheet.text(x - 1.0, y + 16.0, "y", size)
+    _draw_ruler(sheet, beside, ruler)
+    for number, line in enumerate(_LINES):
+        sheet.text(beside, 12.0 - 4.5 * number, line, 3.2 * CAPITAL)
+    title = f"DuoBench board, {board.paper.upper()}: {COLUMNS} x {ROWS} squares of {square:g} mm"
+    sheet.text(left, _BOARD_Y + ROWS * square + 4.0, title, 3.2 * CAPITAL)
+    files.write(path, pdf([sheet], title))
+
+
+def _draw_ruler(sheet: Sheet, left: float, length: float) -> None:
+    sheet.line((left, _RULER_Y), (left + length, _RULER_Y), line=0.15)
+    for mark in range(int(length) + 1):
+        height = 6.0 if mark % 10 == 0 else 4.0 if mark % 5 == 0 else 2.5
+        x = left + mark
+        sheet.line((x, _RULER_Y), (x, _RULER_Y + height), line=0.15)
+        if mark % 10 == 0:
+            sheet.text(x - 0.9 * len(str(mark)), _RULER_Y - 4.0, str(mark), 3.0 * CAPITAL)
+
+
+# --- in images ---
+
+FEWEST_CORNERS = 8
+"""Corners of the 28 that an image has to show."""
+WINDOW = 0.12
+"""Half of the window in which a corner is refined, in squares; markers begin at 0.125."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Detection:
+    """Corners of the board in one image."""
+
+    points: Array
+    """Corners (n, 3) in the frame of the board, in metres."""
+    pixels: Array
+    """Where they are in the image (n, 2), in pixels."""
+
+
+class Detector:
+    """Finds the corners of a board in images."""
+
+    def __init__(self, board: Board) -> None:
+        """Prepare to find a board.
+
+        Raises:
+            CalibrationError: OpenCV is missing.
+        """
+        self.board = board
+        self._detector: Any = detector_of(board)
+        self._corners = board.corners
+
+    def find(self, image: Image) -> Detection | None:
+        """The corners in an image (height, width, 3); None where too few are seen."""
+        cv2 = opencv()
+        grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+        corners, numbers, _, _ = self._detector.detectBoard(grey)
+        if numbers is None or len(numbers) < FEWEST_CORNERS:
+            return None
+        pixels = self._refined(grey, np.asarray(corners, np.float32).reshape(-1, 1, 2))
+        return Detection(points=self._corners[np.ravel(numbers)], pixels=pixels)
+
+    def _refined(self, grey: NDArray[np.uint8], corners: NDArray[np.float32]) -> Array:
+        """Corners (n, 2) where the middle of the first pixel is 0.
+
+        Those that the board's detector gives are half a pixel off in some versions of OpenCV
+        (measured in 4.13).
+        """
+        cv2 = opencv()
+        places = corners.reshape(-1, 2)
+        distances = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        np.fill_diagonal(distances, np.inf)
+        square = float(np.median(distances.min(axis=1)))
+        half = int(np.clip(WINDOW * square, 2, 6))
+        ends = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-3)
+        refined = cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), ends)
+        return refined.reshape(-1, 2).astype(np.float64)
+
+    def find_all(self, images: Sequence[Image], fewest: int) -> list[tuple[int, Detection]]:
+        """Corners of the images that show the board, with the number of each image.
+
+        Raises:
+            CalibrationError: Too few images show it.
+        """
+        found = [
+            (number, detection)
+            for number, image in enumerate(images)
+            if (detection := self.find(image)) is not None
+        ]
+        if len(found) < fewest:
+            raise CalibrationError(
+                f"{len(found)} of {len(images)} images show at least {FEWEST_CORNERS} corners of "
+                f"the board; {fewest} are needed. The board has to be sharp, lit evenly, and flat."
+            )
+        return found
+
+
+def matrix_of(lens: CameraCalibration) -> Array:
+    """Matrix (3, 3) of a lens."""
+    return np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+
+
+def board_pose(detection: Detection, lens: CameraCalibration) -> SE3:
+    """Pose of the board in the camera (x right, y down, z forwards).
+
+    Raises:
+        CalibrationError: The corners show no pose.
+    """
+    cv2 = opencv()
+    is_found, turn, shift = cv2.solvePnP(
+        detection.points, detection.pixels, matrix_of(lens), np.array(lens.distortion)
+    )
+    if not is_found or not np.all(np.isfinite(shift)) or shift[2, 0] <= 0.0:
+        raise CalibrationError("The corners of the board show no pose.")
+    return SE3(cv2.Rodrigues(turn)[0], shift.ravel())
+
+
+def offsets(detection: Detection, camera_from_board: SE3, lens: CameraCalibration) -> Array:
+    """Seen pixels less expected ones (n, 2), with the board at a pose."""
+    seen = camera_from_board.apply(detection.points)
+    return detection.pixels - distorted(seen[:, :2] / seen[:, 2:], lens)
+
+
+def rms(parts: Sequence[Array]) -> float:
+    """Root of the mean square distance in pixels, over offsets (n, 2) of several images."""
+    together = np.concatenate(parts)
+    return float(np.sqrt(np.mean(np.sum(together**2, axis=-1))))
+
+
+def split_views(count: int) -> tuple[list[int], list[int]]:
+    """Numbers of the views to measure from, and of those that are held out, every fifth one."""
+    held = [number for number in range(count) if number % 5 == 4]  # noqa: PLR2004 - the fifth
+    return [number for number in range(count) if number not in held], held

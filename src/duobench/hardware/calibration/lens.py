@@ -8,12 +8,13 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.errors import CalibrationError
-from duobench.hardware.calibration.board import Board, opencv
-from duobench.hardware.calibration.detection import (
+from duobench.hardware.calibration.board import (
+    Board,
     Detection,
     Detector,
     board_pose,
     offsets,
+    opencv,
     rms,
     split_views,
 )

@@ -1,4 +1,11 @@
-"""Where cameras are: the head camera on the table, a wrist camera on the flange."""
+"""Where cameras are: the head camera on the table, a wrist camera on the flange.
+
+A wrist camera is measured from many poses of the arm and one of the board. Hand-eye calibration by
+the method of Park and Martin gives a first answer; it is then made better by least squares of the
+pixels of all corners, with the place of the board as a second unknown. The motion of the arm is a
+ruler of its own: it tells how large the board is, and so finds a print whose scale was measured
+wrongly.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +18,22 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.errors import CalibrationError
-from duobench.hardware.calibration.board import Board, opencv
-from duobench.hardware.calibration.detection import (
+from duobench.hardware.calibration.board import (
+    Board,
     Detection,
     Detector,
     board_pose,
     offsets,
+    opencv,
     rms,
+    split_views,
 )
 from duobench.hardware.canonical import nominal_pose
 from duobench.hardware.rig import CameraCalibration
-from duobench.spatial import SE3
-from duobench.types import HEAD
+from duobench.robot.frames import TCP_OFFSET, tool_pose
+from duobench.robot.joints import JOINT_RANGES
+from duobench.spatial import SE3, rotation_by, rotation_vector
+from duobench.types import ARM_JOINTS, HEAD, Array, Side, wrist_name
 
 NOTED_M, NOTED_DEG = 0.03, 8.0
 """Distance and angle to the simulation's camera from which a place is remarked on."""
@@ -70,11 +81,13 @@ def locate_head(
     test = Detection(points=points[is_test], pixels=pixels[is_test])
     table_from_camera = table_from_board @ pose.inverse()
     error = rms([offsets(test, pose, lens)])
-    calibration = described(lens, table_from_camera, "one pose of a board", len(found), error)
-    return Measured(calibration=calibration, error_mm=None, notes=checked(HEAD, calibration, error))
+    calibration = _described(lens, table_from_camera, "one pose of a board", len(found), error)
+    return Measured(
+        calibration=calibration, error_mm=None, notes=_checked(HEAD, calibration, error)
+    )
 
 
-def described(
+def _described(
     lens: CameraCalibration, pose: SE3, method: str, views: int, error_px: float
 ) -> CameraCalibration:
     """A lens with a place, and how it was found."""
@@ -89,7 +102,7 @@ def described(
     )
 
 
-def checked(camera: str, calibration: CameraCalibration, error_px: float) -> tuple[str, ...]:
+def _checked(camera: str, calibration: CameraCalibration, error_px: float) -> tuple[str, ...]:
     """What is remarkable about a place.
 
     Raises:
@@ -112,3 +125,162 @@ def checked(camera: str, calibration: CameraCalibration, error_px: float) -> tup
             "said, and is it the right camera?"
         )
     return (f"{text}.",) if distance > NOTED_M or degrees > NOTED_DEG else ()
+
+
+# --- a wrist camera ---
+
+MAX_JOINT = float(np.max(np.abs(JOINT_RANGES))) + 0.1
+FEWEST_VIEWS = 12
+USUAL_VIEWS = 20
+SMALLEST_TURN = math.radians(15.0)
+"""Rotation of the arm, about a second axis, that the poses must have at least."""
+LARGEST_SCALE_ERROR = 0.01
+"""Difference between the board's size by the arm and by its ruler from which one is wrong."""
+LARGEST_ERROR_MM = 5.0
+"""Error of the board's place on held-out views from which something is wrong."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class View:
+    """An image of the board, and where the arm was."""
+
+    image: Image
+    """The image (height, width, 3)."""
+    joints: Array
+    """Joint positions (7,) in radians, at rest."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class _Seen:
+    detection: Detection
+    table_from_flange: SE3
+
+
+def flange_pose(side: Side, joints: Array) -> SE3:
+    """Pose of an arm's flange in the table frame at joint positions (7,) in radians."""
+    return tool_pose(side, joints) @ SE3.at(z=-TCP_OFFSET)
+
+
+def calibrate_wrist(
+    views: Sequence[View], side: Side, board: Board, lens: CameraCalibration
+) -> Measured:
+    """The place of a wrist camera in its flange.
+
+    Args:
+        views: 15 to 25 views of a board that does not move, with the wrist turned by 20 to 40
+            degrees about at least two axes; every fifth is held out.
+        side: Whose wrist.
+        board: The board as it was printed.
+        lens: The camera's lens.
+
+    Raises:
+        CalibrationError: There are too few views, the arm was turned too little, the board's size
+            is not the one that was said, or the held-out views do not fit.
+    """
+    for view in views:
+        if np.shape(view.joints) != (ARM_JOINTS,) or not np.all(np.abs(view.joints) < MAX_JOINT):
+            raise CalibrationError(f"A view has {ARM_JOINTS} joints in radians: {view.joints}.")
+    found = Detector(board).find_all([view.image for view in views], FEWEST_VIEWS)
+    seen = [
+        _Seen(detection=each, table_from_flange=flange_pose(side, views[number].joints))
+        for number, each in found
+    ]
+    used, held = split_views(len(seen))
+    train, test = [seen[number] for number in used], [seen[number] for number in held]
+    _check_turns([each.table_from_flange for each in train])
+    flange_from_camera, table_from_board, scale = _solve(train, lens)
+    if abs(scale - 1.0) > LARGEST_SCALE_ERROR:
+        raise CalibrationError(
+            f"By the motion of the arm the board is {100 * (scale - 1):+.1f} % larger than by its "
+            "ruler. Measure the ruler again, and look whether the board has moved."
+        )
+    expected = [_camera_from_board(each, flange_from_camera, table_from_board) for each in test]
+    error = rms(
+        [offsets(each.detection, pose, lens) for each, pose in zip(test, expected, strict=True)]
+    )
+    error_mm = _distance_mm(test, expected, board, lens)
+    if error_mm > LARGEST_ERROR_MM:
+        raise CalibrationError(
+            f"On held-out views the board is {error_mm:.1f} mm from where it should be; at most "
+            f"{LARGEST_ERROR_MM:g} is usual. Did the board move, or were the arm's joints read "
+            "while it moved?"
+        )
+    calibration = _described(
+        lens, flange_from_camera, "hand-eye (Park), refined on pixels", len(seen), error
+    )
+    notes = _checked(wrist_name(side), calibration, error)
+    return Measured(calibration=calibration, error_mm=error_mm, notes=notes)
+
+
+def _check_turns(poses: Sequence[SE3]) -> None:
+    """Reject poses that are turned about one axis only, of which nothing can be learned."""
+    first = poses[0].rotation
+    turns = np.array([rotation_vector(first.T @ pose.rotation) for pose in poses[1:]])
+    spread = np.linalg.svd(turns, compute_uv=False)[1] / math.sqrt(len(turns))
+    if 2.0 * spread < SMALLEST_TURN:
+        raise CalibrationError(
+            "The poses of the arm are too much alike: turn the wrist by 20 to 40 degrees about at "
+            "least two axes, and keep the board in sight."
+        )
+
+
+def _solve(seen: Sequence[_Seen], lens: CameraCalibration) -> tuple[SE3, SE3, float]:
+    """Camera in the flange, board on the table, and the board's size by the arm's motion."""
+    from scipy.optimize import least_squares
+
+    cv2 = opencv()
+    boards = [board_pose(each.detection, lens) for each in seen]
+    flanges = [each.table_from_flange for each in seen]
+    turn, shift = cv2.calibrateHandEye(
+        [pose.rotation for pose in flanges],
+        [pose.translation for pose in flanges],
+        [pose.rotation for pose in boards],
+        [pose.translation for pose in boards],
+        method=cv2.CALIB_HAND_EYE_PARK,
+    )
+    if not (np.all(np.isfinite(turn)) and np.all(np.isfinite(shift))):
+        raise CalibrationError("No place of the camera explains the views.")
+    hand = SE3(turn, np.ravel(shift))
+    table = flanges[0] @ hand @ boards[0]
+
+    def unpacked(values: Array) -> tuple[SE3, SE3, float]:
+        return _moved(hand, values[:6]), _moved(table, values[6:12]), 1.0 + float(values[12])
+
+    def residuals(values: Array) -> Array:
+        flange_from_camera, table_from_board, scale = unpacked(values)
+        parts = []
+        for each in seen:
+            pose = _camera_from_board(each, flange_from_camera, table_from_board)
+            larger = Detection(points=scale * each.detection.points, pixels=each.detection.pixels)
+            parts.append(offsets(larger, pose, lens).ravel())
+        return np.concatenate(parts)
+
+    free = least_squares(residuals, np.zeros(13), loss="soft_l1")
+    scale = unpacked(free.x)[2]
+    fixed = least_squares(
+        lambda values: residuals(np.append(values, 0.0)), free.x[:12], loss="soft_l1"
+    )
+    flange_from_camera, table_from_board, _ = unpacked(np.append(fixed.x, 0.0))
+    return flange_from_camera, table_from_board, scale
+
+
+def _moved(pose: SE3, change: Array) -> SE3:
+    """A pose changed by a rotation vector and a shift (6,)."""
+    return SE3(pose.rotation @ rotation_by(change[:3]), pose.translation + change[3:])
+
+
+def _camera_from_board(seen: _Seen, flange_from_camera: SE3, table_from_board: SE3) -> SE3:
+    return (seen.table_from_flange @ flange_from_camera).inverse() @ table_from_board
+
+
+def _distance_mm(
+    seen: Sequence[_Seen], expected: Sequence[SE3], board: Board, lens: CameraCalibration
+) -> float:
+    """Mean distance between the board's middle as seen and as expected, in mm."""
+    distances = [
+        np.linalg.norm(
+            board_pose(each.detection, lens).apply(board.middle) - pose.apply(board.middle)
+        )
+        for each, pose in zip(seen, expected, strict=True)
+    ]
+    return 1000.0 * float(np.mean(distances))

@@ -16,7 +16,7 @@ from PIL import Image as Pictures
 from duobench import files
 from duobench.backend import Image
 from duobench.errors import CalibrationError, FileError
-from duobench.hardware.calibration.wrist import View
+from duobench.hardware.calibration.places import View
 from duobench.types import Array
 
 VIEWS_SCHEMA = 1

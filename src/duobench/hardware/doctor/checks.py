@@ -34,11 +34,30 @@ class Check:
     name: str
     """What was looked at."""
     outcome: Outcome
-    """How it ended."""
     value: str
     """What was found, in words and numbers."""
     advice: str = ""
     """What to do about it; empty where nothing is to be done."""
+
+    @staticmethod
+    def ok(name: str, value: str) -> Check:
+        """A check that went well."""
+        return Check(name=name, outcome=Outcome.OK, value=value)
+
+    @staticmethod
+    def note(name: str, value: str, advice: str = "") -> Check:
+        """A check that found something to know."""
+        return Check(name=name, outcome=Outcome.NOTE, value=value, advice=advice)
+
+    @staticmethod
+    def skipped(name: str, value: str) -> Check:
+        """A check that was not made; the value says why."""
+        return Check(name=name, outcome=Outcome.SKIPPED, value=value)
+
+    @staticmethod
+    def failed(name: str, value: str, advice: str = "") -> Check:
+        """A check that found something wrong."""
+        return Check(name=name, outcome=Outcome.FAILED, value=value, advice=advice)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,15 +65,13 @@ class Report:
     """All checks of a rig at one time."""
 
     rig: str
-    """Name of the rig."""
+    """Its name."""
     rig_hash: str
-    """Hash of its file."""
     time: str
     """When they ended, in UTC."""
     is_well: bool
     """Whether no check failed."""
     checks: tuple[Check, ...]
-    """The checks in their order."""
 
     def objection(self, rig_hash: str) -> str:
         """Why it says nothing good about a rig; empty if all is well."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from duobench.hardware.doctor.checks import Check, Outcome
+from duobench.hardware.doctor.checks import Check
 from duobench.hardware.rig import ArmDriver, CameraDriver, GripperDriver, Rig
 from duobench.machine import install_extra
 from duobench.versions import __version__
@@ -74,44 +74,31 @@ def _governor(is_needed: bool, sys: Path) -> Check:
     files = sorted(sys.glob("devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"))
     found = {file.read_text().strip() for file in files}
     if not found:
-        return Check(
-            name="processor speed", outcome=Outcome.SKIPPED, value="not told by the kernel"
-        )
-    is_fast = found == {"performance"}
-    return Check(
-        name="processor speed",
-        outcome=Outcome.OK if is_fast or not is_needed else Outcome.NOTE,
-        value=f"governor {', '.join(sorted(found))}",
-        advice=""
-        if is_fast or not is_needed
-        else "Choose it: cpupower frequency-set -g performance",
-    )
+        return Check.skipped("processor speed", "not told by the kernel")
+    value = f"governor {', '.join(sorted(found))}"
+    if found == {"performance"} or not is_needed:
+        return Check.ok("processor speed", value)
+    return Check.note("processor speed", value, "Choose it: cpupower frequency-set -g performance")
 
 
 def _needed(name: str, is_well: bool, is_needed: bool, value: str, advice: str) -> Check:
     if is_well:
-        return Check(name=name, outcome=Outcome.OK, value=value)
+        return Check.ok(name, value)
     if not is_needed:
-        value = f"{value}; not needed by this rig"
-        return Check(name=name, outcome=Outcome.SKIPPED, value=value)
-    return Check(name=name, outcome=Outcome.FAILED, value=value, advice=advice)
+        return Check.skipped(name, f"{value}; not needed by this rig")
+    return Check.failed(name, value, advice)
 
 
 def _versions(rig: Rig) -> Iterator[Check]:
-    words = f"duobench {__version__}, Python {platform.python_version()}"
-    yield Check(name="version", outcome=Outcome.OK, value=words)
+    yield Check.ok("version", f"duobench {__version__}, Python {platform.python_version()}")
     drivers = {each.driver for each in (*rig.arms.values(), *rig.grippers.values())}
     drivers |= {each.driver for each in rig.cameras.values()}
     wanted = {name for driver in drivers for name in LIBRARIES.get(driver, ())}
     if any(camera.calibration is not None for camera in rig.cameras.values()):
         wanted.add("opencv-python-headless")
     for name in sorted(wanted):
+        missing = Check.note if "opencv" in name else Check.failed
         try:
-            yield Check(name=name, outcome=Outcome.OK, value=version(name))
+            yield Check.ok(name, version(name))
         except PackageNotFoundError:
-            yield Check(
-                name=name,
-                outcome=Outcome.FAILED if "opencv" not in name else Outcome.NOTE,
-                value="not installed",
-                advice=install_extra("hardware"),
-            )
+            yield missing(name, "not installed", install_extra("hardware"))

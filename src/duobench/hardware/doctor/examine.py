@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from statistics import median
 
 import numpy as np
 
 from duobench.backend import Image
-from duobench.errors import BackendError
+from duobench.errors import BackendError, OptionError
 from duobench.hardware.canonical import CanonicalView
-from duobench.hardware.devices import Frame
-from duobench.hardware.doctor.checks import Check, Outcome
+from duobench.hardware.devices import ArmReading, Frame
+from duobench.hardware.doctor.checks import Check
 from duobench.hardware.doctor.computer import computer_checks
-from duobench.hardware.doctor.drift import shift_between
-from duobench.hardware.doctor.gravity import mount_check
-from duobench.hardware.duo import HardwareDuo
+from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig, CameraDriver, GripperConfig, GripperDriver
-from duobench.types import CONTROL_HZ, HEAD, SIDES, Side
+from duobench.machine import install_extra
+from duobench.types import CONTROL_HZ, HEAD, SIDES, Array, Side
 
 HOLDING_S = 10.0
 """Seconds of holding that are measured."""
@@ -28,8 +27,6 @@ LEAST_RATE = 0.95
 """Share of a camera's rate that has to come."""
 LONGEST_ANSWER_S = 0.02
 """Longest median answer of a gripper; the timer of an adapter adds 16 ms if nobody stops it."""
-NOTED_SHIFT_PX, LARGEST_SHIFT_PX = 1.0, 3.0
-"""Shift of the head camera that is remarked on, and from which it has to be calibrated again."""
 LEAST_COVERAGE = 0.98
 """Share of the canonical image that a camera should see."""
 
@@ -37,7 +34,7 @@ LEAST_COVERAGE = 0.98
 class _Measurement:
     """What is counted while the arms hold."""
 
-    def __init__(self, duo: HardwareDuo) -> None:
+    def __init__(self, duo: FrankaDuo) -> None:
         self.duo = duo
         self.frames: dict[str, list[tuple[int, float]]] = {name: [] for name in duo.cameras}
         self.rates: list[float] = []
@@ -64,6 +61,8 @@ class _Measurement:
                 for reading in duo.readings().values():
                     if SUCCESS_RATE in reading.state:
                         self.rates.append(float(np.ravel(reading.state[SUCCESS_RATE])[0]))
+        except BackendError as error:
+            self.trouble = str(error)
         finally:
             self.seconds = duo.clock.now() - start
             for camera in duo.cameras.values():
@@ -74,7 +73,7 @@ class _Measurement:
 
 
 def examine(
-    duo: HardwareDuo, *, seconds: float = HOLDING_S, reference: Image | None = None
+    duo: FrankaDuo, *, seconds: float = HOLDING_S, reference: Image | None = None
 ) -> tuple[Check, ...]:
     """Look at everything; the rig is started if it was not, and not closed.
 
@@ -93,14 +92,10 @@ def examine(
     try:
         duo.start()
     except BackendError as error:
-        failed = Check(name="connection", outcome=Outcome.FAILED, value=str(error))
-        return (*checks, failed)
-    checks.append(Check(name="connection", outcome=Outcome.OK, value="all devices answer"))
+        return (*checks, Check.failed("connection", str(error)))
+    checks.append(Check.ok("connection", "all devices answer"))
     measured = _Measurement(duo)
-    try:
-        measured.run(seconds)
-    except BackendError as error:
-        measured.trouble = str(error)
+    measured.run(seconds)
     checks += [*_arm_checks(measured), mount_check(duo.readings())]
     checks += [_gripper_check(duo, side) for side in SIDES]
     for name, config in duo.rig.cameras.items():
@@ -112,69 +107,63 @@ def examine(
 
 def _arm_checks(measured: _Measurement) -> Iterator[Check]:
     duo, seconds = measured.duo, measured.seconds
+    is_confirmed = duo.supervisor.is_confirmed
     if (reason := measured.trouble or duo.held) is not None:
-        yield Check(name="holding", outcome=Outcome.FAILED, value=reason)
-    elif not duo.supervisor.is_confirmed:
-        value = "the operator has not confirmed"
-        yield Check(name="holding", outcome=Outcome.SKIPPED, value=value)
+        yield Check.failed("holding", reason)
+    elif not is_confirmed:
+        yield Check.skipped("holding", "the operator has not confirmed")
     elif measured.late:
-        value = f"{seconds:.0f} s; steps were late by {1000 * max(measured.late):.1f} ms at most"
-        yield Check(name="holding", outcome=Outcome.OK, value=value)
+        late = f"steps were late by {1000 * max(measured.late):.1f} ms at most"
+        yield Check.ok("holding", f"{seconds:.0f} s; {late}")
     name = "control commands in time"
     if not measured.rates:
-        yield Check(name=name, outcome=Outcome.SKIPPED, value="not told by these arms")
-    elif not duo.supervisor.is_confirmed:
-        yield Check(name=name, outcome=Outcome.SKIPPED, value="only known while the arms hold")
+        yield Check.skipped(name, "not told by these arms")
+    elif not is_confirmed:
+        yield Check.skipped(name, "only known while the arms hold")
     else:
         # The first ones are of the time before control.
         least = min(measured.rates[len(measured.rates) // 10 :])
-        is_well = least >= LEAST_SUCCESS
-        yield Check(
-            name=name,
-            outcome=Outcome.OK if is_well else Outcome.FAILED,
-            value=f"{least:.1%} at least over {seconds:.0f} s",
-            advice=""
-            if is_well
-            else "Look at the realtime kernel, at the network (one port and cable an arm, no "
-            "switch), and move policies and images to another computer.",
-        )
+        value = f"{least:.1%} at least over {seconds:.0f} s"
+        if least >= LEAST_SUCCESS:
+            yield Check.ok(name, value)
+        else:
+            advice = (
+                "Look at the realtime kernel, at the network (one port and cable an arm, no "
+                "switch), and move policies and images to another computer."
+            )
+            yield Check.failed(name, value, advice)
 
 
-def _gripper_check(duo: HardwareDuo, side: Side) -> Check:
+def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     config, name = duo.rig.grippers[side], f"{side} gripper"
     reading = duo.grippers[side].read()
     if reading.fault is not None:
-        return Check(name=name, outcome=Outcome.FAILED, value=reading.fault.text)
-    answers = [float(each) for each in getattr(duo.grippers[side], "round_trips", ())]
+        return Check.failed(name, reading.fault.text)
     active = "active" if reading.is_active else "not activated yet"
     value = f"{active}, opening {reading.opening:.2f}"
+    answers = [float(each) for each in getattr(duo.grippers[side], "round_trips", ())]
     if not answers:
-        return Check(name=name, outcome=Outcome.OK, value=value)
+        return Check.ok(name, value)
     typical = median(answers)
     value += f", answers in {1000 * typical:.1f} ms ({1000 * max(answers):.1f} ms at most)"
     if typical > LONGEST_ANSWER_S:
-        return Check(
-            name=name,
-            outcome=Outcome.FAILED,
-            value=value,
-            advice="Set the latency timer of its adapter to 1 ms (see docs/real_setup.md).",
-        )
+        advice = "Set the latency timer of its adapter to 1 ms (see docs/real_setup.md)."
+        return Check.failed(name, value, advice)
     nominal = GripperConfig()
-    are_nominal = config.open_count == nominal.open_count
-    are_nominal &= config.closed_count == nominal.closed_count
-    if config.driver is GripperDriver.ROBOTIQ and are_nominal:
+    ends, usual = ((each.open_count, each.closed_count) for each in (config, nominal))
+    if config.driver is GripperDriver.ROBOTIQ and ends == usual:
         advice = (
             f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
         )
-        return Check(name=name, outcome=Outcome.NOTE, value=value, advice=advice)
-    return Check(name=name, outcome=Outcome.OK, value=value)
+        return Check.note(name, value, advice)
+    return Check.ok(name, value)
 
 
 def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> Iterator[Check]:
     camera, frames = measured.duo.cameras[name], measured.frames[name]
     title = f"{name} camera"
     if camera.fault is not None:
-        yield Check(name=title, outcome=Outcome.FAILED, value=camera.fault.text)
+        yield Check.failed(title, camera.fault.text)
         return
     rate = len(frames) / measured.seconds if measured.seconds > 0.0 else 0.0
     lost = frames[-1][0] - frames[0][0] + 1 - len(frames) if frames else 0
@@ -185,18 +174,14 @@ def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> I
     if usb:
         value += f", USB {usb}"
     is_old = bool(usb) and float(usb.split()[0]) < 3.0  # noqa: PLR2004 - USB 3
-    advice = ""
     if is_slow or is_old:
         advice = (
             "Plug it in again, quickly, into a USB 3 port of its own, with a short cable and "
             "without a hub."
         )
-    yield Check(
-        name=title,
-        outcome=Outcome.FAILED if is_slow or is_old else Outcome.OK,
-        value=value,
-        advice=advice,
-    )
+        yield Check.failed(title, value, advice)
+    else:
+        yield Check.ok(title, value)
     yield from _settings_checks(title, name, config)
 
 
@@ -204,47 +189,153 @@ def _settings_checks(title: str, name: str, config: CameraConfig) -> Iterator[Ch
     if config.driver in {CameraDriver.SIMULATED, CameraDriver.FILE}:
         return
     if config.exposure_us is None:
-        yield Check(
-            name=f"{title}'s exposure",
-            outcome=Outcome.NOTE,
-            value="chosen by the camera, which varies it",
-            advice="Lock exposure_us and gain in the rig's file.",
-        )
-    if config.calibration is None:
-        yield Check(
-            name=f"{title}'s calibration",
-            outcome=Outcome.NOTE,
-            value="none; its images are not remapped",
-            advice="Calibrate it: docs/real_cameras.md.",
-        )
+        value = "chosen by the camera, which varies it"
+        advice = "Lock exposure_us and gain in the rig's file."
+        yield Check.note(f"{title}'s exposure", value, advice)
+    title = f"{title}'s calibration"
+    calibration = config.calibration
+    if calibration is None:
+        value = "none; its images are not remapped"
+        yield Check.note(title, value, "Calibrate it: docs/real_cameras.md.")
         return
-    coverage = CanonicalView(name, config.calibration, config.size).coverage
-    yield Check(
-        name=f"{title}'s calibration",
-        outcome=Outcome.OK if coverage >= LEAST_COVERAGE else Outcome.NOTE,
-        value=f"{config.calibration.date or 'no date'}, {config.calibration.error_px or 0:.2f} px; "
-        f"it sees {coverage:.1%} of the simulation's image",
+    coverage = CanonicalView(name, calibration, config.size).coverage
+    value = (
+        f"{calibration.date or 'no date'}, {calibration.error_px or 0:.2f} px; it sees "
+        f"{coverage:.1%} of the simulation's image"
     )
+    yield Check.ok(title, value) if coverage >= LEAST_COVERAGE else Check.note(title, value)
 
 
-def _drift_check(duo: HardwareDuo, reference: Image | None) -> Check:
+# --- the place of the head camera ----------------------------------------------------------------
+
+NOTED_SHIFT_PX, LARGEST_SHIFT_PX = 1.0, 3.0
+"""Shift of the head camera that is remarked on, and from which it has to be calibrated again."""
+TILE = 160
+"""Edge in pixels of the tiles that are compared. The median of their shifts counts, so that arms
+and objects that are elsewhere do not matter as long as most of the image is as it was."""
+FEWEST_TILES = 6
+"""Tiles that have to show the same in both images for a shift to be told."""
+DISTINCT = 3.0
+"""Contrast in counts that a tile needs."""
+AGREEMENT = 0.25
+"""Response of the phase correlation of a tile that shows the same thing [measured on rendered
+images: 0.4 in the median; 0.16 at most between images of noise]."""
+
+
+def shift_between(image: Image, reference: Image) -> tuple[float, float] | None:
+    """How far the content of an image is from where it is in a reference.
+
+    Args:
+        image: An image (height, width, 3).
+        reference: Another one of that size.
+
+    Returns:
+        Pixels to the right and down; None where too little of both is alike.
+
+    Raises:
+        OptionError: The sizes differ.
+        ImportError: OpenCV is missing.
+    """
+    import cv2  # pyright: ignore[reportMissingImports]
+
+    if image.shape != reference.shape:
+        raise OptionError(f"Images of {image.shape} and {reference.shape} cannot be compared.")
+    now, before = (each.astype(np.float64).mean(axis=-1) for each in (image, reference))
+    window = cv2.createHanningWindow((TILE, TILE), cv2.CV_64F)
+    shifts: list[tuple[float, float]] = []
+    for top in range(0, now.shape[0] - TILE + 1, TILE // 2):
+        for left in range(0, now.shape[1] - TILE + 1, TILE // 2):
+            part = slice(top, top + TILE), slice(left, left + TILE)
+            # Without its mean, which would agree wherever the tile is.
+            tiles = [each[part] - each[part].mean() for each in (before, now)]
+            if min(tile.std() for tile in tiles) <= DISTINCT:
+                continue
+            shift, response = cv2.phaseCorrelate(*tiles, window)
+            if response >= AGREEMENT:
+                shifts.append(shift)
+    if len(shifts) < FEWEST_TILES:
+        return None
+    right, down = np.median(np.array(shifts), axis=0)
+    return float(right), float(down)
+
+
+def _drift_check(duo: FrankaDuo, reference: Image | None) -> Check:
     name = "head camera's place"
     if reference is None:
-        return Check(name=name, outcome=Outcome.SKIPPED, value="no reference was stored")
+        return Check.skipped(name, "no reference was stored")
     if HEAD not in duo.frames():
-        return Check(name=name, outcome=Outcome.FAILED, value="it gives no image")
+        return Check.failed(name, "it gives no image")
     image = duo.images([HEAD], (reference.shape[0], reference.shape[1]))[HEAD]
-    shift = shift_between(image, reference)
+    try:
+        shift = shift_between(image, reference)
+    except ImportError:
+        return Check.note(name, "OpenCV is not installed", install_extra("hardware"))
     if shift is None:
-        return Check(
-            name=name,
-            outcome=Outcome.NOTE,
-            value="too little is as it was when the reference was stored",
-            advice="Clear the table, bring the arms home, and look again.",
-        )
-    value = f"{shift.pixels:.1f} px from the reference ({shift.right:+.1f}, {shift.down:+.1f})"
-    if shift.pixels > LARGEST_SHIFT_PX:
+        value = "too little is as it was when the reference was stored"
+        return Check.note(name, value, "Clear the table, bring the arms home, and look again.")
+    pixels = float(np.hypot(*shift))
+    value = f"{pixels:.1f} px from the reference ({shift[0]:+.1f}, {shift[1]:+.1f})"
+    if pixels > LARGEST_SHIFT_PX:
         advice = "The camera was moved: move it back, or calibrate it again."
-        return Check(name=name, outcome=Outcome.FAILED, value=value, advice=advice)
-    is_small = shift.pixels <= NOTED_SHIFT_PX
-    return Check(name=name, outcome=Outcome.OK if is_small else Outcome.NOTE, value=value)
+        return Check.failed(name, value, advice)
+    return Check.ok(name, value) if pixels <= NOTED_SHIFT_PX else Check.note(name, value)
+
+
+# --- left and right ------------------------------------------------------------------------------
+
+SMALLEST = 3.0
+"""Torques in N·m that have to be felt, and to differ between the mounts, for an answer."""
+CLEAR = 0.5
+"""An arm is of the mount whose torques differ by this share of the other's at most."""
+
+
+def gravity_torques(joints: Array) -> Array:
+    """Torques with which the arms carry themselves, their grippers and cameras.
+
+    Both arms hang tilted to their own side, so that gravity pulls other joints of the left arm than
+    of the right one. The torques are those of our own simulation; not tried on an arm.
+
+    Args:
+        joints: Joint positions (2, 7) in radians.
+
+    Returns:
+        Torques (2, 7) in N·m. MuJoCo is loaded here.
+    """
+    import mujoco
+
+    from duobench.sim.simulation import Simulation
+
+    sim = Simulation()
+    places = np.asarray(sim.duo.joints)
+    sim.data.qpos[places] = joints
+    sim.data.qvel[:] = 0.0
+    mujoco.mj_forward(sim.model, sim.data)
+    dof_of = dict(zip(sim.model.jnt_qposadr.tolist(), sim.model.jnt_dofadr.tolist(), strict=True))
+    dofs = np.array([[dof_of[place] for place in row] for row in places.tolist()])
+    return sim.data.qfrc_bias[dofs]
+
+
+def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
+    """Say whether left and right are swapped, by the torques of both arms at rest."""
+    name = "left and right arm"
+    joints = np.array([readings[side].joints for side in SIDES])
+    felt = np.array([readings[side].torques for side in SIDES])
+    if np.linalg.norm(felt, axis=-1).min() < SMALLEST:
+        return Check.skipped(name, "the arms feel no torques")
+    own = np.linalg.norm(felt - gravity_torques(joints), axis=-1)
+    # The same joints in the other arm's mount.
+    other = np.linalg.norm(felt - gravity_torques(joints[::-1])[::-1], axis=-1)
+    value = ", ".join(
+        f"{side}: {own[side.index]:.1f} N·m off as {side}, {other[side.index]:.1f} as {side.other}"
+        for side in SIDES
+    )
+    if np.all(own <= CLEAR * other):
+        return Check.ok(name, value)
+    if np.all(other <= CLEAR * own):
+        advice = "The arms are swapped: exchange their addresses in the rig's file, or cables."
+        return Check.failed(name, value, advice)
+    advice = (
+        "Torques fit neither mount well: look at the mass of the tool that the control box knows, "
+        "and at whether something touches an arm."
+    )
+    return Check.note(name, value, advice)

@@ -26,11 +26,8 @@ class CameraFacts:
     """What a camera says about itself once it is connected."""
 
     name: str = ""
-    """Its name."""
     serial: str = ""
-    """Its serial number."""
     firmware: str = ""
-    """Version of its firmware."""
     usb: str = ""
     """The USB version of its connection, such as 3.2; empty where it is not known."""
     exposure_us: float | None = None
@@ -42,16 +39,17 @@ class CameraFacts:
 
 
 class LatestFrame:
-    """The latest frame of a camera; frames come from one thread, questions from any."""
+    """The latest frame of a camera; frames come from one thread, questions from any.
+
+    Args:
+        config: Size and rate of its images.
+        clock: Gives the times of frames.
+        name: Name of the camera, for messages; that of its device where none is given.
+    """
+
+    stale_s = STALE_S
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
-        """Begin without a frame.
-
-        Args:
-            config: Size and rate of its images.
-            clock: Gives the times of frames.
-            name: Name of the camera, for messages; that of its device where none is given.
-        """
         self.config, self.clock, self.name = config, clock, name or config.device
         self.facts = CameraFacts()
         """What the camera says about itself."""
@@ -76,7 +74,7 @@ class LatestFrame:
             return None
         since = self._connected_at if self._frame is None else self._frame.time_s
         age = self.clock.now() - since
-        if age <= STALE_S:
+        if age <= self.stale_s:
             return None
         why = f": {self.trouble}" if self.trouble else ""
         text = f"The camera {self.name} has given no image for {age:.1f} s{why}."
@@ -115,10 +113,12 @@ class LatestFrame:
 
 
 class ThreadedCamera(LatestFrame, ABC):
-    """A camera that a thread of its own waits for."""
+    """A camera that a thread of its own waits for; arguments are those of `LatestFrame`."""
+
+    opening_s = 10.0
+    """Seconds that opening it may take."""
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
-        """Know a camera, without opening it; arguments are those of `LatestFrame`."""
         super().__init__(config, clock, name)
         self._thread: threading.Thread | None = None
         self._is_closing = threading.Event()
@@ -163,9 +163,6 @@ class ThreadedCamera(LatestFrame, ABC):
         if self._error is not None or not is_in_time:
             self.close()
             raise self._error or BackendError(f"The camera {self.name} gives no image.")
-
-    opening_s = 10.0
-    """Seconds that opening it may take."""
 
     def close(self) -> None:
         """Let go of the camera; closing twice is harmless."""

@@ -15,7 +15,9 @@ import numpy as np
 from duobench.backend import Image
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock, Ticker
-from duobench.hardware.devices import ArmReading, Fault, FaultKind, Frame, GripperReading
+from duobench.hardware.devices import ArmReading, Fault, FaultKind, GripperReading
+from duobench.hardware.drivers.frames import LatestFrame
+from duobench.hardware.rig import CameraConfig, CameraDriver
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import ARM_JOINTS, Array
 
@@ -27,8 +29,6 @@ GRIPPER_SPEED = 1.76
 """Openings a second: 150 mm/s over 85 mm [data sheet of the 2F-85]."""
 SILENCE_S = 0.2
 """Seconds without an answer after which a gripper's silence is a fault."""
-LOST_S = 0.5
-"""Seconds without an image after which a camera's silence is a fault."""
 MARK = 16
 """Edge in pixels of one square of the number in a simulated image."""
 MARKS = 24
@@ -36,19 +36,18 @@ MARKS = 24
 
 
 class SimulatedArm:
-    """An arm that tracks as a damped spring does, or exactly after a lag."""
+    """An arm that tracks as a damped spring does, or exactly after a lag.
+
+    Args:
+        clock: The rig's clock.
+        joints: Where it is at first (7,), in radians.
+        is_exact: Whether it is where it is told to be, `lag_s` later.
+        lag_s: Seconds that an exact arm is behind.
+    """
 
     def __init__(
         self, clock: Clock, joints: Array, *, is_exact: bool = False, lag_s: float = 0.0
     ) -> None:
-        """Put an arm somewhere.
-
-        Args:
-            clock: The rig's clock.
-            joints: Where it is at first (7,), in radians.
-            is_exact: Whether it is where it is told to be, `lag_s` later.
-            lag_s: Seconds that an exact arm is behind.
-        """
         self._clock, self._is_exact, self._lag = clock, is_exact, lag_s
         self._joints = np.array(joints, dtype=np.float64)
         self._velocities = np.zeros(ARM_JOINTS)
@@ -158,10 +157,9 @@ class SimulatedArm:
 
 
 class SimulatedGripper:
-    """A gripper whose fingers move at a finite speed."""
+    """A gripper whose fingers move at a finite speed, from an opening of 0 closed to 1 open."""
 
     def __init__(self, clock: Clock, opening: float = 1.0) -> None:
-        """Begin at an opening, 0 closed to 1 open."""
         self._clock = clock
         self._opening = self._target = opening
         self._time = clock.now()
@@ -228,8 +226,16 @@ class SimulatedGripper:
         self._opening = moved
 
 
-class SimulatedCamera:
-    """A camera of which every image shows its number, or what a source gives."""
+class SimulatedCamera(LatestFrame):
+    """A camera of which every image shows its number, or what a source gives.
+
+    Args:
+        clock: The rig's clock.
+        fps: Images a second.
+        source: Gives the image (720, 1280, 3) of a number and a time; a pattern without one.
+    """
+
+    stale_s = 0.5
 
     def __init__(
         self,
@@ -238,20 +244,10 @@ class SimulatedCamera:
         fps: float = 30.0,
         source: Callable[[int, float], Image] | None = None,
     ) -> None:
-        """Describe a camera.
-
-        Args:
-            clock: The rig's clock.
-            fps: Images a second.
-            source: Gives the image (720, 1280, 3) of a number and a time; a pattern without one.
-        """
-        self._clock, self._fps = clock, fps
-        self._source = source or numbered_image
+        super().__init__(CameraConfig(driver=CameraDriver.SIMULATED), clock, "simulated")
+        self._fps, self._source = fps, source or numbered_image
         self._ticker: Ticker | None = None
-        self._frame: Frame | None = None
-        self._listener: Callable[[Frame], None] | None = None
         self._count = 0
-        self._connected = clock.now()
         self._fault: Fault | None = None
         self.is_silent = False
         """Whether it takes no more images, while its count goes on."""
@@ -259,30 +255,14 @@ class SimulatedCamera:
     def connect(self) -> None:
         """Begin to take images."""
         if self._ticker is None:
-            self._connected = self._clock.now()
+            self.begin()
             self._take()
-            self._ticker = self._clock.every(1.0 / self._fps, self._take, "simulated camera")
-
-    def latest(self) -> Frame | None:
-        """The latest frame."""
-        return self._frame
-
-    def listen(self, call: Callable[[Frame], None] | None) -> None:
-        """Have every frame given to a call."""
-        self._listener = call
+            self._ticker = self.clock.every(1.0 / self._fps, self._take, "simulated camera")
 
     @property
     def fault(self) -> Fault | None:
         """What is wrong; silence is a fault too."""
-        if self._fault is not None or self._ticker is None:
-            return self._fault
-        last = self._connected if self._frame is None else self._frame.time_s
-        age = self._clock.now() - last
-        if age <= LOST_S:
-            return None
-        return Fault(
-            kind=FaultKind.COMMUNICATION, text=f"The camera has given no image for {age:.2f} s."
-        )
+        return self._fault or super().fault
 
     def fail(self, fault: Fault | None) -> None:
         """Report a fault from now on; None clears it."""
@@ -290,18 +270,16 @@ class SimulatedCamera:
 
     def close(self) -> None:
         """Take no more images."""
+        self.end()
         ticker, self._ticker = self._ticker, None
         if ticker is not None:
             ticker.stop()
 
     def _take(self) -> None:
         index, self._count = self._count, self._count + 1
-        if self.is_silent:
-            return
-        now = self._clock.now()
-        self._frame = frame = Frame(index=index, time_s=now, image=self._source(index, now))
-        if self._listener is not None:
-            self._listener(frame)
+        if not self.is_silent:
+            now = self.clock.now()
+            self.publish(self._source(index, now), now, index)
 
 
 def numbered_image(index: int, _time_s: float = 0.0) -> Image:

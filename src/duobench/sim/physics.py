@@ -1,8 +1,8 @@
-"""Physics steps whose forces are the solution of the engine's equations."""
+"""What MuJoCo leaves to us: steps that are really solved, and other physics in a compiled model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import mujoco
 import numpy as np
@@ -24,7 +24,6 @@ class Stepper:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Run steps of a model."""
         self._model, self._data = model, data
         self._sparse = bool(mujoco.mj_isSparse(model))
         self._given, self._needed = data.qfrc_smooth, data.qfrc_constraint
@@ -74,3 +73,59 @@ class Stepper:
         missing -= self._needed
         # Written so that what is not a number counts as unsolved.
         return bool(np.abs(missing, out=missing).max() <= SOLVED)
+
+
+_SCALED = ("body_mass", "body_inertia", "geom_friction", "jnt_stiffness", "dof_damping")
+_DERIVED = (
+    *("body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0"),
+    *("tendon_invweight0", "tendon_length0", "actuator_length0"),
+    *("cam_pos0", "cam_poscom0", "cam_mat0", "light_pos0", "light_poscom0", "light_dir0"),
+)
+"""What the engine computes once, when it compiles a model, and anew where masses change."""
+_STATISTICS = ("meaninertia", "meanmass", "meansize", "extent")
+
+
+class PhysicsScaler:
+    """Multiplies the physics of some bodies of a model; the numbers that were compiled are kept.
+
+    Args:
+        model: The model, which is written to by `apply`.
+        roots: Ids of the root bodies of the objects.
+    """
+
+    def __init__(self, model: mujoco.MjModel, roots: Iterable[int]) -> None:
+        self._model = model
+        names = [name for name in (*_SCALED, *_DERIVED) if hasattr(model, name)]
+        self._compiled = {name: getattr(model, name).copy() for name in names}
+        self._statistics = {name: getattr(model.stat, name) for name in _STATISTICS}
+        self._bodies = np.isin(model.body_rootid, list(roots))
+        hinged = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+        self._joints = hinged & self._bodies[model.jnt_bodyid]
+        self._dofs = self._joints[model.dof_jntid]
+        self._is_scaled = False
+
+    def apply(self, *, mass: float, friction: float, spring: float) -> None:
+        """Scale what was compiled, not what is there; factors of 1 bring that back to the bit.
+
+        Call it before a reset: no state is touched, and none is right for the new model.
+
+        Args:
+            mass: Factor on masses and inertias of the objects.
+            friction: Factor on the sliding friction of all surfaces, the robot's included.
+            spring: Factor on stiffness and damping of the hinges of objects.
+        """
+        if self._is_scaled:
+            for name, values in self._compiled.items():
+                getattr(self._model, name)[:] = values
+            for name, value in self._statistics.items():
+                setattr(self._model.stat, name, value)
+        self._is_scaled = (mass, friction, spring) != (1.0, 1.0, 1.0)
+        if not self._is_scaled:
+            return
+        model = self._model
+        model.body_mass[self._bodies] *= mass
+        model.body_inertia[self._bodies] *= mass
+        model.geom_friction[:, 0] *= friction
+        model.jnt_stiffness[self._joints] *= spring
+        model.dof_damping[self._dofs] *= spring
+        mujoco.mj_setConst(model, mujoco.MjData(model))

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.data import opened
 from duobench.cli.shared.advice import AdvisedError, advising
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.interrupt import raising
+from duobench.cli.verbs.data import opened
 from duobench.data.lerobot.options import ExportOptions
 from duobench.errors import DuoBenchError, SeveralTasksError
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Literal
 import rich.table
 from tyro.conf import Positional
 
-from duobench.cli.data import opened
 from duobench.cli.shared.console import console, counted
+from duobench.cli.verbs.data import opened
 from duobench.errors import DataError
 
 if TYPE_CHECKING:

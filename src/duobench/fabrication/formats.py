@@ -1,8 +1,9 @@
-"""3MF: all parts of a job in one file, named, coloured and laid out.
+"""Files that printers' programs read: STL, one part, and 3MF, all parts of a job laid out.
 
-Colours are a group of the materials extension, which printers' programs read more often than base
-materials. The archive is not compressed, and its dates are fixed: the same parts give the same
-bytes, whatever version of zlib there is.
+An STL has triangles in millimetres, without unit and colour. In a 3MF colours are a group of the
+materials extension, which printers' programs read more often than base materials. The archive is
+not compressed, and its dates are fixed: the same parts give the same bytes, whatever version of
+zlib there is.
 """
 
 from __future__ import annotations
@@ -13,9 +14,12 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
+import numpy as np
+
 from duobench.fabrication.bed import Spot, lay_out
 from duobench.fabrication.parts import PrintedPart, PrintJob
 from duobench.objects.shapes import PRINTER, Colour
+from duobench.objects.solid import Mesh
 
 BED_STEP = 1.2 * PRINTER
 """From one bed to the next, along x, in metres: where a program with several beds has them."""
@@ -27,6 +31,8 @@ _MODEL = "3D/3dmodel.model"
 _DATE = (1980, 1, 1, 0, 0, 0)
 _MODE = (stat.S_IFREG | 0o644) << 16
 _UNIX = 3
+_HEADER = 80
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
 _TYPES = """<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
@@ -40,6 +46,24 @@ _RELATIONS = f"""<?xml version="1.0" encoding="UTF-8"?>
 Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
 </Relationships>
 """
+
+
+def stl_bytes(mesh: Mesh, name: str) -> bytes:
+    """A mesh as the bytes of a binary STL file in millimetres.
+
+    Args:
+        mesh: What is printed, in metres.
+        name: Name in the header, cut after 60 bytes.
+    """
+    corners = 1000 * mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    triangles = np.zeros(len(corners), dtype=_TRIANGLE)
+    triangles["normal"] = normals / np.maximum(lengths, np.finfo(np.float64).tiny)
+    triangles["corners"] = corners
+    # A header that begins with "solid" would be taken for that of a text file.
+    header = f"DuoBench, mm: {name}".encode("ascii", "replace")[:_HEADER].ljust(_HEADER)
+    return header + np.uint32(len(triangles)).astype("<u4").tobytes() + triangles.tobytes()
 
 
 def threemf_bytes(job: PrintJob) -> bytes:

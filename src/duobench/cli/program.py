@@ -7,11 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 
 import tyro
 
-from duobench.cli import data, export
-from duobench.cli.doctor import doctor
-from duobench.cli.evaluate import evaluate
-from duobench.cli.list_tasks import list_tasks
-from duobench.cli.print_ import print_
 from duobench.cli.real import calibrate as real_calibrate
 from duobench.cli.real import doctor as real_doctor
 from duobench.cli.real import evaluate as real_evaluate
@@ -19,20 +14,25 @@ from duobench.cli.real import home as real_home
 from duobench.cli.real import record as real_record
 from duobench.cli.real import teleop as real_teleop
 from duobench.cli.real import verbs as real_verbs
-from duobench.cli.record import record
-from duobench.cli.render import render
-from duobench.cli.replay import replay
-from duobench.cli.results.bundle import bundle
-from duobench.cli.results.compare import compare
-from duobench.cli.results.leaderboard import leaderboard
-from duobench.cli.results.report import report
-from duobench.cli.results.verify import verify
-from duobench.cli.serve import serve
 from duobench.cli.shared.console import console
 from duobench.cli.spelling import check_spelling
-from duobench.cli.teleop import teleop
-from duobench.cli.train import train
-from duobench.cli.view import view
+from duobench.cli.verbs import data, export
+from duobench.cli.verbs.bundle import bundle
+from duobench.cli.verbs.compare import compare
+from duobench.cli.verbs.doctor import doctor
+from duobench.cli.verbs.evaluate import evaluate
+from duobench.cli.verbs.leaderboard import leaderboard
+from duobench.cli.verbs.list_tasks import list_tasks
+from duobench.cli.verbs.print_ import print_
+from duobench.cli.verbs.record import record
+from duobench.cli.verbs.render import render
+from duobench.cli.verbs.replay import replay
+from duobench.cli.verbs.report import report
+from duobench.cli.verbs.serve import serve
+from duobench.cli.verbs.teleop import teleop
+from duobench.cli.verbs.train import train
+from duobench.cli.verbs.verify import verify
+from duobench.cli.verbs.view import view
 from duobench.versions import __version__
 
 DESCRIPTION = (

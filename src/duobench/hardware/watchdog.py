@@ -1,0 +1,155 @@
+"""The watchdog: what can be wrong with the devices of a rig is asked all the time.
+
+An arm that has stopped by itself raises nothing when it is told where to be, and a robot that is
+gone is noticed only because its readings grow old. So everything is asked a hundred times a second,
+whether or not commands come.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+
+from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
+from duobench.errors import escaped
+from duobench.hardware.clock import Clock, Ticker
+from duobench.hardware.controller import ArmsController
+from duobench.hardware.devices import Arm, Camera, Fault, FaultKind, Gripper, image_ages
+from duobench.hardware.supervisor import State, Supervisor
+from duobench.types import Side
+
+_log = logging.getLogger(__name__)
+
+WATCH_HZ = 100.0
+"""How often a second everything is asked whether it is well."""
+STOP_AFTER_S = 30.0
+"""Seconds without a command after which the arms stop, damped, instead of holding."""
+MAX_ARM_AGE_S = 0.1
+"""Oldest reading of an arm that it is moved by, in seconds."""
+MAX_GRIPPER_AGE_S = 0.5
+"""Oldest reading of a gripper, in seconds; one that is told nothing new answers at 30 Hz."""
+MAX_FREEZE_S = 0.2
+"""Longest time in seconds that an arm may be told nothing: this process was stopped."""
+
+
+class Watchdog:
+    """Holds both arms where a device is not well, and stops arms that get no commands.
+
+    Args:
+        arms: Both arms.
+        grippers: Both grippers.
+        cameras: Cameras by name.
+        controller: What the arms are told.
+        supervisor: What the rig is doing.
+        clock: Calls the watchdog.
+        hold: Holds both arms, for a reason and a fault if there is one.
+    """
+
+    def __init__(
+        self,
+        arms: Mapping[Side, Arm],
+        grippers: Mapping[Side, Gripper],
+        cameras: Mapping[str, Camera],
+        *,
+        controller: ArmsController,
+        supervisor: Supervisor,
+        clock: Clock,
+        hold: Callable[[str, Fault | None], None],
+    ) -> None:
+        self._arms, self._grippers, self._cameras = arms, grippers, cameras
+        self._controller, self._supervisor = controller, supervisor
+        self._clock, self._hold = clock, hold
+        self._ticker: Ticker | None = None
+        self._fed = 0.0
+
+    def start(self) -> None:
+        """Watch from now on, in a thread of its own."""
+        self.feed()
+        self._ticker = self._clock.every(1.0 / WATCH_HZ, self._watch, "watch")
+
+    def stop(self) -> None:
+        """Watch no more; stopping twice is harmless."""
+        ticker, self._ticker = self._ticker, None
+        if ticker is not None:
+            ticker.stop()
+
+    def feed(self) -> None:
+        """Take note of a command."""
+        self._fed = self._clock.now()
+
+    def check(self) -> None:
+        """Hold both arms where something is wrong."""
+        if self._supervisor.state in {State.OFF, State.FAULTED, State.RECOVERING}:
+            return
+        if (fault := self.find_fault()) is not None:
+            self._hold(fault.text, fault)
+
+    def find_fault(self) -> Fault | None:
+        """What is wrong with arms, grippers and cameras; None if nothing is."""
+        return self._arm_fault() or self._gripper_fault() or self._camera_fault()
+
+    def _watch(self) -> None:
+        try:
+            self.check()
+        except Exception as error:  # noqa: BLE001 - whatever it is, nobody watches the arms then
+            _log.exception("The watch failed.")
+            text = f"What is wrong cannot be told: {escaped(repr(error))}"
+            self._hold(text, Fault(kind=FaultKind.DEVICE, text=text))
+        now, state = self._clock.now(), self._supervisor.state
+        if not self._controller.is_engaged or state in {State.HOMING, State.READY}:
+            return
+        if now - self._fed > STOP_AFTER_S:
+            if state is State.RUNNING:
+                reason = f"No command came for {STOP_AFTER_S:g} s; the arms were stopped."
+                self._hold(reason, None)
+            self._controller.disengage()
+
+    def _arm_fault(self) -> Fault | None:
+        for side, arm in self._arms.items():
+            reading, streamer = arm.read(), self._controller.streamers[side]
+            if reading.fault is not None:
+                return _named(f"The {side} arm", reading.fault)
+            if (age := self._clock.now() - reading.time_s) > MAX_ARM_AGE_S:
+                return _lost(f"The {side} arm has given no reading for {age:.2f} s.")
+            if not self._controller.is_engaged:
+                continue
+            if not reading.is_tracking:
+                text = f"The {side} arm follows no more commands, and says nothing about why."
+                return Fault(kind=FaultKind.DEVICE, text=text)
+            if (late := streamer.take_lateness()) > MAX_FREEZE_S:
+                return _lost(f"This computer stood still for {late:.2f} s.")
+            if streamer.error is not None:
+                return _lost(f"The {side} arm cannot be told where to be: {streamer.error}")
+        return None
+
+    def _gripper_fault(self) -> Fault | None:
+        for side, gripper in self._grippers.items():
+            reading = gripper.read()
+            if reading.fault is not None:
+                return _named(f"The {side} gripper", reading.fault)
+            if (age := self._clock.now() - reading.time_s) > MAX_GRIPPER_AGE_S:
+                return _lost(f"The {side} gripper has not answered for {age:.2f} s.")
+        return None
+
+    def _camera_fault(self) -> Fault | None:
+        """What is wrong with the cameras; while an episode runs, old images are a fault."""
+        for name, camera in self._cameras.items():
+            if camera.fault is not None:
+                return _named(f"The camera {name}", camera.fault)
+        if self._supervisor.state is not State.RUNNING:
+            return None
+        for name, age in image_ages(self._cameras, self._clock.now()).items():
+            if not age <= MAX_IMAGE_AGE_SECONDS:
+                return _lost(
+                    f"The latest image of the camera {name} is {age:.2f} s old; at most "
+                    f"{MAX_IMAGE_AGE_SECONDS:g} s is right."
+                )
+        return None
+
+
+def _named(device: str, fault: Fault) -> Fault:
+    return Fault(kind=fault.kind, text=f"{device}: {fault.text}")
+
+
+def _lost(text: str) -> Fault:
+    return Fault(kind=FaultKind.COMMUNICATION, text=text)
