@@ -26,7 +26,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test fuzz test-lerobot test-hardware test-interop test-ray test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo demo-robust test test-all fuzz test-lerobot test-hardware test-interop test-ray test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -41,8 +41,11 @@ demo-robust: setup  ## Play the suite robust with the scripted experts, two leve
 	rm -rf $(DEMO_ROBUST)
 	$(BIN)/duobench eval --policy expert --suite robust --levels 1 5 --episodes 1 --workers 2 --out $(DEMO_ROBUST)
 
-test: check  ## Check format, lint and types, then run the tests.
-	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope
+test: check  ## Check format, lint and types, then run the tests; at most six minutes on two cores.
+	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "not slow"
+
+test-all: setup-test  ## Run the tests that `make test` leaves out: more ways, kills, pages, programs.
+	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m slow
 
 fuzz: setup-test  ## Drive the arms violently in every task, and say what breaks; a minute.
 	OMP_NUM_THREADS=1 $(BIN)/python -m dev.tools.fuzz
@@ -94,7 +97,7 @@ docs: setup-test  ## Draw the gallery, replays, looks and printed parts, and wri
 	$(BIN)/python docs/replays.py
 	$(BIN)/python docs/looks.py
 	$(BIN)/python docs/prints.py
-	$(BIN)/python docs/table.py
+	$(BIN)/python docs/tables.py
 
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
 	$(BIN)/python -m tests.golden.episodes

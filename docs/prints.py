@@ -23,7 +23,7 @@ from duobench.objects import chest as chests
 from duobench.objects.joint_blocks import BAR, PEG_HEIGHT
 from duobench.objects.shapes import PRINTER, Colour
 from duobench.objects.solid import Mesh, manifold_from, manifold_of, placed
-from duobench.scene.mesh_normals import add_visual_mesh
+from duobench.scene.meshes import add_visual_mesh
 from duobench.sim.rendering import Renderer
 from duobench.spatial import SE3
 from duobench.tasks import catalog

@@ -16,7 +16,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.progress import Progress, ProgressState
 from duobench.tasks.task import Task
-from duobench.types import Array, DuoCommand
+from duobench.types import Array, DuoCommand, Side
 
 MOVED = ("joints", "before", "openings", "targets", "freedom")
 """What a script changes in its arms."""
@@ -72,6 +72,18 @@ class TaskHarness:
         """Evaluate the stage rule on the state as it is."""
         self.history.append(self.progress.update(self.sim))
         return self.progress.stage
+
+    def rest(self, steps: int) -> int:
+        """Evaluate it for some control steps in which nothing changes."""
+        for _ in range(steps):
+            self.judge()
+        return self.stage
+
+    def push(self, prop: str, *velocity: float, first: int = 0) -> None:
+        """Set a prop's velocity in m/s, then rad/s, from one of its six numbers on."""
+        start = self.sim.model.joint(prop).dofadr[0] + first
+        self.sim.data.qvel[start : start + len(velocity)] = velocity
+        self.sim.forward()
 
     def hold(self, steps: int) -> int:
         """Let physics run with the arms where they were last told to be."""
@@ -161,3 +173,23 @@ class TaskHarness:
         duo = self.sim.duo
         self.sim.step(DuoCommand.from_flat(duo.limits.clip(action, duo.command().flat)))
         self.judge()
+
+
+def set_hinge(sim: Simulation, hinge: str, angle: float, speed: float = 0.0) -> None:
+    """Turn a lid or a door to an angle in radians, at a speed in rad/s."""
+    joint = sim.model.joint(hinge)
+    sim.data.qpos[joint.qposadr[0]] = angle
+    sim.data.qvel[joint.dofadr[0]] = speed
+    sim.forward()
+
+
+def take_away(sim: Simulation, side: Side, state: Array) -> None:
+    """Put one arm where it is in another state."""
+    now = sim.data.qpos.copy()
+    sim.set_state(state)
+    there = sim.data.qpos.copy()
+    sim.data.qpos[:] = now
+    for joint in map(sim.model.joint, range(sim.model.njnt)):
+        if joint.name.startswith(f"{side}/"):
+            sim.data.qpos[joint.qposadr[0]] = there[joint.qposadr[0]]
+    sim.forward()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.ids import env_id
+from duobench.envs.registration import env_id
 from duobench.sim.duo import HOME
 from tests.experts.baseline_episodes import SEEDS, baseline
 

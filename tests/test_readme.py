@@ -15,7 +15,6 @@ from pathlib import Path
 
 import pytest
 
-from docs.table import TABLES, with_table
 from duobench.envs.config import EnvConfig
 from duobench.tasks import catalog
 from tests.docs.markdown import ROOT, blocks, modules, table, tables, text_of
@@ -97,12 +96,6 @@ def test_verbs_of_make_exist() -> None:
     assert verbs
     for verb in {first or second for first, second in verbs}:
         assert re.search(rf"^{verb}:", makefile, flags=re.MULTILINE), verb
-
-
-@pytest.mark.parametrize("page", TABLES, ids=lambda page: page.name)
-def test_tables_of_tasks_are_those_of_the_catalog(page: Path) -> None:
-    text = text_of(page)
-    assert with_table(text, TABLES[page]()) == text, "run: make docs"
 
 
 def test_options_are_those_of_an_environment() -> None:

@@ -19,10 +19,10 @@ MOST = 66
 ROOMS = (
     *("backend", "errors", "files", "kinematics", "looks", "objects", "pages", "randomness"),
     *("references", "robot", "spatial", "stages", "tasks", "types", "versions", "envs", "results"),
-    *("checks", "installing", "lerobot_keys", "processes", "video", "training"),
+    *("lerobot_keys", "machine", "video", "training"),
     *("fabrication", "hardware"),
 )
-NEEDS_AN_ENGINE = ("duobench.envs.make", "duobench.envs.sim_env", "duobench.envs.sim_judge")
+NEEDS_AN_ENGINE = ("duobench.envs.sim_env",)
 
 IMPORT_ALL = """
 import importlib

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import duobench
 from dev.benchmarks.environments import begin
 from dev.benchmarks.measure import Measurement, Work, seconds
+from duobench.envs.observation_wrappers import IMAGE_SIZE
 from duobench.envs.sim_env import sim_of
-from duobench.envs.wrappers.cameras import IMAGE_SIZE
 from duobench.sim import rendering
 from duobench.types import POLICY_CAMERAS
 

@@ -24,7 +24,7 @@ import duobench
 from duobench.data import ActionSource, DataSet, Recording
 from duobench.data.lerobot.actions import labels_of
 from duobench.envs.action_labels import LABELS
-from duobench.envs.reset_options import LAYOUT
+from duobench.envs.config import LAYOUT
 
 SOURCES = (ActionSource.INTENDED, ActionSource.SENT)
 KINDS = tuple(product(LABELS, SOURCES))

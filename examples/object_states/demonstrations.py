@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from duobench.envs.action_labels import LABELS
 from duobench.lerobot_keys import ACTION, OBJECT_STATE, STATE, feature_names
-from duobench.robot.kinematics import tool_frames
+from duobench.robot.frames import tool_frames
 from duobench.types import ARM_JOINTS, SIDES
 
 Rows = NDArray[np.float32]

@@ -1,7 +1,8 @@
-"""Words that every floor shares: sides, states and commands of the two arms."""
+"""Words that every floor shares: sides, states and commands of the two arms, checked numbers."""
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -72,6 +73,36 @@ def real_array(values: ArrayLike, dtype: type[np.floating[Any]]) -> NDArray[Any]
     if array.dtype.kind in "cSUmM" or np.ma.is_masked(array):
         raise TypeError(f"Real numbers are expected, got {array.dtype} or masked values.")
     return np.asarray(array, dtype=dtype)
+
+
+def as_whole(value: Any) -> int | None:
+    """A whole number, Python's or NumPy's, as an int; None for anything else, also for a bool."""
+    if isinstance(value, bool):
+        return None
+    try:
+        return operator.index(value)
+    except TypeError:
+        return None
+
+
+def as_count(value: Any) -> int | None:
+    """A whole number from 1 on as an int; None for anything else."""
+    number = as_whole(value)
+    return number if number is not None and number >= 1 else None
+
+
+def as_size(value: Any) -> tuple[int, int] | None:
+    """Two counts, or one for a square, as height and width in pixels; None for anything else."""
+    if (side := as_count(value)) is not None:
+        return side, side
+    try:
+        pixels = [as_count(part) for part in value]
+    except TypeError:
+        return None
+    match pixels:
+        case [int(height), int(width)]:
+            return height, width
+    return None
 
 
 def _flat(joints: Array, openings: Array) -> Array:

@@ -11,9 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 from enum import Enum
+from typing import Any
 
 from duobench.experts.motion import Arms, Script
 from duobench.sim.simulation import Simulation
+from tests.steps import Act, do
+
+Deed = Callable[[Simulation], bool]
 
 
 class Hands(Enum):
@@ -31,17 +35,27 @@ class Adversary:
     name: str
     """What it does, in a few words."""
     script: Callable[[Arms], Script]
-    """How it acts."""
     gets: int
     """The highest stage that it may reach: with its deed done it reaches this one exactly."""
     _: KW_ONLY
-    deed: Callable[[Simulation], bool]
+    deed: Deed
     """What holds at some control step if the script does what it is meant to do."""
     hands: Hands = Hands.BOTH
-    """Which arms it uses."""
     seed: int = 0
     """First seed of the layouts that are tried until the deed is done."""
     settle: int = 45
     """Control steps for which the robot waits after the script: nothing may count later."""
     lacks: str = ""
     """Part of what the episode says about why it got no further."""
+
+
+def cheats(deed: Deed, **usual: Any) -> Callable[..., Adversary]:
+    """What makes rows `cheat(name, gets, *steps)` of a table, with what they usually have."""
+
+    def cheat(name: str, gets: int, *steps: Act | tuple[Any, ...], **fields: Any) -> Adversary:
+        return Adversary(name, do(*steps), gets, **{"deed": deed, **usual, **fields})
+
+    return cheat
+
+
+ONE, TURNS = {"hands": Hands.ONE}, {"hands": Hands.TURNS}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -26,10 +25,11 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.ball_maze import AT_GOAL, LEFT_START
 from duobench.types import SIDES, Side
-from tests.adversaries.adversary import Adversary, Hands
+from tests.adversaries.adversary import ONE, TURNS, Adversary, cheats
 from tests.sincere.ball_maze import loosened
+from tests.steps import do, to
 
-ONE = Side.LEFT
+ONE_ARM = Side.LEFT
 """The arm that does everything where one is enough."""
 REST = 20
 """Control steps in which the ball comes to rest."""
@@ -79,8 +79,8 @@ def at_goal(*sides: Side) -> Callable[[Simulation], bool]:
 def aside(arms: Arms, side: Side) -> Script:
     """Let go, and bring a gripper out of the way."""
     yield from release(arms, side)
-    yield from move(arms, {side: arms.targets[side].moved(z=0.12)})
-    yield from move(arms, {side: arms.targets[side].moved(x=-0.1, y=0.2 * side.sign)})
+    yield from to(arms, side, arms.targets[side].moved(z=0.12))
+    yield from to(arms, side, arms.targets[side].moved(x=-0.1, y=0.2 * side.sign))
 
 
 def put_down(arms: Arms, side: Side) -> Script:
@@ -98,46 +98,24 @@ def settle_at_goal(arms: Arms, *sides: Side) -> Script:
     yield from wait(REST)
 
 
-def solve_alone(arms: Arms) -> Script:
-    """One arm lifts the board by one grip and tilts it."""
-    yield from grasp(arms, ONE)
-    yield from lift(arms, ONE)
-    yield from settle_at_goal(arms, ONE)
-
-
-def solve_in_turns(arms: Arms) -> Script:
-    """One arm lets the ball roll out of the start, and puts the board down for the other one."""
-    yield from grasp(arms, ONE)
-    yield from lift(arms, ONE)
-    for _ in solve(arms, ONE):
+def begin_alone(arms: Arms) -> Script:
+    """One arm lets the ball roll out of the start."""
+    for _ in solve(arms, ONE_ARM):
         yield
         if from_start(arms.sim) > PITCH:
             break
-    yield from put_down(arms, ONE)
-    yield from grasp(arms, ONE.other)
-    yield from lift(arms, ONE.other)
-    yield from settle_at_goal(arms, ONE.other)
 
 
-def lift_once_then_solve_alone(arms: Arms) -> Script:
-    """Both arms let the ball roll out of the start; the rest one does, and both lift it again."""
+def begin(arms: Arms) -> Script:
+    """Both arms lift the board and let the ball roll out of the start."""
     for _ in script(arms):
         yield
         if from_start(arms.sim) > LEFT_START:
             break
-    yield from aside(arms, ONE.other)
-    yield from settle_at_goal(arms, ONE)
-    yield from put_down(arms, ONE)
-    yield from grasp(arms, *SIDES)
-    yield from lift(arms, *SIDES)
 
 
 def yank(arms: Arms) -> Script:
-    """The ball rolls out of the start, then it hops over walls: the board is yanked away."""
-    for _ in script(arms):
-        yield
-        if from_start(arms.sim) > LEFT_START:
-            break
+    """The ball hops over walls: the board is yanked away."""
     board = arms.sim.pose("board")
     x, y, z = board.translation
     yield from carry(arms, "board", SE3.at(x, y, z + 0.05, yaw=board.yaw), speed=0.2)
@@ -179,7 +157,7 @@ def shake(arms: Arms) -> Script:
 
 def push_the_ball(arms: Arms) -> Script:
     """A finger pushes the ball out of the start; then all is done as it should be."""
-    yield from grip(arms, ONE)
+    yield from grip(arms, ONE_ARM)
     maze, board = maze_of(arms.sim), arms.sim.pose("board")
     start, way = np.array(cell_centre(maze.start)), np.array(maze.plan(maze.start)[0].value)
     yaw = nearest_turn(board.yaw, math.pi / 2)
@@ -187,10 +165,10 @@ def push_the_ball(arms: Arms) -> Script:
         x, y = start + reach * way
         tip = down(*board.apply(np.array([x, y, 2 * BALL_RADIUS])), yaw=yaw)
         if reach < 0.0:
-            yield from move(arms, {ONE: tip.moved(z=0.08)})
-        yield from move(arms, {ONE: tip}, speed=0.1)
-    yield from move(arms, {ONE: arms.targets[ONE].moved(z=0.12)})
-    yield from aside(arms, ONE)
+            yield from to(arms, ONE_ARM, tip.moved(z=0.08))
+        yield from to(arms, ONE_ARM, tip, speed=0.1)
+    yield from to(arms, ONE_ARM, arms.targets[ONE_ARM].moved(z=0.12))
+    yield from aside(arms, ONE_ARM)
     if is_ahead(arms.sim):
         yield from islice(script(arms), MAX_SOLVE)
         yield from wait(REST)
@@ -213,36 +191,39 @@ def pressed(sim: Simulation) -> bool:
     return pads <= sim.contacts.partners("board")
 
 
-cheat = partial(Adversary, deed=at_goal(*SIDES))
+TAKE, OTHER = do((grasp, ONE_ARM), (lift, ONE_ARM)), ONE_ARM.other
+TAKE_OTHER = do((grasp, OTHER), (lift, OTHER))
+cheat = cheats(at_goal(*SIDES))
 ADVERSARIES: tuple[Adversary, ...] = (
     cheat(
         "one arm alone lifts the board and solves the maze",
-        solve_alone,
         1,
-        hands=Hands.ONE,
-        deed=at_goal(ONE),
+        *(TAKE, (settle_at_goal, ONE_ARM)),
+        **ONE,
+        deed=at_goal(ONE_ARM),
     ),
     cheat(
         "one arm begins and puts the board down, the other one solves the maze",
-        solve_in_turns,
         1,
-        hands=Hands.TURNS,
-        deed=at_goal(ONE.other),
+        *(TAKE, begin_alone, (put_down, ONE_ARM), TAKE_OTHER, (settle_at_goal, OTHER)),
+        **TURNS,
+        deed=at_goal(OTHER),
     ),
     cheat(
         "both arms begin, one goes on alone, both lift the board again",
-        lift_once_then_solve_alone,
         3,
+        *(begin, (aside, OTHER), (settle_at_goal, ONE_ARM), (put_down, ONE_ARM)),
+        *((grasp, *SIDES), (lift, *SIDES)),
         lacks="ball rolls while board is not held up by both arms",
     ),
     cheat(
         "one arm loosens its grip for a whole run of the ball",
-        loosened(60, 1),
         3,
+        loosened(60, 1),
         lacks="ball rolls while board is not held up by both arms",
     ),
-    cheat("the board is yanked away and the ball hops over the walls", yank, 3),
-    cheat("the board is jerked about on the table", shake, 2),
-    cheat("a finger pushes the ball out of the start", push_the_ball, 2),
-    cheat("half-open fingers are pressed on two grips", press_half_open_fingers, 1, deed=pressed),
+    cheat("the board is yanked away and the ball hops over the walls", 3, begin, yank),
+    cheat("the board is jerked about on the table", 2, shake),
+    cheat("a finger pushes the ball out of the start", 2, push_the_ball),
+    cheat("half-open fingers are pressed on two grips", 1, press_half_open_fingers, deed=pressed),
 )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 
 from duobench.experts.handling import pick, pick_cube, place
 from duobench.experts.motion import (
@@ -24,7 +22,8 @@ from duobench.scene.naming import TABLE
 from duobench.sim.simulation import Simulation
 from duobench.stages.predicates import STILL_SPEED
 from duobench.types import CONTROL_HZ, SIDES, Side
-from tests.adversaries.adversary import Adversary, Hands
+from tests.adversaries.adversary import ONE, Adversary, cheats
+from tests.steps import to
 
 GRASP_HEIGHT, DROP_HEIGHT = 0.028, 0.045
 """Heights of the tool in metres: grasping a cube on the table, letting go of it in a bowl."""
@@ -50,7 +49,7 @@ def throw(arms: Arms) -> Script:
     yield from pick_cube(arms, Side.LEFT, "white_cube", GRASP_HEIGHT)
     x, y, _ = arms.sim.position("white_bowl")
     start, end = down(x, y - RUN_UP, THROW_HEIGHT), down(x, y, THROW_HEIGHT)
-    yield from move(arms, {Side.LEFT: start})
+    yield from to(arms, Side.LEFT, start)
     swing = follow(arms, lambda f: {Side.LEFT: start.interpolate(end, f)}, THROW_SECONDS)
     for number, _ in enumerate(swing):
         if number >= THROW_SECONDS * CONTROL_HZ / 2:
@@ -58,18 +57,10 @@ def throw(arms: Arms) -> Script:
         yield
 
 
-def drop(height: float) -> Callable[[Arms], Script]:
+def drop(arms: Arms, height: float) -> Script:
     """Let both cubes fall into their bowls, from a height above the rims in metres."""
-
-    def script(arms: Arms) -> Script:
-        yield from together(
-            *(
-                _drop(arms, side, f"{colour}_cube", f"{colour}_bowl", height)
-                for side, colour in ((Side.LEFT, "white"), (Side.RIGHT, "black"))
-            )
-        )
-
-    return script
+    hands = ((Side.LEFT, "white"), (Side.RIGHT, "black"))
+    yield from together(*(_drop(arms, side, f"{c}_cube", f"{c}_bowl", height) for side, c in hands))
 
 
 def _drop(arms: Arms, side: Side, cube: str, bowl: str, height: float) -> Script:
@@ -77,15 +68,15 @@ def _drop(arms: Arms, side: Side, cube: str, bowl: str, height: float) -> Script
     x, y, _ = arms.sim.position(bowl)
     below = arms.targets[side].translation[2] - arms.sim.min_height(cube)
     above = down(x, y, RIM_HEIGHT + height + below)
-    yield from move(arms, {side: above.moved(z=0.05)})
-    yield from move(arms, {side: above}, speed=0.1)
+    yield from to(arms, side, above.moved(z=0.05))
+    yield from to(arms, side, above, speed=0.1)
     yield from release(arms, side)
-    yield from move(arms, {side: above.moved(z=0.1)}, arrive=False)
+    yield from to(arms, side, above.moved(z=0.1), arrive=False)
 
 
 def drop_and_pinch(arms: Arms, lift: float = 0.0) -> Script:
     """The same; then each is grasped where it lies, lifted by `lift` metres, and let go there."""
-    yield from drop(DROPS[0])(arms)
+    yield from drop(arms, DROPS[0])
     sides = {"white_cube": Side.LEFT, "black_cube": Side.RIGHT}
     tools = {}
     for cube, side in sides.items():
@@ -108,16 +99,16 @@ def push_in_from_the_rim(arms: Arms) -> Script:
     yield from pick_cube(arms, Side.LEFT, "white_cube", GRASP_HEIGHT)
     x, y, _ = arms.sim.position("white_bowl")
     ledge = down(x, y - RADIUS + WALL / 2, RIM_HEIGHT + GRASP_HEIGHT)
-    yield from move(arms, {Side.LEFT: ledge.moved(z=0.05)})
-    yield from move(arms, {Side.LEFT: ledge}, speed=0.1)
+    yield from to(arms, Side.LEFT, ledge.moved(z=0.05))
+    yield from to(arms, Side.LEFT, ledge, speed=0.1)
     yield from release(arms, Side.LEFT)
-    yield from move(arms, {Side.LEFT: ledge.moved(z=0.1)})
+    yield from to(arms, Side.LEFT, ledge.moved(z=0.1))
     yield from grip(arms, Side.LEFT)
     behind = ledge.moved(y=-0.05, z=0.005)
-    yield from move(arms, {Side.LEFT: behind.moved(z=0.1)})
-    yield from move(arms, {Side.LEFT: behind}, speed=0.1)
-    yield from move(arms, {Side.LEFT: behind.moved(y=0.06)}, speed=0.1)
-    yield from move(arms, {Side.LEFT: behind.moved(y=0.06, z=0.1)})
+    yield from to(arms, Side.LEFT, behind.moved(z=0.1))
+    yield from to(arms, Side.LEFT, behind, speed=0.1)
+    yield from to(arms, Side.LEFT, behind.moved(y=0.06), speed=0.1)
+    yield from to(arms, Side.LEFT, behind.moved(y=0.06, z=0.1))
 
 
 def swap(arms: Arms) -> Script:
@@ -132,7 +123,7 @@ def swap(arms: Arms) -> Script:
         ):
             yield from pick_cube(arms, side, cube, GRASP_HEIGHT)
             yield from place(arms, side, down(x, y, z))
-            yield from move(arms, {side: down(MIDDLE[0], 0.3 * side.sign, 0.3)}, arrive=False)
+            yield from to(arms, side, down(MIDDLE[0], 0.3 * side.sign, 0.3), arrive=False)
 
 
 def swapped(sim: Simulation) -> bool:
@@ -142,12 +133,12 @@ def swapped(sim: Simulation) -> bool:
 def lifted_bowl(arms: Arms) -> Script:
     """One arm holds the white bowl in the air by its rim; the other one puts the white cube in."""
     yield from pick_cube(arms, Side.RIGHT, "white_cube", GRASP_HEIGHT)
-    yield from move(arms, {Side.RIGHT: down(MIDDLE[0], -0.2, 0.25)})
+    yield from to(arms, Side.RIGHT, down(MIDDLE[0], -0.2, 0.25))
     x, y, _ = arms.sim.position("white_bowl")
     rim = RADIUS - WALL / 2
     yield from pick(arms, Side.LEFT, down(x, y + rim, RIM_HEIGHT), lift=BOWL_LIFT)
     over = down(*MIDDLE, BOWL_LIFT).moved(y=rim)
-    yield from move(arms, {Side.LEFT: over})
+    yield from to(arms, Side.LEFT, over)
     x, y, z = arms.sim.position("white_bowl")
     yield from place(arms, Side.RIGHT, down(x, y - rim / 3, z + DROP_HEIGHT), above=0.12)
 
@@ -176,35 +167,29 @@ def flying(sim: Simulation) -> bool:
     return fast and in_bowl(sim, "white_cube", "white_bowl")
 
 
-cheat = partial(Adversary, deed=both_in)
+cheat = cheats(both_in)
 ADVERSARIES: tuple[Adversary, ...] = (
-    cheat(
-        "a thrown cube touches its bowl in flight", throw, 1, hands=Hands.ONE, deed=flying, seed=1
-    ),
+    cheat("a thrown cube touches its bowl in flight", 1, throw, **ONE, deed=flying, seed=1),
     *(
         cheat(
             f"both cubes are dropped from {1000 * height:.0f} mm above the rims",
-            drop(height),
             2,
+            (drop, height),
             lacks="_cube go: ",
         )
         for height in DROPS
     ),
     cheat(
-        "both cubes are dropped from above the rims, and grasped where they lie", drop_and_pinch, 2
+        "both cubes are dropped from above the rims, and grasped where they lie", 2, drop_and_pinch
     ),
     cheat(
-        "a cube is pushed from the rim into its bowl",
-        push_in_from_the_rim,
-        1,
-        hands=Hands.ONE,
-        deed=lying,
+        "a cube is pushed from the rim into its bowl", 1, push_in_from_the_rim, **ONE, deed=lying
     ),
-    cheat("each cube lies in the other's bowl", swap, 1, deed=swapped),
+    cheat("each cube lies in the other's bowl", 1, swap, deed=swapped),
     cheat(
         "a cube lies in its bowl, which an arm holds in the air",
-        lifted_bowl,
         1,
+        lifted_bowl,
         deed=in_the_air,
         lacks="white_bowl does not touch table",
     ),

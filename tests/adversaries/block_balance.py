@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 
 from duobench.experts.handling import pick, place, tool_for
 from duobench.experts.motion import CAREFUL, Arms, Script, down, grip, move, release, together, wait
@@ -14,7 +12,8 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, CUBE_EDGE, LEVEL_DEGREES, TIPPING
 from duobench.types import SIDES, Side
-from tests.adversaries.adversary import Adversary, Hands
+from tests.adversaries.adversary import ONE, TURNS, Adversary, cheats
+from tests.steps import do, pause, to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR, FAR = 0.032, 0.078
@@ -87,13 +86,13 @@ def outward(side: Side) -> float:
 def away(arms: Arms, side: Side) -> Script:
     """Let go, go up, and out of the other arm's way."""
     yield from release(arms, side)
-    yield from move(arms, {side: arms.targets[side].moved(z=0.15)}, speed=0.3)
+    yield from to(arms, side, arms.targets[side].moved(z=0.15), speed=0.3)
     yield from aside(arms, side)
 
 
 def aside(arms: Arms, side: Side) -> Script:
     """Go out of the other arm's way."""
-    yield from move(arms, {side: arms.targets[side].moved(y=0.2 * side.sign)}, arrive=False)
+    yield from to(arms, side, arms.targets[side].moved(y=0.2 * side.sign), arrive=False)
 
 
 def put_near(arms: Arms, side: Side, name: str) -> Script:
@@ -105,9 +104,9 @@ def put_near(arms: Arms, side: Side, name: str) -> Script:
     beam = arms.sim.pose("beam")
     goal = beam @ SE3.at(0.0, half, (BEAM[2] + BLOCK[2]) / 2 + 0.0005)
     tool = tool_for(arms, side, name, SE3.at(*goal.translation, yaw=beam.yaw))
-    yield from move(arms, {side: tool.moved(z=0.06)}, speed=0.3)
+    yield from to(arms, side, tool.moved(z=0.06), speed=0.3)
     yield from wait(6)
-    yield from move(arms, {side: tool}, speed=0.06)
+    yield from to(arms, side, tool, speed=0.06)
     yield from wait(6)
     yield from away(arms, side)
 
@@ -116,12 +115,12 @@ def slide(arms: Arms, side: Side, name: str) -> Script:
     """One arm slides a block that stands on the beam out to the end."""
     x, y, z = arms.sim.position(name)
     tool = down(x, y, z + GRASP, yaw=outward(side))
-    yield from move(arms, {side: tool.moved(z=0.12)}, speed=0.3)
-    yield from move(arms, {side: tool}, speed=CAREFUL)
+    yield from to(arms, side, tool.moved(z=0.12), speed=0.3)
+    yield from to(arms, side, tool, speed=CAREFUL)
     yield from grip(arms, side)
     out = math.copysign(FAR, arms.sim.relative_position(name, "beam")[1])
     shift = out - arms.sim.relative_position(name, "beam")[1]
-    yield from move(arms, {side: arms.targets[side].moved(y=shift)}, speed=0.05)
+    yield from to(arms, side, arms.targets[side].moved(y=shift), speed=0.05)
     yield from wait(6)
     yield from away(arms, side)
 
@@ -135,51 +134,39 @@ def build(arms: Arms, *sides: Side) -> Script:
             yield from act(arms, side, name)
 
 
-def alone(arms: Arms) -> Script:
-    yield from lay_beam(arms)
-    yield from build(arms, RIGHT, RIGHT)
-
-
-def in_turns(arms: Arms) -> Script:
-    yield from lay_beam(arms, RIGHT)
-    yield from aside(arms, RIGHT)
-    yield from build(arms, LEFT, RIGHT)
+def tool_at(arms: Arms, side: Side) -> SE3:
+    """Where a tool grasps its block."""
+    x, y, z = arms.sim.position(f"{side}_block")
+    return down(x, y, z + GRASP, yaw=outward(side))
 
 
 def close_once(arms: Arms) -> Script:
-    """Both grasp a block, on the table; then one arm does all."""
-    yield from lay_beam(arms)
+    """Both grasp a block, on the table."""
     for side in SIDES:
-        x, y, z = arms.sim.position(f"{side}_block")
-        yield from move(arms, {side: down(x, y, z + GRASP + 0.12, yaw=outward(side))})
-        yield from move(arms, {side: down(x, y, z + GRASP, yaw=outward(side))}, speed=CAREFUL)
+        tool = tool_at(arms, side)
+        yield from to(arms, side, tool.moved(z=0.12))
+        yield from to(arms, side, tool, speed=CAREFUL)
     yield from grip(arms, *SIDES)
+    yield from both_away(arms)
+
+
+def both_away(arms: Arms) -> Script:
     yield from together(*(away(arms, side) for side in SIDES))
-    yield from build(arms, RIGHT, RIGHT)
 
 
-def grasp_on_the_beam(lift: float) -> Callable[[Arms], Script]:
-    """When all is built in turns, both grasp their blocks together, raise them, and let go."""
-
-    def script(arms: Arms) -> Script:
-        yield from in_turns(arms)
-        tools = {}
-        for side in SIDES:
-            x, y, z = arms.sim.position(f"{side}_block")
-            tools[side] = down(x, y, z + GRASP, yaw=outward(side))
-        yield from move(arms, {side: tool.moved(z=0.12) for side, tool in tools.items()})
-        yield from move(arms, tools, speed=CAREFUL)
-        yield from grip(arms, *SIDES)
-        yield from wait(5)
-        if lift:
-            raised = {side: tool.moved(z=lift) for side, tool in tools.items()}
+def grasp_on_the_beam(arms: Arms, lift: float) -> Script:
+    """Both grasp their blocks together, raise them, and let go."""
+    tools = {side: tool_at(arms, side) for side in SIDES}
+    yield from move(arms, {side: tool.moved(z=0.12) for side, tool in tools.items()})
+    yield from move(arms, tools, speed=CAREFUL)
+    yield from grip(arms, *SIDES)
+    yield from wait(5)
+    if lift:
+        for height in (lift, 0.0):
+            raised = {side: tool.moved(z=height) for side, tool in tools.items()}
             yield from move(arms, raised, speed=0.05)
             yield from wait(3)
-            yield from move(arms, tools, speed=0.05)
-            yield from wait(3)
-        yield from together(*(away(arms, side) for side in SIDES))
-
-    return script
+    yield from both_away(arms)
 
 
 def press(arms: Arms) -> Script:
@@ -203,7 +190,7 @@ def beside(arms: Arms) -> Script:
     near = x - (CUBE_EDGE + BEAM[0]) / 2
     for gap in (0.04, 0.0):
         goal = tool_for(arms, RIGHT, "beam", SE3.at(near - gap, y, BESIDE))
-        yield from move(arms, {RIGHT: goal.moved(x=0.002)}, speed=0.1)
+        yield from to(arms, RIGHT, goal.moved(x=0.002), speed=0.1)
     yield from wait(30)
 
 
@@ -217,97 +204,66 @@ def lay_aslant(arms: Arms) -> Script:
     yield from place(arms, RIGHT, goal, above=0.06, retreat=0.15, speed=0.3)
 
 
-def drop_from(height: float) -> Callable[[Arms], Script]:
-    def drop(arms: Arms) -> Script:
-        """Both let their blocks go together above the beam."""
-        yield from lay_beam(arms)
-        yield from together(*(take_block(arms, side) for side in SIDES))
-        yield from lower(arms, gap=height)
-        yield from release(arms, *SIDES)
-        yield from wait(15)
-        yield from together(*(away(arms, side) for side in SIDES))
-
-    return drop
-
-
-def one_waits_for_the_other(arms: Arms) -> Script:
-    """One block stands on the beam, held, for two seconds before the other one comes, which is let
-    go long before it.
-    """
-    yield from lay_beam(arms)
+def take_both(arms: Arms) -> Script:
     yield from together(*(take_block(arms, side) for side in SIDES))
-    yield from lower(arms, LEFT)
-    yield from wait(60)
-    yield from lower(arms, RIGHT)
-    yield from away(arms, RIGHT)
-    yield from wait(30)
-    yield from away(arms, LEFT)
 
 
-def keep_one(arms: Arms) -> Script:
-    """Both put their blocks down together; the right arm never lets go."""
-    yield from lay_beam(arms)
-    yield from together(*(take_block(arms, side) for side in SIDES))
-    yield from lower(arms)
-    yield from away(arms, LEFT)
-    yield from wait(60)
-
-
-def rebuild(arms: Arms) -> Script:
-    """Both put their blocks down together, and take them off again; one arm puts them back."""
-    yield from lay_beam(arms)
-    yield from together(*(take_block(arms, side) for side in SIDES))
+def put_on_and_off(arms: Arms) -> Script:
+    """Both put their blocks down together, and take them off again."""
     before = dict(arms.targets)
     yield from lower(arms)
     there = dict(arms.targets)
     yield from move(arms, {side: tool.moved(z=0.10) for side, tool in there.items()}, speed=0.2)
     yield from move(arms, before, speed=0.2)
     yield from move(arms, {side: tool.moved(z=-0.12) for side, tool in before.items()}, speed=0.1)
-    yield from together(*(away(arms, side) for side in SIDES))
-    yield from build(arms, RIGHT, RIGHT)
+    yield from both_away(arms)
 
 
-cheat = partial(Adversary, deed=balanced)
+ALONE = (build, RIGHT, RIGHT)
+LADEN = do(lay_beam, take_both)
+in_turns = do((lay_beam, RIGHT), (aside, RIGHT), (build, LEFT, RIGHT))
+cheat = cheats(balanced)
 ADVERSARIES: tuple[Adversary, ...] = (
     cheat(
-        "one arm puts one block on after the other, and slides them out", alone, 2, hands=Hands.ONE
+        "one arm puts one block on after the other, and slides them out", 2, lay_beam, ALONE, **ONE
     ),
-    cheat("each arm puts its block on and slides it out, in turns", in_turns, 2, hands=Hands.TURNS),
-    cheat("both grasp the blocks once on the table, then one arm builds it", close_once, 3),
-    cheat("built in turns, then both grasp the blocks on the beam", grasp_on_the_beam(0.0), 3),
+    cheat("each arm puts its block on and slides it out, in turns", 2, in_turns, **TURNS),
+    cheat(
+        "both grasp the blocks once on the table, then one arm builds it",
+        3,
+        *(lay_beam, close_once, ALONE),
+    ),
+    cheat(
+        "built in turns, then both grasp the blocks on the beam",
+        3,
+        *(in_turns, (grasp_on_the_beam, 0.0)),
+    ),
     cheat(
         "built in turns, then both raise the blocks on the beam by 5 mm",
-        grasp_on_the_beam(0.005),
         3,
+        *(in_turns, (grasp_on_the_beam, 0.005)),
     ),
-    cheat(
-        "the beam is held in the hand against the cube",
-        beside,
-        1,
-        hands=Hands.ONE,
-        deed=against_the_cube,
-    ),
-    cheat(
-        "the beam is laid so that it slides off",
-        lay_aslant,
-        1,
-        hands=Hands.ONE,
-        deed=let_go_on_the_cube,
-    ),
+    cheat("the beam is held in the hand against the cube", 1, beside, **ONE, deed=against_the_cube),
+    cheat("the beam is laid so that it slides off", 1, lay_aslant, **ONE, deed=let_go_on_the_cube),
     cheat(
         "one block waits on the beam, in the hand, for the other one",
-        one_waits_for_the_other,
         3,
+        *(LADEN, (lower, LEFT), (pause, 60), (lower, RIGHT)),
+        *((away, RIGHT), (pause, 30), (away, LEFT)),
         lacks="left_block is there before right_block",
     ),
-    cheat("both let their blocks go 2 cm above the beam", drop_from(0.02), 3),
-    cheat("half-open fingers pressed on the blocks", press, 2, deed=pressed),
+    cheat(
+        "both let their blocks go 2 cm above the beam",
+        3,
+        *(LADEN, (lower, {"gap": 0.02}), (release, *SIDES), (pause, 15), both_away),
+    ),
+    cheat("half-open fingers pressed on the blocks", 2, press, deed=pressed),
     cheat(
         "a balance held by a gripper",
-        keep_one,
         4,
+        *(LADEN, lower, (away, LEFT), (pause, 60)),
         deed=held_balance,
         lacks="right arm touches right_block",
     ),
-    cheat("built by both, taken down, and built again by one arm", rebuild, 4),
+    cheat("built by both, taken down, and built again by one arm", 4, LADEN, put_on_and_off, ALONE),
 )

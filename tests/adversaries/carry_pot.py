@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 
 from duobench.experts.handling import carry
 from duobench.experts.motion import (
@@ -15,7 +13,6 @@ from duobench.experts.motion import (
     down,
     follow,
     grip,
-    move,
     release,
     wait,
 )
@@ -26,7 +23,8 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.carry_pot import OFF_CENTRE, TILT_DEGREES
 from duobench.types import Side
-from tests.adversaries.adversary import Adversary, Hands
+from tests.adversaries.adversary import ONE, TURNS, Adversary, cheats
+from tests.steps import by, pause, to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 LOW = 0.025
@@ -66,15 +64,15 @@ def drag(arms: Arms) -> Script:
     """The left arm lifts its side of the pot, pulls the other one up onto the plate, lets go."""
     yield from grasp(arms, LEFT)
     start = arms.targets[LEFT]
-    yield from move(arms, {LEFT: start.moved(z=0.07)}, speed=0.1)
+    yield from to(arms, LEFT, start.moved(z=0.07), speed=0.1)
     x, y = middle(arms)
     from_x, from_y, _ = arms.sim.position("pot")
     over = start.moved(x=x - from_x, y=y - from_y)
-    yield from move(arms, {LEFT: over.moved(z=0.09)}, speed=0.15)
+    yield from to(arms, LEFT, over.moved(z=0.09), speed=0.15)
     yield from wait(10)
     x_now, y_now, _ = arms.sim.position("pot")
-    yield from move(arms, {LEFT: over.moved(x=x - x_now, y=y - y_now, z=0.09)}, speed=0.1)
-    yield from move(arms, {LEFT: over.moved(x=x - x_now, y=y - y_now, z=PLATE[2])}, speed=0.1)
+    yield from to(arms, LEFT, over.moved(x=x - x_now, y=y - y_now, z=0.09), speed=0.1)
+    yield from to(arms, LEFT, over.moved(x=x - x_now, y=y - y_now, z=PLATE[2]), speed=0.1)
     yield from let_go(arms, LEFT)
 
 
@@ -87,8 +85,8 @@ def carry_alone(arms: Arms) -> Script:
     slant = SE3.about((1, 0, 0), 0.159) @ down(0, 0, 0, yaw=-1.362, tilt=0.391)
     tool = end @ slant @ SE3.at(yaw=math.pi)
     arms.openings[RIGHT.index] = 0.593
-    yield from move(arms, {RIGHT: tool @ SE3.at(z=-0.1)}, tolerance=NEAR)
-    yield from move(arms, {RIGHT: tool}, speed=CAREFUL)
+    yield from to(arms, RIGHT, tool @ SE3.at(z=-0.1), tolerance=NEAR)
+    yield from to(arms, RIGHT, tool, speed=CAREFUL)
     yield from grip(arms, RIGHT)
 
     def up(fraction: float) -> dict[Side, SE3]:
@@ -101,34 +99,26 @@ def carry_alone(arms: Arms) -> Script:
     yield from let_go(arms, RIGHT)
 
 
-def push_and_drag(arms: Arms) -> Script:
-    """The right arm pushes the pot a part of the way, then the left one drags it on."""
-    yield from grasp(arms, RIGHT)
-    yield from move(arms, {RIGHT: arms.targets[RIGHT].moved(y=0.04)}, speed=0.1)
-    yield from let_go(arms, RIGHT)
-    yield from drag(arms)
-
-
-def lift_and_drag(arms: Arms) -> Script:
-    """Both lift it once, and put it back; one arm does the rest."""
+def put_back(arms: Arms) -> Script:
+    """Both lift it once, and put it back."""
     start = arms.sim.pose("pot")
     yield from lift(arms)
     yield from carry(arms, "pot", start.moved(z=-0.005), speed=0.1)
     yield from let_go(arms)
-    yield from drag(arms)
 
 
 def skim(arms: Arms) -> Script:
     """Both carry it, so low that it is hardly lifted."""
-    yield from grasp(arms)
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=LOW), speed=0.1)
     yield from wait(10)
     x, y = middle(arms)
     low = arms.sim.pose("pot")
     goal = low.moved(x=x - low.translation[0], y=y - low.translation[1])
     yield from carry(arms, "pot", goal, speed=0.1)
-    yield from land(arms)
-    yield from let_go(arms)
+
+
+def over_plate(arms: Arms) -> Script:
+    yield from carry_over(arms, *middle(arms))
 
 
 def hover(arms: Arms, height: float) -> Script:
@@ -142,71 +132,31 @@ def hover(arms: Arms, height: float) -> Script:
     yield from wait(10)
 
 
-def drop_from(height: float) -> Callable[[Arms], Script]:
-    def drop(arms: Arms) -> Script:
-        yield from hover(arms, height)
-        yield from let_go(arms)
-
-    return drop
-
-
-def drop_and_grasp(arms: Arms) -> Script:
-    """It falls by two centimetres; then both take its handles again, and let go."""
-    yield from hover(arms, 0.02)
-    yield from release(arms, LEFT, RIGHT, opening=0.3)
-    yield from grasp(arms)
-    yield from let_go(arms)
-
-
-def one_lets_go(arms: Arms) -> Script:
-    """Above the plate the right arm lets go; the left one puts the pot down alone."""
-    yield from lift(arms)
-    yield from carry_over(arms, *middle(arms))
-    yield from wait(10)
-    yield from let_go(arms, RIGHT)
-    yield from move(arms, {LEFT: arms.targets[LEFT].moved(z=-0.045)}, speed=0.05)
-    yield from let_go(arms, LEFT)
-
-
-def one_hovers(arms: Arms) -> Script:
-    """Two centimetres above the plate the left arm lets go, and the right one puts it down."""
-    yield from hover(arms, 0.02)
-    yield from let_go(arms, LEFT)
-    yield from wait(10)
-    yield from let_go(arms, RIGHT)
-
-
-def one_carries_on(arms: Arms) -> Script:
-    """The right arm lets go in the air, and takes its handle again before both put the pot down."""
-    yield from lift(arms)
-    yield from wait(10)
+def loosen(arms: Arms) -> Script:
+    """The right arm lets go in the air, and takes its handle again."""
     held = arms.targets[RIGHT]
     yield from release(arms, RIGHT, opening=0.3)
     yield from wait(5)
     yield from release(arms, RIGHT, opening=0.0)
     arms.targets[RIGHT] = held
-    yield from carry_over(arms, *middle(arms))
-    yield from land(arms)
-    yield from let_go(arms)
 
 
 def put_on_the_edge(arms: Arms) -> Script:
     """Both put it down on the plate's edge; one arm pushes it to the middle."""
-    yield from lift(arms)
     x, y = middle(arms)
     yield from carry_over(arms, x, y - 0.145)
     yield from land(arms)
     yield from let_go(arms)
     behind = arms.sim.position("pot")[1] - 0.22
     yield from grip(arms, RIGHT)
-    yield from move(arms, {RIGHT: down(x, behind, 0.16)})
-    yield from move(arms, {RIGHT: down(x, behind, 0.045)}, speed=CAREFUL)
+    yield from to(arms, RIGHT, down(x, behind, 0.16))
+    yield from to(arms, RIGHT, down(x, behind, 0.045), speed=CAREFUL)
     pushing = arms.targets[RIGHT]
     for _ in follow(arms, lambda f: {RIGHT: pushing.moved(y=0.22 * f)}, 4.0):
         if arms.sim.position("pot")[1] > y - 0.05:
             break
         yield
-    yield from move(arms, {RIGHT: arms.tcp_pose(RIGHT).moved(y=-0.08)}, speed=0.2)
+    yield from to(arms, RIGHT, arms.tcp_pose(RIGHT).moved(y=-0.08), speed=0.2)
 
 
 def high(sim: Simulation) -> bool:
@@ -216,35 +166,51 @@ def high(sim: Simulation) -> bool:
     return not hands and abs(x) < OFF_CENTRE[0] and abs(y) < OFF_CENTRE[1] and z > HEIGHT / 2 + 0.1
 
 
-cheat = partial(Adversary, deed=on_stove)
+DOWN = (land, let_go)
+cheat = cheats(on_stove)
 ADVERSARIES: tuple[Adversary, ...] = (
+    cheat("one arm carries the pot level", 1, carry_alone, **ONE, deed=level_and_alone, seed=3),
+    cheat("one arm drags the pot onto the plate", 1, drag, **ONE),
     cheat(
-        "one arm carries the pot level",
-        carry_alone,
+        "one arm pushes it, then the other one drags it",
         1,
-        hands=Hands.ONE,
-        deed=level_and_alone,
-        seed=3,
+        *((grasp, RIGHT), (by, RIGHT, {"y": 0.04, "speed": 0.1}), (let_go, RIGHT), drag),
+        **TURNS,
     ),
-    cheat("one arm drags the pot onto the plate", drag, 1, hands=Hands.ONE),
-    cheat("one arm pushes it, then the other one drags it", push_and_drag, 1, hands=Hands.TURNS),
-    cheat("both lift it once, then one arm drags it", lift_and_drag, 2),
-    cheat("both carry it without lifting it", skim, 1),
+    cheat("both lift it once, then one arm drags it", 2, put_back, drag),
+    cheat("both carry it without lifting it", 1, grasp, skim, *DOWN),
     cheat(
         "both put it on the plate's edge, one arm pushes it to the middle",
-        put_on_the_edge,
         2,
+        *(lift, put_on_the_edge),
         seed=3,
     ),
-    cheat("both let go 17 cm above the plate", drop_from(0.17), 2, deed=high),
+    cheat("both let go 17 cm above the plate", 2, (hover, 0.17), let_go, deed=high),
     cheat(
         "both let go 2 cm above the plate",
-        drop_from(0.02),
         2,
+        *((hover, 0.02), let_go),
         lacks="when both hands last had pot: pot is ",
     ),
-    cheat("both let go 2 cm above the plate, and grasp the handles again", drop_and_grasp, 2),
-    cheat("one arm lets go above the plate", one_lets_go, 2),
-    cheat("one arm lets go 2 cm above the plate, the other one a moment later", one_hovers, 2),
-    cheat("one arm lets go in the air, and grasps its handle again", one_carries_on, 2),
+    cheat(
+        "both let go 2 cm above the plate, and grasp the handles again",
+        2,
+        *((hover, 0.02), (release, LEFT, RIGHT, {"opening": 0.3}), grasp, let_go),
+    ),
+    cheat(
+        "one arm lets go above the plate",
+        2,
+        *(lift, over_plate, (pause, 10), (let_go, RIGHT)),
+        *((by, LEFT, {"z": -0.045, "speed": 0.05}), (let_go, LEFT)),
+    ),
+    cheat(
+        "one arm lets go 2 cm above the plate, the other one a moment later",
+        2,
+        *((hover, 0.02), (let_go, LEFT), (pause, 10), (let_go, RIGHT)),
+    ),
+    cheat(
+        "one arm lets go in the air, and grasps its handle again",
+        2,
+        *(lift, (pause, 10), loosen, over_plate, *DOWN),
+    ),
 )

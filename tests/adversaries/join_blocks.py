@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 from duobench.experts.handling import pick, tool_for
 from duobench.experts.motion import CAREFUL, Arms, Script, down, grip, move, release, together, wait
@@ -23,8 +22,10 @@ from duobench.sim.contacts import Limb, limb_owner
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
-from tests.adversaries.adversary import Adversary, Hands
+from tests.adversaries.adversary import ONE, TURNS, Adversary, cheats
+from tests.steps import do, to
 
+LEFT, RIGHT = Side.LEFT, Side.RIGHT
 LIGHT, DARK = "light_block", "dark_block"
 DEEP = 0.010
 """Depth in metres from which on a peg is inserted."""
@@ -123,16 +124,9 @@ def plug_in_light(arms: Arms, side: Side) -> Script:
     yield from let_go(arms, side)
 
 
-def grasp_both(arms: Arms) -> Script:
-    """Close on both blocks once, on the table, and let go again."""
-    yield from together(take(arms, Side.LEFT, LIGHT, 0.0), take(arms, Side.RIGHT, DARK, 0.0))
-    yield from let_go(arms, *SIDES)
-    yield from make_room(arms, Side.LEFT)
-
-
 def make_room(arms: Arms, side: Side) -> Script:
     """Move an arm out of the other one's way."""
-    yield from move(arms, {side: down(0.3, 0.4 * side.sign, 0.3)})
+    yield from to(arms, side, down(0.3, 0.4 * side.sign, 0.3))
 
 
 def one_after_the_other(arms: Arms, dark: Side, light: Side) -> Script:
@@ -143,80 +137,58 @@ def one_after_the_other(arms: Arms, dark: Side, light: Side) -> Script:
     yield from plug_in_light(arms, light)
 
 
-def grasp_once(arms: Arms) -> Script:
-    """Both blocks are grasped once; the rest is one arm's."""
-    yield from grasp_both(arms)
-    yield from one_after_the_other(arms, Side.RIGHT, Side.RIGHT)
+def take_both(arms: Arms) -> Script:
+    """Close on both blocks, on the table."""
+    yield from together(take(arms, LEFT, LIGHT, 0.0), take(arms, RIGHT, DARK, 0.0))
 
 
-def join_at_wall(arms: Arms) -> Script:
-    """One arm keeps the dark block on the wall while the other one plugs in the light one."""
-    yield from dark_to_wall(arms, Side.RIGHT, hold=True)
-    yield from plug_in_light(arms, Side.LEFT)
-    yield from let_go(arms, Side.RIGHT)
-
-
-def join_on_table(arms: Arms, side: Side) -> Script:
-    """One arm plugs the light block into the dark one, which the foot of the wall stops."""
+def at_the_foot(arms: Arms, side: Side) -> Script:
+    """Bring the dark block against the foot of the wall, where it cannot give way."""
     yield from take(arms, side, DARK)
     foot = mounted(arms).moved(z=BAR[2] / 2 - PEG_HEIGHT)
     yield from lead(arms, side, DARK, foot.moved(z=0.02))
     yield from lead(arms, side, DARK, foot, speed=SLOW)
-    yield from let_go(arms, side)
-    yield from plug_in_light(arms, side)
+
+
+join_on_table = do((at_the_foot, RIGHT), (let_go, RIGHT), (plug_in_light, RIGHT))
 
 
 def take_joined(arms: Arms) -> Script:
     """What one arm joined on the table is grasped by both, and brought to the wall."""
-    yield from join_on_table(arms, Side.RIGHT)
-    yield from take(arms, Side.RIGHT, DARK, 0.0)
-    yield from move(arms, {Side.RIGHT: arms.targets[Side.RIGHT].moved(x=-ROOM)}, speed=0.1)
-    yield from take(arms, Side.LEFT, LIGHT, 0.0)
+    yield from join_on_table(arms)
+    yield from take(arms, RIGHT, DARK, 0.0)
+    yield from to(arms, RIGHT, arms.targets[RIGHT].moved(x=-ROOM), speed=0.1)
+    yield from take(arms, LEFT, LIGHT, 0.0)
     goal = mounted(arms)
     before = goal.moved(x=-PEG_LENGTH - BEFORE)
     on_table = before.moved(z=BAR[2] / 2 - PEG_HEIGHT)
     for dark, speed in ((on_table, SLOW), (before, SLOW), (goal, SLOW)):
         light = dark.moved(x=-BAR[0] - TOUCHING)
         there = {
-            Side.LEFT: tool_for(arms, Side.LEFT, LIGHT, light),
-            Side.RIGHT: tool_for(arms, Side.RIGHT, DARK, dark),
+            LEFT: tool_for(arms, LEFT, LIGHT, light),
+            RIGHT: tool_for(arms, RIGHT, DARK, dark),
         }
         yield from move(arms, there, speed=speed, turn_speed=0.6, tolerance=0.0015)
     yield from let_go(arms, *SIDES)
 
 
-def close_on_the_table(arms: Arms) -> Script:
-    """The right arm only closes on the dark block, where it lies; the left one does the rest."""
-    yield from take(arms, Side.RIGHT, DARK, 0.0)
-    yield from plug_in_and_bring(arms)
-
-
-def close_at_the_wall(arms: Arms) -> Script:
-    """The same against the foot of the wall, where the dark block cannot give way."""
-    yield from take(arms, Side.RIGHT, DARK)
-    foot = mounted(arms).moved(z=BAR[2] / 2 - PEG_HEIGHT)
-    yield from lead(arms, Side.RIGHT, DARK, foot.moved(z=0.02))
-    yield from lead(arms, Side.RIGHT, DARK, foot, speed=SLOW)
-    yield from plug_in_and_bring(arms)
-
-
 def plug_in_and_bring(arms: Arms) -> Script:
     """The left arm plugs the light block into the dark one, and brings both to the wall."""
-    yield from take(arms, Side.LEFT, LIGHT)
+    yield from take(arms, LEFT, LIGHT)
     goal = behind(arms)
     before = goal @ SE3.at(-PEG_LENGTH - BEFORE)
-    yield from lead(arms, Side.LEFT, LIGHT, before.moved(z=0.06))
-    yield from lead(arms, Side.LEFT, LIGHT, before, speed=0.1)
-    yield from lead(arms, Side.LEFT, LIGHT, goal, speed=SLOW)
-    yield from let_go(arms, Side.RIGHT)
+    yield from lead(arms, LEFT, LIGHT, before.moved(z=0.06))
+    yield from lead(arms, LEFT, LIGHT, before, speed=0.1)
+    yield from lead(arms, LEFT, LIGHT, goal, speed=SLOW)
+    yield from let_go(arms, RIGHT)
     # Raised at its front, the dark block hangs on the peg and does not rub on the table.
     raised = arms.sim.pose(LIGHT).moved(z=RAISE) @ SE3.about((0, 1, 0), -NOSE_UP)
-    yield from lead(arms, Side.LEFT, LIGHT, raised, speed=SLOW)
-    yield from lead(arms, Side.LEFT, LIGHT, raised.moved(x=-ROOM), speed=SLOW)
+    yield from lead(arms, LEFT, LIGHT, raised, speed=SLOW)
+    yield from lead(arms, LEFT, LIGHT, raised.moved(x=-ROOM), speed=SLOW)
     light = mounted(arms).moved(x=-BAR[0] - TOUCHING)
-    yield from lead(arms, Side.LEFT, LIGHT, light.moved(x=-PEG_LENGTH - BEFORE), speed=0.1)
-    yield from lead(arms, Side.LEFT, LIGHT, light, speed=SLOW)
-    yield from let_go(arms, Side.LEFT)
+    yield from lead(arms, LEFT, LIGHT, light.moved(x=-PEG_LENGTH - BEFORE), speed=0.1)
+    yield from lead(arms, LEFT, LIGHT, light, speed=SLOW)
+    yield from let_go(arms, LEFT)
 
 
 def until_joined(arms: Arms) -> Script:
@@ -230,14 +202,14 @@ def until_joined(arms: Arms) -> Script:
 def pull_apart(arms: Arms) -> Script:
     """Joined by both arms, pulled apart; one arm then puts one after the other onto the wall."""
     yield from until_joined(arms)
-    apart = arms.targets[Side.LEFT].moved(x=-PEG_LENGTH - BEFORE)
-    yield from move(arms, {Side.LEFT: apart}, speed=SLOW)
-    yield from move(arms, {Side.LEFT: apart.moved(x=-0.12)})
+    apart = arms.targets[LEFT].moved(x=-PEG_LENGTH - BEFORE)
+    yield from to(arms, LEFT, apart, speed=SLOW)
+    yield from to(arms, LEFT, apart.moved(x=-0.12))
     goal = mounted(arms)
-    yield from push_in(arms, Side.RIGHT, DARK, goal)
-    yield from let_go(arms, Side.RIGHT)
-    yield from push_in(arms, Side.LEFT, LIGHT, behind(arms))
-    yield from let_go(arms, Side.LEFT)
+    yield from push_in(arms, RIGHT, DARK, goal)
+    yield from let_go(arms, RIGHT)
+    yield from push_in(arms, LEFT, LIGHT, behind(arms))
+    yield from let_go(arms, LEFT)
 
 
 def never_let_go(arms: Arms) -> Script:
@@ -253,7 +225,7 @@ def never_let_go(arms: Arms) -> Script:
 def press(arms: Arms) -> Script:
     """Half-open fingers are pressed onto both blocks from above, together."""
     goals = {}
-    for side, block in ((Side.LEFT, LIGHT), (Side.RIGHT, DARK)):
+    for side, block in ((LEFT, LIGHT), (RIGHT, DARK)):
         pose = arms.sim.pose(block)
         x, y, _ = pose.translation
         goals[side] = down(x, y, BAR[2] - 0.004 + FINGERTIP, yaw=pose.yaw)
@@ -269,49 +241,61 @@ def pressed(sim: Simulation) -> bool:
     pads = (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)
     return all(
         sim.contacts.between(limb_owner(side, pad), block)
-        for side, block in ((Side.LEFT, LIGHT), (Side.RIGHT, DARK))
+        for side, block in ((LEFT, LIGHT), (RIGHT, DARK))
         for pad in pads
     )
 
 
-cheat = partial(Adversary, deed=finished)
+cheat = cheats(finished)
 ADVERSARIES: tuple[Adversary, ...] = (
-    cheat("half-open fingers press on both blocks", press, 0, deed=pressed),
+    cheat("half-open fingers press on both blocks", 0, press, deed=pressed),
     cheat(
         "one arm puts the dark block onto the wall and plugs in the light one",
-        partial(one_after_the_other, dark=Side.RIGHT, light=Side.RIGHT),
         0,
-        hands=Hands.ONE,
+        (one_after_the_other, RIGHT, RIGHT),
+        **ONE,
     ),
     cheat(
         "one arm puts the dark block onto the wall, the other plugs in the light one",
-        partial(one_after_the_other, dark=Side.RIGHT, light=Side.LEFT),
         0,
-        hands=Hands.TURNS,
+        (one_after_the_other, RIGHT, LEFT),
+        **TURNS,
     ),
-    cheat("both blocks are grasped once, then one arm does the rest", grasp_once, 1),
-    cheat("the blocks are joined on the wall, by both arms", join_at_wall, 1),
+    cheat(
+        "both blocks are grasped once, then one arm does the rest",
+        1,
+        *(take_both, (let_go, *SIDES), (make_room, LEFT), (one_after_the_other, RIGHT, RIGHT)),
+    ),
+    cheat(
+        "the blocks are joined on the wall, by both arms",
+        1,
+        *((dark_to_wall, RIGHT, {"hold": True}), (plug_in_light, LEFT), (let_go, RIGHT)),
+    ),
     cheat(
         "one arm joins the blocks on the table, against the wall",
-        partial(join_on_table, side=Side.RIGHT),
         0,
-        hands=Hands.ONE,
+        join_on_table,
+        **ONE,
         deed=joined,
     ),
-    cheat("one arm joins the blocks on the table, both bring them to the wall", take_joined, 1),
+    cheat("one arm joins the blocks on the table, both bring them to the wall", 1, take_joined),
     cheat(
         "one arm only closes on a block that lies on the table",
-        close_on_the_table,
         1,
+        *((take, RIGHT, DARK, 0.0), plug_in_and_bring),
         deed=joined,
         seed=1,
     ),
-    cheat("one arm only closes on a block that the wall keeps in its place", close_at_the_wall, 1),
-    cheat("joined, pulled apart, and put onto the wall one after the other", pull_apart, 2),
+    cheat(
+        "one arm only closes on a block that the wall keeps in its place",
+        1,
+        *((at_the_foot, RIGHT), plug_in_and_bring),
+    ),
+    cheat("joined, pulled apart, and put onto the wall one after the other", 2, pull_apart),
     cheat(
         "never lets go of what is on the wall",
-        never_let_go,
         2,
+        never_let_go,
         deed=on_wall,
         lacks="left still touches light_block",
     ),

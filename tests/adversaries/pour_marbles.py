@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -25,8 +24,9 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.pour_marbles import CUPS, MARBLES
 from duobench.types import SIDES, Side
-from tests.adversaries.adversary import Adversary, Hands
+from tests.adversaries.adversary import ONE, TURNS, Adversary, cheats
 from tests.sincere.pour_marbles import Pouring, done, push_home
+from tests.steps import to
 
 MIDDLE = SE3.at(0.5, 0.0)
 """Where a cup stands between the squares."""
@@ -62,7 +62,7 @@ def stands(sim: Simulation, side: Side) -> bool:
 def home(arms: Arms, side: Side) -> Script:
     """Bring an empty gripper out of the way of the other one."""
     x, _, z = arms.targets[side].translation
-    yield from move(arms, {side: down(x - 0.1, side.sign * 0.4, z + 0.15)})
+    yield from to(arms, side, down(x - 0.1, side.sign * 0.4, z + 0.15))
 
 
 def take_both(arms: Arms, source: Side) -> Script:
@@ -114,19 +114,12 @@ def pour_into_a_cup_on_the_table(arms: Arms) -> Script:
     other = side.other
     yield from take_both(arms, side)
     low = tool_for(arms, other, CUPS[other], MIDDLE)
-    yield from move(arms, {other: low.moved(z=0.08)}, speed=0.3)
-    yield from move(arms, {other: low.moved(z=-0.002)}, speed=0.2)
+    yield from to(arms, other, low.moved(z=0.08), speed=0.3)
+    yield from to(arms, other, low.moved(z=-0.002), speed=0.2)
     yield from pour(arms, side, arms.sim.pose(CUPS[other]))
     yield from turn_upright(arms, side)
-    yield from move(arms, {other: low.moved(z=0.08)}, speed=0.2)
+    yield from to(arms, other, low.moved(z=0.08), speed=0.2)
     yield from together(*(put_back(arms, s, square(arms, s)) for s in SIDES))
-
-
-def until(play: Script, condition: Callable[[], bool]) -> Script:
-    for _ in play:
-        yield
-        if condition():
-            return
 
 
 def pour_the_rest_alone(arms: Arms) -> Script:
@@ -134,9 +127,11 @@ def pour_the_rest_alone(arms: Arms) -> Script:
     side = full(arms.sim)
     other = side.other
     way = []
-    for _ in until(script(arms), lambda: out_of(arms.sim, side) > 0):
+    for _ in script(arms):
         way.append(arms.targets[side])
         yield
+        if out_of(arms.sim, side) > 0:
+            break
     for pose in way[:-TURN_STEPS:-BACK]:
         arms.targets[side] = pose
         yield
@@ -156,11 +151,6 @@ def press_half_open_fingers(arms: Arms) -> Script:
     yield from move(arms, above)
     yield from move(arms, {s: pose.moved(z=-0.065) for s, pose in above.items()}, speed=0.1)
     yield from wait(20)
-
-
-def push_from_afar(arms: Arms) -> Script:
-    """All is poured in the air; then both cups are put down beside their squares, and pushed."""
-    yield from push_home(arms, Pouring(place=(-0.10, 0.0)))
 
 
 def back_at_home(sim: Simulation) -> bool:
@@ -185,39 +175,36 @@ def pressed(sim: Simulation) -> bool:
     return all(sim.contacts.gripper(side, CUPS[side]) for side in SIDES)
 
 
-cheat = partial(Adversary, deed=in_the_middle(on_table=True))
+cheat = cheats(in_the_middle(on_table=True))
 ADVERSARIES: tuple[Adversary, ...] = (
-    cheat("one arm alone brings the cups together and pours", pour_alone, 1, hands=Hands.ONE),
+    cheat("one arm alone brings the cups together and pours", 1, pour_alone, **ONE),
     cheat(
-        "one arm sets its cup down, then the other one comes and pours",
-        pour_in_turns,
-        1,
-        hands=Hands.TURNS,
+        "one arm sets its cup down, then the other one comes and pours", 1, pour_in_turns, **TURNS
     ),
     cheat(
         "both cups are lifted once, then one arm pours into a cup that was let go",
-        lift_once_then_pour_alone,
         3,
+        lift_once_then_pour_alone,
     ),
     cheat(
         "a cup is filled on the table, grasped, and lifted afterwards",
-        pour_into_a_cup_on_the_table,
         3,
+        pour_into_a_cup_on_the_table,
         deed=in_the_middle(on_table=False),
         lacks="_cup has stood on the table with something in it",
     ),
     cheat(
         "some marbles are poured in the air, and the rest by one arm",
-        pour_the_rest_alone,
         4,
+        pour_the_rest_alone,
         deed=in_the_middle(on_table=False),
     ),
     cheat(
         "the cups are put down beside their squares and pushed onto them",
-        push_from_afar,
         5,
+        (push_home, Pouring(place=(-0.10, 0.0))),
         deed=back_at_home,
         lacks="outside its place at ",
     ),
-    cheat("half-open fingers are pressed on both cups", press_half_open_fingers, 0, deed=pressed),
+    cheat("half-open fingers are pressed on both cups", 0, press_half_open_fingers, deed=pressed),
 )

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from duobench.experts.handling import tool_for
-from duobench.experts.handover import clasp, let_go, pick_bar, present, tool
+from duobench.experts.handover import let_go, pick_bar, present, tool
 from duobench.experts.motion import Arms, Script, grip, move, nearest_turn
 from duobench.experts.scripts.transfer_reorient import (
     BAR,
@@ -25,8 +25,8 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.transfer_reorient import DEPTH
 from duobench.types import Side
-from tests.adversaries.adversary import Adversary, Hands
-from tests.handovers import bring, clear_of, drop, meet
+from tests.adversaries.adversary import ONE, TURNS, Adversary, cheats
+from tests.steps import back, bring, clear_of, do, drop, hand_back, meet, to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_BOARD = 3
@@ -51,13 +51,9 @@ def hole(arms: Arms) -> SE3:
     return arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
 
 
-def both_hold(arms: Arms) -> Script:
-    yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP)
-
-
-def hand_over(arms: Arms) -> Script:
-    yield from both_hold(arms)
-    yield from let_go(arms, RIGHT)
+PICK = (pick_bar, BAR)
+both_hold = do(partial(meet, bar=BAR, centre=MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP))
+hand_over = do(both_hold, (let_go, RIGHT))
 
 
 def insert_from_beside(arms: Arms, side: Side) -> Script:
@@ -87,62 +83,16 @@ def standing(arms: Arms, height: float) -> SE3:
     return SE3(SE3.about((0, 0, 1), yaw).rotation @ rotation, goal)
 
 
-def alone(arms: Arms) -> Script:
-    yield from pick_bar(arms, BAR)
-    yield from move(arms, {RIGHT: present(BAR, MEETING_POINT, RISE)})
-    yield from insert_from_beside(arms, RIGHT)
-
-
-def by_table(arms: Arms) -> Script:
-    yield from pick_bar(arms, BAR)
-    yield from bring(arms, RIGHT, "peg", MIDDLE)
-    yield from drop(arms, RIGHT)
-    yield from clear_of(arms, RIGHT)
-    bar = replace(BAR, giver=LEFT)
-    yield from pick_bar(arms, bar)
-    yield from move(arms, {LEFT: present(bar, MEETING_POINT, RISE)})
-    yield from insert_from_beside(arms, LEFT)
-
-
-def keep(arms: Arms) -> Script:
-    yield from both_hold(arms)
-    yield from let_go(arms, LEFT)
-    yield from clear_of(arms, LEFT)
-    yield from insert_from_beside(arms, RIGHT)
-
-
-def hand_back(arms: Arms) -> Script:
-    yield from both_hold(arms)
-    held_here = arms.targets[RIGHT]
-    yield from let_go(arms, RIGHT)
-    yield from clasp(arms, RIGHT, held_here)
-    yield from let_go(arms, LEFT)
-    yield from clear_of(arms, LEFT)
-    yield from insert_from_beside(arms, RIGHT)
-
-
-def let_fall(arms: Arms) -> Script:
-    """Let go of the peg right above the hole."""
-    yield from hand_over(arms)
-    goal = upright(arms, LEFT, hole(arms))
-    for height in (0.16, 0.06, ABOVE):
-        yield from lead(arms, LEFT, goal.moved(z=height), speed=0.2)
+def over_hole(arms: Arms, heights: tuple[float, ...], speed: float, x: float = 0.0) -> Script:
+    """The left arm leads the peg, upright, to heights above the hole, or beside it, and lets go."""
+    goal = upright(arms, LEFT, hole(arms)).moved(x=x)
+    for height in heights:
+        yield from lead(arms, LEFT, goal.moved(z=height), speed=speed)
     yield from let_go(arms, LEFT)
 
 
-def draw_out_and_let_fall(arms: Arms) -> Script:
-    yield from hand_over(arms)
+def insert_led(arms: Arms) -> Script:
     yield from insert(arms, LEFT, hole(arms))
-    goal = upright(arms, LEFT, hole(arms))
-    yield from lead(arms, LEFT, goal.moved(z=ABOVE), speed=0.06)
-    yield from let_go(arms, LEFT)
-
-
-def let_fall_and_pinch(arms: Arms) -> Script:
-    yield from let_fall(arms)
-    yield from move(arms, {LEFT: arms.targets[LEFT] @ SE3.at(z=0.10)})
-    yield from grip(arms, LEFT)
-    yield from let_go(arms, LEFT)
 
 
 def ends_beside(sim: Simulation) -> bool:
@@ -150,25 +100,52 @@ def ends_beside(sim: Simulation) -> bool:
     return sim.contacts.partners("peg") == {"board"} and not ends_in_hole(sim)
 
 
-def let_fall_beside(arms: Arms) -> Script:
-    """Let go of the peg two centimetres beside the hole and above the board."""
-    yield from hand_over(arms)
-    goal = upright(arms, LEFT, hole(arms)).moved(x=BESIDE)
-    for height in (0.16, 0.06, ABOVE):
-        yield from lead(arms, LEFT, goal.moved(z=height), speed=0.2)
-    yield from let_go(arms, LEFT)
-
-
-cheat = partial(Adversary, deed=ends_in_hole, seed=NEAR_BOARD)
+OTHER = replace(BAR, giver=LEFT)
+FALL = (0.16, 0.06, ABOVE)
+let_fall = do(hand_over, (over_hole, FALL, 0.2))
+cheat = cheats(ends_in_hole, seed=NEAR_BOARD)
 ADVERSARIES: tuple[Adversary, ...] = (
-    cheat("one arm picks the peg up and inserts it", alone, 1, hands=Hands.ONE),
-    cheat("the peg is laid on the table for the other arm", by_table, 1, hands=Hands.TURNS),
-    cheat("the other arm grasps the peg as well, and lets go again", keep, 2),
-    cheat("the peg is handed back", hand_back, 3),
     cheat(
-        "the peg falls into the hole", let_fall, 3, lacks="when left let peg go: peg of peg is 2"
+        "one arm picks the peg up and inserts it",
+        1,
+        *(PICK, (to, RIGHT, present(BAR, MEETING_POINT, RISE)), (insert_from_beside, RIGHT)),
+        **ONE,
     ),
-    cheat("the peg falls beside the hole", let_fall_beside, 3, deed=ends_beside),
-    cheat("the peg is drawn out again, and falls into the hole", draw_out_and_let_fall, 3),
-    cheat("the peg falls into the hole, and is pinched there", let_fall_and_pinch, 3),
+    cheat(
+        "the peg is laid on the table for the other arm",
+        1,
+        *(PICK, (bring, RIGHT, "peg", MIDDLE), (drop, RIGHT), (clear_of, RIGHT)),
+        *((pick_bar, OTHER), (to, LEFT, present(OTHER, MEETING_POINT, RISE))),
+        (insert_from_beside, LEFT),
+        **TURNS,
+    ),
+    cheat(
+        "the other arm grasps the peg as well, and lets go again",
+        2,
+        *(both_hold, (let_go, LEFT), (clear_of, LEFT), (insert_from_beside, RIGHT)),
+    ),
+    cheat(
+        "the peg is handed back",
+        3,
+        *(both_hold, (hand_back, RIGHT), (insert_from_beside, RIGHT)),
+    ),
+    cheat(
+        "the peg falls into the hole", 3, let_fall, lacks="when left let peg go: peg of peg is 2"
+    ),
+    cheat(
+        "the peg falls beside the hole",
+        3,
+        *(hand_over, (over_hole, FALL, 0.2, BESIDE)),
+        deed=ends_beside,
+    ),
+    cheat(
+        "the peg is drawn out again, and falls into the hole",
+        3,
+        *(hand_over, insert_led, (over_hole, (ABOVE,), 0.06)),
+    ),
+    cheat(
+        "the peg falls into the hole, and is pinched there",
+        3,
+        *(let_fall, (back, LEFT, -0.10), (grip, LEFT), (let_go, LEFT)),
+    ),
 )

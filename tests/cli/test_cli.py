@@ -19,8 +19,9 @@ from rich.console import Console
 
 from duobench import __version__
 from duobench.cli import main
-from duobench.cli.evaluate import evaluate as eval_verb
-from duobench.cli.shared.console import command_line, console
+from duobench.cli.shared.console import console
+from duobench.cli.shared.options import command_line
+from duobench.cli.verbs.evaluate import evaluate as eval_verb
 from duobench.data import DataSet
 from duobench.files import decode, encode, locked
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
@@ -413,7 +414,9 @@ def test_table_of_a_folder_that_cannot_be_written_is_shown(
 def test_narrow_list_still_shows_every_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     out = io.StringIO()
-    monkeypatch.setattr("duobench.cli.list_tasks.console", lambda: Console(file=out, width=60))
+    monkeypatch.setattr(
+        "duobench.cli.verbs.list_tasks.console", lambda: Console(file=out, width=60)
+    )
     main(["list"])
     words = set(out.getvalue().split())
     for name in catalog.names():

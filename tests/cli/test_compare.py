@@ -42,6 +42,8 @@ def test_what_cannot_be_compared_is_told(words: str, message: str, runs: tuple[s
 
 
 def test_other_verbs_do_without_scipy() -> None:
-    code = "import sys, duobench.cli.verbs, duobench.results.report; print('scipy' in sys.modules)"
+    code = (
+        "import sys, duobench.cli.program, duobench.results.report; print('scipy' in sys.modules)"
+    )
     command = [sys.executable, "-c", code]
     assert subprocess.run(command, check=True, capture_output=True, text=True).stdout == "False\n"

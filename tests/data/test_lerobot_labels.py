@@ -16,11 +16,11 @@ from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.schema import Domain
 from duobench.envs import action_labels
 from duobench.envs.action_labels import LABELS, POSE_LABELS, rotations_from_columns
-from duobench.envs.reset_options import LAYOUT
+from duobench.envs.config import LAYOUT
 from duobench.errors import ActionError, DataError, PolicyError, SeveralTasksError, UnknownNameError
 from duobench.evaluation import policies
 from duobench.evaluation.rollout import rollout
-from duobench.policy.lerobot import labels
+from duobench.policy import lerobot_checkpoint as labels
 from duobench.randomness import SUITE_VERSION
 from duobench.spatial import SE3, product
 from tests.data.tools import HORIZON, TASK, play, recorder

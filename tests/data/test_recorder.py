@@ -7,8 +7,8 @@ import pytest
 import duobench
 from duobench.data import Actor, DataSet, Recorder
 from duobench.envs.action_modes import CARTESIAN
+from duobench.envs.action_wrappers import CartesianActions
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.wrappers.cartesian import CartesianActions
 from duobench.errors import ActionError, DataError, OutputError, SimulationError
 from duobench.types import DuoCommand
 from tests.data.tools import HORIZON, TASK, ended, only, play, recorded, recorder

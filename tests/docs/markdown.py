@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -56,3 +61,35 @@ def links(page: Path) -> list[str]:
     """Links into the repository, without what follows a `#`."""
     targets = re.findall(r"\]\(([^)]+)\)", text_of(page))
     return [target.partition("#")[0] for target in targets if "://" not in target]
+
+
+def run(
+    words: str | Sequence[str], folder: Path, answers: str = "", *, code: int = 0, **variables: str
+) -> str:
+    """Run a command in a folder; what it prints.
+
+    Args:
+        words: A line of a page, such as `duobench list`, or a program and what it is called with.
+        folder: Where.
+        answers: What it reads.
+        code: The code that it ends with.
+        variables: Of the environment.
+    """
+    if isinstance(words, str):
+        # -P: the current folder is no more on the path than for the installed command.
+        words = [sys.executable, "-P", "-m", *shlex.split(words)]
+    result = subprocess.run(
+        words,
+        cwd=folder,
+        env={**os.environ, **variables},
+        input=answers,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert result.returncode == code, result.stdout + result.stderr
+    return result.stdout
+
+
+def run_python(code: str, folder: Path) -> str:
+    return run([sys.executable, "-P", "-c", code], folder)

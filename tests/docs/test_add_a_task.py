@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,21 +11,16 @@ from typing import Any
 import pytest
 
 from duobench.tasks import catalog
+from tests.docs.markdown import DOCS, blocks, run
 from tests.task_harness import TaskHarness
 
-PAGE = Path(__file__).parents[2] / "docs" / "add_a_task.md"
+PAGE = DOCS / "add_a_task.md"
 MAX_LINES = 80
-
-
-def _blocks(language: str = "python") -> list[str]:
-    return re.findall(
-        rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL
-    )
 
 
 def _block(part: str) -> str:
     """The one piece of Python on the page that holds a part."""
-    (block,) = (block for block in _blocks() if part in block)
+    (block,) = (block for block in blocks(PAGE, "python") if part in block)
     return block
 
 
@@ -66,18 +58,10 @@ def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str])
 
 def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
     (tmp_path / "stack_cube.py").write_text(_task() + _expert(), encoding="utf-8")
-    lines = [line for block in _blocks("sh") for line in block.splitlines()]
+    lines = [line for block in blocks(PAGE, "sh") for line in block.splitlines()]
     assert [shlex.split(line)[1] for line in lines] == ["render", "eval", "eval"]
     for line in lines:
-        # -P: the current folder is no more on the path than for the installed command.
-        told = subprocess.run(
-            [sys.executable, "-P", "-m", *shlex.split(line)],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert told.returncode == 0, told.stdout + told.stderr
+        run(line, tmp_path)
     overall = json.loads((tmp_path / "runs" / "expert" / "summary.json").read_text())["overall"]
     assert (overall["successes"], overall["episodes"]) == (1, 1)
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from duobench.policy.lerobot.address import Address, parse
-from duobench.policy.lerobot.checkpoint import LAST
+from duobench.policy.lerobot_checkpoint import LAST, Address, parse
 from tests.docs.markdown import ROOT, blocks
 from tests.training.test_training import export
 

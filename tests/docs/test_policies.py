@@ -1,9 +1,6 @@
 """The page on writing a policy: its example is complete, and its command runs it."""
 
 import json
-import shlex
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +10,7 @@ import duobench
 from duobench.evaluation import Step, rollout
 from duobench.policy import make
 from duobench.results.folder import RunFolder
-from tests.docs.markdown import DOCS, blocks, modules
+from tests.docs.markdown import DOCS, blocks, modules, run
 
 PAGE = DOCS / "policies.md"
 
@@ -22,15 +19,13 @@ def test_the_example_plays_an_episode_as_printed(tmp_path: Path) -> None:
     for name, code in modules(PAGE).items():
         (tmp_path / name).write_text(code, encoding="utf-8")
     (line,) = blocks(PAGE, "sh")
-    command = [sys.executable, "-P", "-m", *shlex.split(line)]
-    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stdout + result.stderr
+    run(line, tmp_path)
     folder = RunFolder(tmp_path / "runs" / "vision")
-    run = folder.read_run()
-    assert run.metadata.cameras == ("head", "left_wrist", "right_wrist")
-    assert run.config.image_size == (64, 64)
-    assert run.metadata.version is not None
-    assert "source" not in run.metadata.version  # its own, not that of the module
+    played = folder.read_run()
+    assert played.metadata.cameras == ("head", "left_wrist", "right_wrist")
+    assert played.config.image_size == (64, 64)
+    assert played.metadata.version is not None
+    assert "source" not in played.metadata.version  # its own, not that of the module
     summary = json.loads(folder.summary.read_text(encoding="utf-8"))
     assert (summary["overall"]["episodes"], summary["overall"]["errors"]) == (1, 0)
 

@@ -1,8 +1,5 @@
 """The pages on real arms: what they show runs, and numbers are those of the code."""
 
-import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -10,7 +7,7 @@ import pytest
 from duobench.hardware.guard import FINGER_MARGIN, MARGIN, TABLE_DEPTH
 from duobench.hardware.rig import ArmConfig, Rig
 from duobench.hardware.watched import STOP_AFTER_S
-from tests.docs.markdown import DOCS, blocks, table, text_of
+from tests.docs.markdown import DOCS, blocks, run, run_python, table, text_of
 
 ARMS, SAFETY = DOCS / "real_arms.md", DOCS / "real_safety.md"
 
@@ -18,41 +15,22 @@ ARMS, SAFETY = DOCS / "real_arms.md", DOCS / "real_safety.md"
 @pytest.mark.parametrize("page", [ARMS, SAFETY], ids=lambda page: page.stem)
 def test_programs_run(page: Path, tmp_path: Path) -> None:
     for code in blocks(page, "python"):
-        command = [sys.executable, "-c", code]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        assert done.stdout
+        assert run_python(code, tmp_path)
 
 
 def test_the_command_brings_a_simulated_rig_home(tmp_path: Path) -> None:
     (line,) = blocks(ARMS, "sh")
     words, _, command = line.strip().partition(" | ")
     assert words == "echo home"
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", *shlex.split(command)],
-        cwd=tmp_path,
-        input="home\n",
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "Both arms are home." in done.stdout
+    assert "Both arms are home." in run(command, tmp_path, "home\n")
 
 
 def test_nothing_moves_without_the_word(tmp_path: Path) -> None:
-    for more, code in (([], 1), (["--check"], 0)):
-        command = "duobench real home --rig simulated --fast"
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", *command.split(), *more],
-            cwd=tmp_path,
-            input="yes\n",
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == code
-        assert "everything answers" in done.stdout
-        assert "Both arms are home." not in done.stdout
+    for more, code in (("", 1), (" --check", 0)):
+        command = f"duobench real home --rig simulated --fast{more}"
+        said = run(command, tmp_path, "yes\n", code=code)
+        assert "everything answers" in said
+        assert "Both arms are home." not in said
 
 
 def test_the_file_is_a_rig_with_the_defaults_of_the_table(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The page on evaluating on real arms: its commands run, with a scripted operator and rater."""
+"""The page on evaluating on real arms: its commands run, with a scripted operator."""
 
 import shlex
 import subprocess
@@ -71,15 +71,6 @@ def judge(operator: Operator) -> None:
         operator.finish()
 
 
-def rate(page: Page) -> None:
-    page.say(kind="drive")
-    for number in (1, 2):
-        page.hear_of("status", phase="rating", number=number)
-        page.say(kind="at", time_s=0.5, stage=number)
-        page.hear_of("status", stage=number)
-        page.say(kind="finish")
-
-
 def test_commands_run(tmp_path: Path) -> None:
     (commands,) = blocks(PAGE, "sh")
     said = {}
@@ -87,14 +78,11 @@ def test_commands_run(tmp_path: Path) -> None:
         name = " ".join(line.split()[1:3])
         if name == "real eval":
             said[name] = attend(line, tmp_path, operate)
-        elif name == "real rate":
-            said[name] = attend(line, tmp_path, rate)
         else:
             command = [sys.executable, "-P", "-m", *shlex.split(line)]
             done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
             said[name] = done.stdout
     assert "0 of 1" in said["real eval"]
-    assert "the same stage in 1 of 2 episodes" in said["real rate"]
     assert "n = 1" in said["compare --mixed"]
     assert (tmp_path / "trials" / "comparison" / "index.html").exists()
     assert (tmp_path / "mixed" / "mixed.tex").exists()

@@ -19,7 +19,7 @@ TIMEOUT_S = 120
 
 
 def look(line: str, folder: Path) -> list[dict[str, Any]]:
-    """Run a command, and look at its page until an episode is shown, or to its end."""
+    """Run a command, and look at its page until an episode is shown."""
     command = [sys.executable, "-P", "-m", *shlex.split(line)]
     seen: list[dict[str, Any]] = []
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
@@ -30,8 +30,7 @@ def look(line: str, folder: Path) -> list[dict[str, Any]]:
                 while not (seen and seen[-1].get("instruction")):
                     seen.append(page.hear_of("status"))
                 page.frame()
-            if " view " in line:
-                process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGINT)
             process.communicate(timeout=TIMEOUT_S)
         finally:
             process.kill()
@@ -43,16 +42,15 @@ def test_commands_run(tmp_path: Path) -> None:
     (commands,) = blocks(PAGE, "sh")
     shown = {}
     for line in commands.splitlines():
-        if " view " in line or "--watch" in line:
-            shown[line.split()[1], line.split()[-1]] = look(line, tmp_path)[-1]
+        if " view " in line:
+            shown[line.split()[-1]] = look(line, tmp_path)[-1]
             continue
         command = [sys.executable, "-P", "-m", *shlex.split(line)]
         subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
-    assert len(shown["view", "carry_pot"]["items"]) == LAYOUTS
-    assert len(shown["view", "data/expert"]["items"]) == 2
-    assert shown["view", "data/expert"]["steps"] > 0
-    assert shown["eval", "--watch"]["task"] == "bin_sort"
-    assert [item["state"] for item in shown["view", "runs/expert"]["items"]] == ["success"] * 2
+    assert len(shown["carry_pot"]["items"]) == LAYOUTS
+    assert len(shown["data/expert"]["items"]) == 2
+    assert shown["data/expert"]["steps"] > 0
+    assert [item["state"] for item in shown["runs/expert"]["items"]] == ["success"] * 2
 
 
 def test_numbers_are_those_of_the_code() -> None:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from duobench.backend import DuoLimits, Image
+from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.kinematics import tcp_poses
 from duobench.types import DuoCommand, DuoState
 
 

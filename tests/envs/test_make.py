@@ -13,7 +13,7 @@ import pytest
 
 import duobench
 from duobench.envs.config import EnvConfig
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import DuoBenchError, LayoutError, OptionError, UnknownNameError
 from duobench.tasks import Task, catalog
 from tests.envs.tools import TASK, sim_of

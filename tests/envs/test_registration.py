@@ -15,7 +15,7 @@ from gymnasium.envs.registration import EnvSpec
 
 import duobench
 from duobench.envs import ActionChunks, ResetNeededError
-from duobench.envs.ids import env_id
+from duobench.envs.registration import env_id
 from duobench.errors import DuoBenchError, OptionError, UnknownNameError
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog

@@ -100,7 +100,7 @@ def test_episode_in_which_the_policy_always_dies_is_set_aside_alone(
 def test_policy_that_hangs_fails_its_episode_only(
     play: Play, undisturbed: dict[str, bytes], workers: int
 ) -> None:
-    limits = TimeLimits(act_s=4.0)
+    limits = TimeLimits(act_timeout=4.0)
     folder, results = play(named(toy_batches.Hangs), workers=workers, episodes=3, limits=limits)
     assert results.overall.errors == 1
     record = results.tasks[0].records[0]

@@ -59,8 +59,8 @@ def test_other_run_is_refused_in_the_same_folder(play: Play) -> None:
     before = compared(folder)
     with pytest.raises(OtherRunError, match="policy hold instead of random"):
         play("hold", episodes=1)
-    with pytest.raises(OtherRunError, match=r"time limit act_s 5\.0 instead of 120\.0"):
-        play("random", episodes=1, limits=TimeLimits(act_s=5.0))
+    with pytest.raises(OtherRunError, match=r"time limit act_timeout 5\.0 instead of 120\.0"):
+        play("random", episodes=1, limits=TimeLimits(act_timeout=5.0))
     with pytest.raises(OtherRunError, match="environment's look dark instead of default"):
         play("random", episodes=1, look="dark")
     assert compared(folder) == before
@@ -151,7 +151,7 @@ def test_broken_episodes_are_played_again_if_that_is_asked_for(
 
 
 def test_answer_that_comes_late_fails_the_episode_once_it_comes(play: Play) -> None:
-    _, results = play("Dawdles", episodes=1, limits=TimeLimits(act_s=0.05))
+    _, results = play("Dawdles", episodes=1, limits=TimeLimits(act_timeout=0.05))
     for one in results.tasks:
         assert one.records[0].error == (
             "PolicyTimeoutError: The policy did not answer within 0.05 s, its limit for one reset "
@@ -161,13 +161,15 @@ def test_answer_that_comes_late_fails_the_episode_once_it_comes(play: Play) -> N
 
 
 def test_episode_that_takes_long_fails(play: Play) -> None:
-    _, results = play("Dawdles", episodes=1, limits=TimeLimits(episode_s=0.25))
+    _, results = play("Dawdles", episodes=1, limits=TimeLimits(episode_timeout=0.25))
     for one in results.tasks:
         assert one.records[0].reason.endswith("was not over after 0.25 s, its time limit.")
         assert one.records[0].steps < 5
 
 
-@pytest.mark.parametrize("limits", [{"act_s": 0}, {"act_s": float("nan")}, {"episode_s": -1.0}])
+@pytest.mark.parametrize(
+    "limits", [{"act_timeout": 0}, {"act_timeout": float("nan")}, {"episode_timeout": -1.0}]
+)
 def test_impossible_time_limit_is_refused(limits: dict[str, float]) -> None:
     with pytest.raises(EvaluationError, match="limits are positive"):
         TimeLimits(**limits)
@@ -175,7 +177,7 @@ def test_impossible_time_limit_is_refused(limits: dict[str, float]) -> None:
 
 @pytest.mark.parametrize("workers", [0, 1])
 def test_there_may_be_no_time_limit(play: Play, workers: int) -> None:
-    limits = TimeLimits(act_s=float("inf"), episode_s=float("inf"))
+    limits = TimeLimits(act_timeout=float("inf"), episode_timeout=float("inf"))
     folder, results = play("hold", episodes=1, limits=limits, workers=workers)
     assert (results.overall.episodes, results.overall.errors) == (2, 0)
     assert folder.read_run().limits == limits

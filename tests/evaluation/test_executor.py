@@ -129,7 +129,7 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> 
         workers=1,
         episodes=2,
         tasks=find_tasks([toy_tasks.WAVE_NAME]),
-        limits=TimeLimits(act_s=3.0),
+        limits=TimeLimits(act_timeout=3.0),
     )
     first, second = results.tasks[0].records
     assert first.error == (
@@ -140,7 +140,7 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> 
     assert second.error is None
 
 
-@pytest.mark.parametrize("limits", [{"act_s": 3.0}, {"episode_s": 3.0}])
+@pytest.mark.parametrize("limits", [{"act_timeout": 3.0}, {"episode_timeout": 3.0}])
 def test_stopped_policy_keeps_what_its_episode_had_reached(
     play: Play, limits: dict[str, float]
 ) -> None:
@@ -202,6 +202,6 @@ def test_simulation_that_does_not_come_back_is_played_again(
 ) -> None:
     monkeypatch.setattr(executor, "GRACE_S", 1.0)
     tasks = find_tasks([f"{toy_tasks.__name__}:STUCK"])
-    limits = TimeLimits(episode_s=5.0)
+    limits = TimeLimits(episode_timeout=5.0)
     _, results = play("hold", workers=1, episodes=1, tasks=tasks, limits=limits)
     assert (results.overall.episodes, results.overall.errors) == (1, 0)

@@ -101,7 +101,7 @@ def test_every_executor_plays_on(play: Play, tmp_path: Path) -> None:
 def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(
     play: Play, workers: int
 ) -> None:
-    limits = TimeLimits(act_s=3.0)
+    limits = TimeLimits(act_timeout=3.0)
     episodes = len(toy_tasks.LATE_FAULTS) if workers else 2
     options = {"tasks": NUDGE, "episodes": episodes, "limits": limits, "workers": workers}
     plain, _ = play("FailsLate", "plain", **options)

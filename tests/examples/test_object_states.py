@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +29,9 @@ def run(*words: str, folder: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def exports(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def exports(tmp_path_factory: pytest.TempPathFactory, demonstrations: Callable[..., Path]) -> Path:
     folder = tmp_path_factory.mktemp("baselines")
-    run("record", "--tasks", TASK, "--episodes", "2", "--out", "demos", folder=folder)
+    (folder / "demos").symlink_to(demonstrations(TASK, episodes=2))
     run("export", "lerobot", "demos", "--out", "exports", *EXPORT, folder=folder)
     return folder / "exports"
 

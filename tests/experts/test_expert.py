@@ -7,7 +7,6 @@ import pytest
 
 import duobench
 from duobench.envs import sim_of
-from duobench.errors import PolicyError
 from duobench.evaluation import ExpertPolicy
 from duobench.experts.expert import find_script
 from duobench.experts.scripts import bin_sort
@@ -49,20 +48,3 @@ def test_a_task_of_ones_own_names_its_expert(
 
 def test_a_changed_task_keeps_its_expert() -> None:
     assert find_script(replace(catalog.get("bin_sort"), horizon=5)) is bin_sort.script
-
-
-@pytest.mark.parametrize(
-    ("path", "words"),
-    [
-        (None, "'my_sort' has no scripted expert.*my_module:script"),
-        ("nowhere:script", "expert of task 'my_sort': There is no module named 'nowhere'"),
-        (
-            "duobench.experts.scripts.bin_sort:scrpt",
-            "Unknown script .*'scrpt'. Did you mean 'script'",
-        ),
-    ],
-)
-def test_no_expert_is_an_error(path: str | None, words: str) -> None:
-    task = replace(catalog.get("bin_sort"), id="my_sort", expert=path)
-    with pytest.raises(PolicyError, match=words):
-        find_script(task)

@@ -10,7 +10,7 @@ import pytest
 
 from duobench.data import DataSet, Recorder
 from duobench.envs import RelativeJointActions, base_of
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import BackendError, OptionError, UnknownNameError
 from duobench.evaluation import rollout
 from duobench.hardware.clock import VirtualClock
@@ -21,8 +21,8 @@ from duobench.hardware.supervisor import State
 from duobench.policy import PolicyMetadata
 from duobench.rig_sessions.teleoperation import Session
 from duobench.rig_sessions.teleoperation import State as SessionState
+from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.kinematics import tcp_poses
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.hardware.rigs import arm, new_rig, wait

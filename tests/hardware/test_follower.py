@@ -15,8 +15,7 @@ from duobench.hardware.motion.follower import (
     MotionLimits,
 )
 from duobench.hardware.rig import FOLLOWER_HZ, MAX_ACCELERATION
-from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
-from duobench.robot.speeds import speed_limits
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS, speed_limits
 
 HOME = HOME_JOINTS[0]
 DT = 1.0 / FOLLOWER_HZ

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import BackendError
 from duobench.evaluation import rollout
 from duobench.evaluation.policies import ExpertPolicy
@@ -19,8 +19,8 @@ from duobench.hardware.motion.follower import HIGHEST, LOWEST
 from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import State
 from duobench.kinematics.inverse import Kinematics
+from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.kinematics import tcp_poses
 from duobench.types import SIDES, Array, DuoCommand
 from tests.hardware.rigs import arm, joints, new_rig, ready_rig, speeds, wait
 

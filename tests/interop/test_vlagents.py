@@ -1,6 +1,5 @@
-"""Agents of VLAgents as our policies, and its own evaluation with our tasks and policies."""
+"""Agents at servers of VLAgents as our policies, and other versions of it refused by name."""
 
-import json
 import os
 import signal
 import socket
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError
-from duobench.evaluation import policies
 from duobench.evaluation.episode import EpisodeRunner, Job
 from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.policy import Policy
@@ -27,8 +25,6 @@ from tests.interop.conftest import VLAGENTS_PYTHON
 
 ROOT = Path(__file__).parents[2]
 PEER = Path(__file__).with_name("vlagents_peer.py")
-BATCHED = "tests.evaluation.toy_batches:Wanders"
-SEEING = "tests.interop.seeing:Looks"
 TIMEOUT_S = 60
 EXECUTED = 6
 
@@ -68,18 +64,9 @@ def serve() -> Iterator[Serve]:
 
 def theirs(agent: str) -> tuple[str, ...]:
     """VLAgents' own server of an agent."""
-    return (str(PEER), "serve", "{port}", agent)
+    return (str(PEER), "{port}", agent)
 
 
-def ours(policy: str) -> tuple[str, ...]:
-    """VLAgents' server of a policy of ours, through our launcher."""
-    kwargs = json.dumps({"policy": policy}).replace("{", "{{").replace("}", "}}")
-    verb = ("-m", "duobench.interop.vlagents", "start-server", "duobench")
-    return (*verb, "--port", "{port}", "--kwargs", kwargs)
-
-
-WORDS = ("-m", "duobench.interop.vlagents", "start-server", "test")
-WAITS = "from tests.interop.vlagents_peer import wait_for; wait_for({port}, 'test')"
 BRIDGE = ("-m", "duobench", "serve", "--port", "{port}", "--policy")
 BRIDGE += ("duobench.interop.vlagents:served_agent",)
 
@@ -118,17 +105,13 @@ class Twin:
         return chunk[:EXECUTED]
 
 
-def source(policy: Any) -> PolicySource:
-    return PolicySource(metadata=policy.metadata, bind=lambda _env: policy, close=lambda: None)
-
-
-def played(which: PolicySource, task: str, episodes: int = 1) -> list[EpisodeRecord]:
+def played(policy: Any, task: str) -> EpisodeRecord:
     (info,) = find_tasks([task])
     job = Job(policy=PolicyChoice.parse("hold"), suite=Suite(tasks=(info,)))
-    runner = EpisodeRunner(which, job)
-    records = [runner.play(Episode(task=info, index=index)).record for index in range(episodes)]
+    runner = EpisodeRunner(PolicySource(metadata=policy.metadata, bind=lambda _env: policy), job)
+    record = runner.play(Episode(task=info, index=0)).record
     runner.close()
-    return records
+    return record
 
 
 def observation() -> dict[str, Any]:
@@ -146,11 +129,11 @@ def test_agent_at_their_server_plays_an_episode_as_it_does_here(
     policy = remote("Leans", port, execute=EXECUTED)
     assert policy.metadata.name == "vlagents Leans"
     assert policy.metadata.cameras == ("head", "left_wrist", "right_wrist")
-    (record,) = played(source(policy), toy_tasks.WAVE_NAME)
+    record = played(policy, toy_tasks.WAVE_NAME)
     assert record.error is None
     assert record.steps > EXECUTED
     assert "noise not controlled" in record.versions["inference"]
-    assert record == played(source(Twin(policy)), toy_tasks.WAVE_NAME)[0]
+    assert record == played(Twin(policy), toy_tasks.WAVE_NAME)
 
 
 def test_format_turns_grippers_and_renames_cameras(
@@ -220,57 +203,6 @@ def test_server_that_is_frozen_is_no_fault_of_the_agent(
 
 
 @pytest.mark.parametrize(
-    ("policy", "options"),
-    [("hold", {"cameras": False}), (BATCHED, {"cameras": False}), (SEEING, {"cameras": ["head"]})],
-)
-def test_their_evaluation_plays_our_episodes(
-    serve: Serve, policy: str, options: dict[str, Any]
-) -> None:
-    _, port = serve(*ours(policy))
-    words = ("evaluate", str(port), "bin_sort", json.dumps(options))
-    peer = started(str(PEER), *words, stdout=subprocess.PIPE)
-    told = json.loads(peer.communicate(timeout=10 * TIMEOUT_S)[0])
-    records = played(policies.source(policy), "bin_sort", 2)
-    assert told["ends"] == [record.state_hash for record in records]
-    assert len(set(told["ends"])) == 2
-    assert told["infos"] == [
-        {"episode_step": 0, "action_mode": "joint", "policy_seed": record.policy_seed}
-        for record in records
-    ]
-    assert [[success, steps] for success, _, steps in told["results"]] == [
-        [record.success, record.steps] for record in records
-    ]
-
-
-def test_our_policy_at_their_server_comes_back_through_the_bridge(
-    serve: Serve, remote: Callable[..., RemotePolicy]
-) -> None:
-    _, port = serve(*ours("hold"))
-    policy = remote("duobench", port)
-    for instruction in ("Do it.", "Do that."):
-        policy.reset(instruction, 0)
-        seen = observation() | {"agent_pos": np.full(16, len(instruction), np.float32)}
-        expected = np.full((1, 16), len(instruction), np.float32)
-        expected[:, [7, 15]] = 1
-        np.testing.assert_array_equal(policy.act(seen), expected)
-
-
-def test_policy_plays_one_episode_at_a_time_and_tells_nothing_else(serve: Serve) -> None:
-    _, port = serve(*ours("random"))
-    peer = started(str(PEER), "probe", str(port), "duobench", stdout=subprocess.PIPE)
-    told = json.loads(peer.communicate(timeout=TIMEOUT_S)[0])
-    first, second, again, other, repeated = told["answers"]
-    assert first != second == again
-    assert other != first == repeated
-    assert told["git"] == {}
-    refused, mode, attribute = told["errors"]
-    assert "one episode at a time" in refused
-    assert "the environment's 'cartesian'" in mode
-    assert "AttributeError" in attribute
-    assert not [error for error in told["errors"] if str(ROOT) in error]
-
-
-@pytest.mark.parametrize(
     ("agent", "file", "told"),
     [
         ("localhost:1", "vlagents", "AGENT@HOST:PORT"),
@@ -289,50 +221,3 @@ def test_bridge_that_cannot_be_says_why_in_a_sentence(
     error = process.communicate(timeout=TIMEOUT_S)[1].decode()
     assert told in error
     assert "Traceback" not in error
-
-
-@pytest.mark.parametrize("policy", ["hodl", "tests.evaluation.toy_tasks:Reads"])
-def test_server_without_a_policy_that_sees_enough_there_ends(serve: Serve, policy: str) -> None:
-    process, _ = serve(*ours(policy))
-    process.wait(TIMEOUT_S)
-
-
-def test_server_for_everybody_is_refused_unless_it_is_said(serve: Serve) -> None:
-    refused = started(*WORDS, "--host", "0.0.0.0", stderr=subprocess.PIPE)
-    assert "--let-anybody-connect" in refused.communicate(timeout=TIMEOUT_S)[1].decode()
-    assert refused.returncode == 1
-    _, port = serve(*WORDS, "--host", "0.0.0.0", "--let-anybody-connect", "--port", "{port}")
-    peer = started("-c", WAITS.format(port=port))
-    assert peer.wait(TIMEOUT_S) == 0
-
-
-def test_their_program_runs_through_our_launcher(tmp_path: Path) -> None:
-    agent = {"host": "localhost", "agent_name": "duobench", "agent_kwargs": {"policy": "hold"}}
-    agent |= {"python_path": os.environ[VLAGENTS_PYTHON], "port": free_port()}
-    env = {"env_id": "duobench/bin_sort", "env_kwargs": {"cameras": False}, "seed": 0}
-    process = started(
-        *("-m", "duobench.interop.vlagents", "run-eval", "--episodes", "1"),
-        *("--output-path", str(tmp_path), "--agent-cfg", json.dumps(agent)),
-        *("--eval-cfgs", json.dumps([env | {"max_steps_per_episode": 216}])),
-    )
-    assert process.wait(10 * TIMEOUT_S) == 0
-    (path,) = tmp_path.glob("results_*.json")
-    (result,) = json.loads(path.read_text())
-    assert result["steps"]["values"] == [216]
-
-
-def test_program_without_the_whole_horizon_is_refused(serve: Serve, tmp_path: Path) -> None:
-    _, port = serve(*ours("hold"))
-    script = tmp_path / "short.py"
-    script.write_text(
-        "from duobench.interop.vlagents import register; register()\n"
-        "from vlagents.envs.interface import AgentConfig, EvalConfig\n"
-        "from vlagents.eval import multi_eval\n"
-        "from tests.interop.vlagents_peer import wait_for\n"
-        f"wait_for({port}, 'duobench')\n"
-        f"agent = AgentConfig('localhost', 'duobench', {{}}, port={port})\n"
-        "multi_eval(agent, [EvalConfig('duobench/bin_sort', {'cameras': False})], 1)\n"
-    )
-    process = started(str(script), stderr=subprocess.PIPE)
-    told = process.communicate(timeout=TIMEOUT_S)[1].decode()
-    assert "up to 216 control steps, but max_steps_per_episode is 100" in told

@@ -24,8 +24,7 @@ from duobench.envs.action_labels import POSE_LABELS
 from duobench.errors import DuoBenchError
 from duobench.lerobot_keys import FEATURE_NAMES
 from duobench.policy.batch import Batching, SessionPolicy
-from duobench.policy.lerobot.noise import EpisodeNoise
-from duobench.policy.lerobot.policy import LeRobotPolicy
+from duobench.policy.lerobot_model import EpisodeNoise, LeRobotPolicy
 from duobench.policy.registry import PolicyName, make_any
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE, change

@@ -1,4 +1,4 @@
-"""The pages of the operator and of a rater of real arms, in a browser."""
+"""The page of the operator of real arms, in a browser."""
 
 import threading
 from collections.abc import Iterator
@@ -10,11 +10,8 @@ from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
 from duobench.results.source import read_source
-from duobench.rig_sessions.rating import RatingSession, rated
-from duobench.rig_sessions.trial_log import Kind, read_entries
+from duobench.rig_sessions.trial_log import Kind
 from duobench.rig_sessions.trial_session import HELD_BY_OPERATOR
-from duobench.web.page import assets
-from duobench.web.server import PageServer
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import STEPS, Stand, contenders
@@ -181,33 +178,24 @@ def test_second_browser_watches(window: Browser, led: Led) -> None:
         shown(other, "#placed")
 
 
-def test_rater_judges_films_by_keys(window: Browser, led: Led) -> None:
-    with opened(window, led.stand.server.url) as page:
+def test_stages_are_corrected_from_the_film(window: Browser, led: Led) -> None:
+    with opened(window, led.stand.server.url, PHONE) as page:
         start(page)
         page.keyboard.press("2")
         toys.Patient.gate.release(STEPS)
-        shown(page, "#finish")
+        until(page, "document.querySelector('video').readyState >= 2")
+        assert page.evaluate("document.documentElement.scrollWidth") == PHONE.width
+        assert broken_rules(page) == []
+        page.click("#undo")
+        page.evaluate("document.querySelector('video').currentTime = 0.4")
+        until(page, "!document.querySelector('video').seeking")
+        page.keyboard.press("3")
+        until(page, "document.querySelectorAll('.presses li').length == 3")
         page.click("#finish")
         shown(page, "#over")
-    led.thread.join()
-    folder = led.stand.folder
-    with closing(PageServer(assets("rating_page.html"))) as server:
-        session = RatingSession(folder, "second", server)
-        thread = threading.Thread(target=session.run)
-        thread.start()
-        with opened(window, server.url, PHONE) as page:
-            until(page, "document.querySelector('video').readyState >= 2")
-            until(page, "document.querySelector('.role').textContent == 'You rate'")
-            assert page.evaluate("document.documentElement.scrollWidth") == PHONE.width
-            assert broken_rules(page) == []
-            page.evaluate("document.querySelector('video').currentTime = 0.4")
-            until(page, "!document.querySelector('video').seeking")
-            page.keyboard.press("3")
-            until(page, "document.querySelectorAll('.presses li').length == 1")
-            page.click("#finish")
-            until(page, "document.querySelector('.note').textContent.startsWith('Every film')")
-        thread.join()
-        session.close()
-    (rating,) = rated(read_entries(folder.ratings("second")), LAST).values()
-    assert rating.stage == 3
-    assert [press.step for press in rating.presses] == [12]
+    (record,) = read_source(led.stand.folder.run("A").path)[1]
+    assert record.stage_changes == ((12, 3),)
+    assert record.judged is not None
+    assert [(press.stage, press.step) for press in record.judged.presses] == [
+        *((2, 0), (None, STEPS), (3, 12))
+    ]

@@ -8,9 +8,8 @@ import pytest
 from duobench.errors import PolicyError
 from duobench.policy import Batching, BatchPolicy, PolicyMetadata, Session, SessionPolicy, noise
 from duobench.policy import inference as inference_module
-from duobench.policy.batch import answer
+from duobench.policy.batch import PolicyPool, answer
 from duobench.policy.inference import BusyError, InferenceLoop
-from duobench.policy.pool import PolicyPool
 
 OBSERVATION = {"agent_pos": np.zeros(16, np.float32)}
 TIMEOUT_S = 30

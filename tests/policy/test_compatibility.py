@@ -7,7 +7,7 @@ import duobench
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import PolicyError
 from duobench.policy import PolicyMetadata
-from duobench.policy.compatibility import check_fits
+from duobench.policy.policy import check_fits
 from duobench.tasks import catalog
 
 TASK = "bin_sort"

@@ -49,7 +49,7 @@ def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
             "version of mujoco 4.0.9 instead",
         ),
         ({"videos": 0}, "videos 0 instead of 1"),
-        ({"limits": TimeLimits(act_s=1)}, "time limit act_s 1 instead of 120"),
+        ({"limits": TimeLimits(act_timeout=1)}, "time limit act_timeout 1 instead of 120"),
         ({"metadata": PolicyMetadata(name="mine", version="2")}, "policy's version 2 instead of 1"),
         (
             {"config": EnvConfig(cameras=(), action_mode="cartesian")},

@@ -53,7 +53,7 @@ def test_unknown_look_is_refused() -> None:
     [
         (("videos",), "one", "Expected `int`, got `str` - at `videos`"),
         (("suite", "episodes"), None, "Expected `int`, got `null` - at `suite.episodes`"),
-        (("limits", "act_s"), "1", "Expected `float`, got `str` - at `limits.act_s`"),
+        (("limits", "act_timeout"), "1", "Expected `float`, got `str` - at `limits.act_timeout`"),
         (("config", "cameras"), ["haed"], "Unknown camera 'haed'"),
         (("metadata", "version"), 1, r"Expected `str \| null`, got `int` - at `metadata.version`"),
         (("versions",), [], "Expected `object`, got `array` - at `versions`"),

@@ -1,10 +1,8 @@
-"""The whole way: two hidden policies, fifteen trials each, judged, rated again, and compared."""
+"""The whole way: two hidden policies, fifteen trials each, judged and compared."""
 
 import json
 import random
-from contextlib import closing
 from pathlib import Path
-from threading import Thread
 
 import pytest
 
@@ -15,16 +13,12 @@ from duobench.results.comparison.mixed import read_mixed, write_mixed
 from duobench.results.metrics import wilson_interval
 from duobench.results.records import EpisodeRecord
 from duobench.results.source import open_source, read_source
-from duobench.rig_sessions.rating import RatingSession
-from duobench.rig_sessions.trial_folder import Standing, TrialsFolder
+from duobench.rig_sessions.trial_folder import TrialsFolder
 from duobench.rig_sessions.trial_log import Kind
 from duobench.rig_sessions.trial_report import TrialsReport, write_trials_report
-from duobench.web.page import assets
-from duobench.web.server import PageServer
 from tests.results.samples import LIFT, sample_folder, sample_record, sample_run
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import Operator, Stand, contenders, run
-from tests.web.pages import open_page
 
 EPISODES = 15
 LAST = 5
@@ -70,38 +64,9 @@ class Scripted:
         self.over = operator.until(lambda status: status.get("results"))
 
 
-def rate(folder: TrialsFolder, rater: str) -> None:
-    """Rate all films as the operator did, but for two of them."""
-    standing = Standing.of(folder.read_log())
-    plan = folder.read_plan()
-    with closing(PageServer(assets("rating_page.html"))) as server:
-        session = RatingSession(folder, rater, server)
-        over: list[bool] = []
-        thread = Thread(target=lambda: over.append(session.run()))
-        thread.start()
-        with open_page(server.url) as page:
-            page.say(kind="drive")
-            order = [trial.number for trial, _attempt in session.films]
-            assert sorted(order) == sorted(standing.valid)
-            assert order != sorted(order)
-            for place, number in enumerate(order, 1):
-                status = page.hear_of("status", phase="rating", number=place)
-                assert all(policy.spec not in json.dumps(status) for policy in plan.policies)
-                stage = 2 if number == UNDO else said(number)
-                if number in {0, 1}:
-                    stage = 3
-                if stage:
-                    page.say(kind="at", time_s=0.2, stage=stage)
-                    page.hear_of("status", stage=stage)
-                page.say(kind="finish")
-            page.hear_of("status", phase="over")
-        thread.join()
-        assert over == [True]
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrialsFolder, TrialsReport, Scripted]:
-    """All trials played, rated by a second person, and reported."""
+    """All trials played and reported."""
     script = Scripted()
     stand = Stand(
         tmp_path_factory.mktemp("whole") / "trials", contenders(), episodes=EPISODES, blind=True
@@ -113,7 +78,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrialsFolder, Trial
 
     with stand.ending:
         assert run(stand, script, report)
-    rate(stand.folder, "second")
     return stand.folder, write_trials_report(stand.folder), script
 
 
@@ -181,7 +145,7 @@ def test_page_hides_the_names_until_the_end(
     assert "Patient" in json.dumps(script.over)
 
 
-def test_report_has_intervals_invalid_trials_and_agreement(
+def test_report_has_intervals_and_invalid_trials(
     whole: tuple[TrialsFolder, TrialsReport, Scripted],
 ) -> None:
     folder, report, _ = whole
@@ -190,13 +154,8 @@ def test_report_has_intervals_invalid_trials_and_agreement(
         assert (one.score.successes, one.score.episodes) == (successes, EPISODES)
         assert one.score.interval == wilson_interval(successes, EPISODES)
     assert report.invalid == ((REASON, 1),)
-    (agreement,) = report.agreements
-    assert (agreement.a, agreement.b, agreement.episodes) == ("operator", "second", 2 * EPISODES)
-    assert agreement.same_stage == 2 * EPISODES - 2
-    assert 0.8 < (agreement.stage_kappa or 0.0) < 1.0
     page = folder.page.read_text()
     assert REASON in page
-    assert "operator and second" in page
     assert "real arms" in folder.run("A").page.read_text()
     assert (folder.comparison / "index.html").exists()
 

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from duobench.robot.frames import tcp_poses, tool_pose
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
-from duobench.robot.kinematics import tcp_poses, tool_pose
 from duobench.scene.compose import compose
 from duobench.sim.duo import Duo
 from duobench.spatial import SE3

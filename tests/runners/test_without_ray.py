@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from duobench.cli import main
-from duobench.cli.shared.console import command_line
+from duobench.cli.shared.options import command_line
 from duobench.errors import EvaluationError
 from duobench.results.folder import RunFolder
 from duobench.runners import ray_cluster as cluster
@@ -67,7 +67,9 @@ def test_missing_ray_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
 
 def test_nothing_loads_ray_that_does_not_need_it() -> None:
-    modules = "duobench.cli.evaluate, duobench.runners.evaluate, duobench.runners.ray_executor"
+    modules = (
+        "duobench.cli.verbs.evaluate, duobench.runners.evaluate, duobench.runners.ray_executor"
+    )
     code = f"import sys, {modules}; sys.exit('ray' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

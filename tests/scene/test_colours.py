@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 import duobench
+from duobench.envs.observation_wrappers import IMAGE_SIZE
 from duobench.envs.sim_env import sim_of
-from duobench.envs.wrappers.cameras import IMAGE_SIZE
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.bowl import FLOOR
 from duobench.objects.chest import HINGE, LID_UNDERSIDE, WALL

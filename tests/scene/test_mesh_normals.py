@@ -9,7 +9,7 @@ import pytest
 from duobench.objects.bowl import bowl
 from duobench.objects.shapes import CIRCLE_SEGMENTS, box, cylinder
 from duobench.objects.solid import Mesh, manifold_of, mesh_of, printable
-from duobench.scene.mesh_normals import FLAT, add_visual_mesh, corner_normals
+from duobench.scene.meshes import FLAT, add_visual_mesh, corner_normals
 
 MESHES = {
     "box": mesh_of(manifold_of(box(0.1, 0.2, 0.3))),

@@ -17,7 +17,7 @@ from duobench.objects.cup import cup
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, printable
 from duobench.robot.cameras import OVERVIEW, View
-from duobench.scene.props import RIB_HEIGHT, add_ribs
+from duobench.scene.compose import RIB_HEIGHT, add_ribs
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from duobench.robot.joints import JOINT_RANGES
-from duobench.scene.robot.robotiq import PAD_FRICTION
+from duobench.scene.robotiq import PAD_FRICTION
 from duobench.scene.surfaces import METAL_FRICTION
 from duobench.sim.simulation import Simulation
 

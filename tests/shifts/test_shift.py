@@ -6,14 +6,15 @@ import pytest
 from duobench.errors import OptionError, UnknownNameError
 from duobench.looks.look import Look
 from duobench.shifts import levels
-from duobench.shifts.layout import OutsidePlacement, shifted_task
 from duobench.shifts.levels import latency_steps
 from duobench.shifts.samples import (
     UNSCALED,
     EpisodeKey,
+    OutsidePlacement,
     kept_paraphrase,
     physics_scale,
     shifted_look,
+    shifted_task,
 )
 from duobench.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
 from duobench.tasks import catalog

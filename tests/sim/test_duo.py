@@ -13,7 +13,7 @@ from duobench.kinematics.inverse import Kinematics
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
 from duobench.scene.compose import SUBSTEPS, compose
 from duobench.scene.naming import arm_joint_names, gripper_name, pad_names, tcp_name
-from duobench.scene.robot.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
+from duobench.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
 from duobench.sim.duo import HOME, Duo
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3

@@ -15,7 +15,7 @@ from duobench.objects.blocks import RED, cube
 from duobench.objects.prop import Prop
 from duobench.robot.cameras import OVERVIEW
 from duobench.robot.workcell import TABLE_X, TABLE_Y
-from duobench.scene.filters import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP, VISUAL_GEOM_GROUP
+from duobench.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP, VISUAL_GEOM_GROUP
 from duobench.sim import rendering
 from duobench.sim.opengl import BACKENDS
 from duobench.sim.rendering import Renderer

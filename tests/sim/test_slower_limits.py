@@ -7,7 +7,7 @@ import pytest
 
 import duobench
 from duobench.envs import EnvConfig, base_of
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import OptionError
 from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.types import CONTROL_HZ, DuoCommand

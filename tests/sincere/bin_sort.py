@@ -27,8 +27,8 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 from tests.adversaries.bin_sort import drop_and_pinch
-from tests.sincere.oracle import left_alone, tilt
-from tests.sincere.sincere import Way, ways_to
+from tests.sincere.sincere import Way, left_alone, tilt, ways_to
+from tests.steps import do
 
 COLOURS = ("white", "black")
 OWN = {"white": Side.LEFT, "black": Side.RIGHT}
@@ -195,25 +195,20 @@ def done(sim: Simulation) -> bool:
 way = ways_to(sort, done, Sorting())
 
 
-def by_one_arm(side: Side) -> Way:
-    return Way(name=f"the {side} arm sorts both", script=lambda arms: by_one(arms, side), done=done)
-
-
 CROSSED = {colour: side.other for colour, side in OWN.items()}
 WAYS: tuple[Way, ...] = (
     way("one after the other", Sorting(order=("white", "black"))),
     way("one after the other, the black cube first", Sorting(order=("black", "white"))),
     way("each cube by the arm of the other side", Sorting(order=COLOURS, arms=CROSSED)),
-    *(by_one_arm(side) for side in SIDES),
+    *(way(f"the {side} arm sorts both", script=do((by_one, side))) for side in SIDES),
     way("let go at the rim's height", Sorting(drop=RIM_HEIGHT - FLOOR)),
     *(
         way(f"let go {1000 * high:.0f} mm above the rim", Sorting(drop=RIM_HEIGHT - FLOOR + high))
         for high in (0.015, 0.030, 0.050)
     ),
-    Way(
-        name="cubes that slipped into the bowls are lifted and laid down",
-        script=lambda arms: drop_and_pinch(arms, 0.02),
-        done=done,
+    way(
+        "cubes that slipped into the bowls are lifted and laid down",
+        script=do((drop_and_pinch, 0.02)),
     ),
     way("let go on the floor", Sorting(drop=0.0)),
     way("pressed into the bowl", Sorting(drop=-0.004)),
@@ -246,13 +241,4 @@ def sample(rng: np.random.Generator) -> Way:
         order = COLOURS if rng.random() < 0.5 else COLOURS[::-1]
         chosen = {colour: SIDES[rng.integers(2)] for colour in COLOURS}
         how = replace(how, order=order, arms=chosen)
-    words = ", ".join(
-        (
-            f"{how.height * 1000:.0f} mm high, {how.tilt:.2f} and {how.turn:.2f} rad",
-            f"{how.drop * 1000:.0f} mm above the floor, {reach * 1000:.0f} mm aside",
-            "together"
-            if how.order is None
-            else " then ".join(f"{c} by {how.arms[c]}" for c in how.order),
-        )
-    )
-    return way(words, how, tremble=tremble, slowness=slowness)
+    return way(how=how, tremble=tremble, slowness=slowness)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -13,7 +13,7 @@ from duobench.experts.motion import Arms, Script, move, release, together, wait
 from duobench.experts.scripts.block_balance import lay_beam, lower, take_block
 from duobench.sim.simulation import Simulation
 from duobench.types import CONTROL_HZ, SIDES, Side
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 LEFT, RIGHT = SIDES
 BLOCKS = ("left_block", "right_block")
@@ -122,40 +122,37 @@ def apart(seconds: float, *, twice: bool = False) -> Callable[[Arms], Script]:
     return script
 
 
-def _way(name: str, building: Building, **changes: object) -> Way:
-    return replace(Way(name=name, script=by(building), done=done), **changes)
+way = ways_to(lambda arms, building: by(building)(arms), done, Building())
 
-
-EXPERT = Building()
 
 WAYS: tuple[Way, ...] = (
     *(
-        _way(
+        way(
             f"blocks grasped {height} mm above their middle", Building(heights=(height / 1000,) * 2)
         )
         for height in (-10, 0, 10, 30)
     ),
-    _way("one block grasped deep, one at the fingertips", Building(heights=(-0.008, 0.028))),
+    way("one block grasped deep, one at the fingertips", Building(heights=(-0.008, 0.028))),
     *(
-        _way(f"let go together {gap} mm above the beam", Building(gap=gap / 1000))
+        way(f"let go together {gap} mm above the beam", Building(gap=gap / 1000))
         for gap in (1, 4, 7)
     ),
-    _way("pressed 3 mm into the beam", Building(gap=-0.003)),
-    _way("the beam laid by the left arm", Building(beam_arm=LEFT)),
-    _way("the beam grasped beside its middle", Building(along=0.03)),
-    _way("the beam let go 5 mm above the cube", Building(beam_gap=0.005)),
-    _way("the left block taken first", Building(first=LEFT)),
-    _way("the right block taken first", Building(first=RIGHT)),
-    _way("blocks nearer to the middle", Building(reach=0.068)),
-    _way("blocks at the very ends", Building(reach=0.084)),
+    way("pressed 3 mm into the beam", Building(gap=-0.003)),
+    way("the beam laid by the left arm", Building(beam_arm=LEFT)),
+    way("the beam grasped beside its middle", Building(along=0.03)),
+    way("the beam let go 5 mm above the cube", Building(beam_gap=0.005)),
+    way("the left block taken first", Building(first=LEFT)),
+    way("the right block taken first", Building(first=RIGHT)),
+    way("blocks nearer to the middle", Building(reach=0.068)),
+    way("blocks at the very ends", Building(reach=0.084)),
     *(
-        Way(name=f"one block {seconds} s after the other", script=apart(seconds), done=done)
+        way(f"one block {seconds} s after the other", script=apart(seconds))
         for seconds in (0.5, 1.0)
     ),
-    Way(name="put on, raised, and put on again", script=apart(0.5, twice=True), done=done),
-    _way("the left arm lets go first", Building(release=((LEFT,), (RIGHT,)))),
-    _way("at half the speed", EXPERT, slowness=2),
-    _way("trembling", EXPERT, tremble=0.01),
+    way("put on, raised, and put on again", script=apart(0.5, twice=True)),
+    way("the left arm lets go first", Building(release=((LEFT,), (RIGHT,)))),
+    way("at half the speed", slowness=2),
+    way("trembling", tremble=0.01),
 )
 
 
@@ -178,12 +175,4 @@ def sample(rng: np.random.Generator) -> Way:
     )
     slowness = 2 if rng.random() < SLOWLY else 1
     tremble = float(rng.choice(TREMBLES))
-    left, right = (1000 * height for height in building.heights)
-    name = (
-        f"beam by {building.beam_arm} at {building.along * 1000:.0f} mm, let go "
-        f"{building.beam_gap * 1000:.0f} mm above; blocks at {left:.0f} and {right:.0f} mm, first "
-        f"{building.first}, at {building.reach * 1000:.0f} mm, let go {building.gap * 1000:.1f} mm "
-        f"above in {len(release_order)} goes, pause {building.pause}, tremble {tremble}, "
-        f"slow {slowness}"
-    )
-    return _way(name, building, slowness=slowness, tremble=tremble)
+    return way(how=building, slowness=slowness, tremble=tremble)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from duobench.experts.scripts.carry_pot import HandleGrasp, carry_over, grasp, l
 from duobench.objects.pot import PLATE
 from duobench.sim.simulation import Simulation
 from duobench.types import SIDES, Side
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 LEFT, RIGHT = SIDES
 NEAR_X, NEAR_Y = 0.10, 0.08
@@ -106,46 +106,43 @@ def by(way: Carrying) -> Callable[[Arms], Script]:
     return script
 
 
-def _way(name: str, carrying: Carrying, **changes: object) -> Way:
-    return replace(Way(name=name, script=by(carrying), done=done), **changes)
+way = ways_to(lambda arms, carrying: by(carrying)(arms), done, Carrying())
 
 
 def _both(**changes: float) -> dict[Side, HandleGrasp]:
     return dict.fromkeys(SIDES, HandleGrasp(**changes))
 
 
-PLAIN = Carrying()
-
 WAYS: tuple[Way, ...] = (
     *(
-        _way(f"let go {height} mm above the plate", Carrying(release=height / 1000))
+        way(f"let go {height} mm above the plate", Carrying(release=height / 1000))
         for height in (0, 1, 3, 5, 8)
     ),
     *(
-        _way(f"pressed {-height} mm into the plate", Carrying(release=height / 1000))
+        way(f"pressed {-height} mm into the plate", Carrying(release=height / 1000))
         for height in (-1, -3, -5)
     ),
-    _way("handles at the fingertips", Carrying(hold=_both(height=0.012))),
-    _way("handles deep in the fingers", Carrying(hold=_both(height=-0.008))),
-    _way(
+    way("handles at the fingertips", Carrying(hold=_both(height=0.012))),
+    way("handles deep in the fingers", Carrying(hold=_both(height=-0.008))),
+    way(
         "handles taken near their ends, at opposite corners",
         Carrying(hold={LEFT: HandleGrasp(along=0.02), RIGHT: HandleGrasp(along=-0.02)}),
     ),
-    _way("hands turned by 0.3 rad", Carrying(hold=_both(yaw=0.3))),
-    _way("hands turned about", Carrying(hold=_both(yaw=math.pi))),
-    _way("hands that lean", Carrying(hold=_both(tilt=0.3))),
-    _way("at the edge of the place", Carrying(place=(-0.06, 0.08))),
-    _way("carried high", Carrying(lift=0.12, clearance=0.12)),
-    _way("lowered fast", Carrying(speed=0.2, release=-0.002)),
-    _way("the left arm lets go first", Carrying(order=((LEFT,), (RIGHT,)))),
-    _way(
+    way("hands turned by 0.3 rad", Carrying(hold=_both(yaw=0.3))),
+    way("hands turned about", Carrying(hold=_both(yaw=math.pi))),
+    way("hands that lean", Carrying(hold=_both(tilt=0.3))),
+    way("at the edge of the place", Carrying(place=(-0.06, 0.08))),
+    way("carried high", Carrying(lift=0.12, clearance=0.12)),
+    way("lowered fast", Carrying(speed=0.2, release=-0.002)),
+    way("the left arm lets go first", Carrying(order=((LEFT,), (RIGHT,)))),
+    way(
         "the right arm lets go first, pressed in",
         Carrying(order=((RIGHT,), (LEFT,)), release=-0.004),
     ),
-    _way("at half the speed", PLAIN, slowness=2),
-    _way("trembling by 10 mrad", PLAIN, tremble=0.01),
-    _way("trembling by 20 mrad", PLAIN, tremble=0.02),
-    _way("trembling, let go 5 mm above the plate", Carrying(release=0.005), tremble=0.01),
+    way("at half the speed", slowness=2),
+    way("trembling by 10 mrad", tremble=0.01),
+    way("trembling by 20 mrad", tremble=0.02),
+    way("trembling, let go 5 mm above the plate", Carrying(release=0.005), tremble=0.01),
 )
 
 
@@ -176,15 +173,4 @@ def sample(rng: np.random.Generator) -> Way:
         order=order,
     )
     slowness = 2 if rng.random() < SLOWLY else 1
-    x, y = carrying.place
-    name = (
-        f"let go {carrying.release * 1000:.1f} mm above, in {len(carrying.order)} goes, pause "
-        f"{carrying.pause}, speed {carrying.speed:.2f}, at {x * 1000:.0f} {y * 1000:.0f} mm, "
-        "grasps "
-        + ", ".join(
-            f"{h.height * 1000:.0f}/{h.along * 1000:.0f} mm {h.yaw:.1f}/{h.tilt:.1f} rad"
-            for h in hold.values()
-        )
-        + f", tremble {tremble}, slow {slowness}"
-    )
-    return _way(name, carrying, slowness=slowness, tremble=tremble)
+    return way(how=carrying, slowness=slowness, tremble=tremble)

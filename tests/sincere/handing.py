@@ -68,15 +68,6 @@ class Meeting:
     before: float = 0.0
     """How far short of the centre the giver stops on its way, in metres."""
 
-    @property
-    def name(self) -> str:
-        """The numbers, for a report."""
-        bar = self.bar
-        return (
-            f"{bar.giver} gives: {bar.grip:.3f}, {bar.height:.3f}, tilt {bar.tilt:.2f}; "
-            f"received {self.grip_at:.3f}, slant {self.slant:.2f}; rise {self.rise:.2f}"
-        )
-
 
 def check(as_meant: bool) -> None:
     """Give up when the bar is not where it should be."""

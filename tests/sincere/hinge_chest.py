@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL
 from duobench.sim.simulation import Simulation
 from duobench.types import Side
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 OPEN = 0.8
 """Angle in radians from which on the lid counts as open [task definitions]."""
@@ -145,9 +146,9 @@ def along_the_lid(way: Insertion, lean: float) -> Callable[[Arms], Script]:
     return script
 
 
-def _way(name: str, insertion: Insertion, **changes: object) -> Way:
-    way = Way(name=name, script=put_in(insertion), done=done_by(insertion.side))
-    return replace(way, **changes)
+def _way(name: str, insertion: Insertion, **fields: Any) -> Way:
+    way = ways_to(lambda arms, how: put_in(how)(arms), done_by(insertion.side), Insertion())
+    return way(name, insertion, **fields)
 
 
 PLAIN = Insertion()
@@ -228,10 +229,4 @@ def sample(rng: np.random.Generator) -> Way:
         "leans": along_the_lid(insertion, rng.uniform(0.0, 0.04)),
     }
     kind = str(rng.choice(list(kinds), p=KINDS))
-    x, y = insertion.place
-    name = (
-        f"{kind}: lid {insertion.open_angle:.2f}, tilt {insertion.tilt:.2f}, at {x * 1000:.0f} "
-        f"{y * 1000:.0f} mm, yaw {insertion.yaw:.1f}, grasp {insertion.grasp_height * 1000:.0f}, "
-        f"drop {insertion.drop_height * 1000:.0f}, tremble {tremble}, slow {slowness}"
-    )
-    return _way(name, insertion, script=kinds[kind], slowness=slowness, tremble=tremble)
+    return _way("", insertion, script=kinds[kind], slowness=slowness, tremble=tremble)

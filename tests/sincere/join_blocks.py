@@ -24,8 +24,7 @@ from duobench.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLAT
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
-from tests.sincere.oracle import left_alone
-from tests.sincere.sincere import Way, ways_to
+from tests.sincere.sincere import Way, left_alone, ways_to
 
 LIGHT, DARK = "light_block", "dark_block"
 APART, BEFORE_WALL, TOUCHING = 0.03, 0.012, 0.0005
@@ -225,9 +224,4 @@ def sample(rng: np.random.Generator) -> Way:
         pushed_from=rng.uniform(0.008, 0.018) if rng.random() < 0.25 else None,
     )
     tremble = 0.01 if rng.random() < 0.15 and how.height > LOW + 0.01 else 0.0
-    words = (
-        f"light by {how.light}{', turned' if how.turned else ''}, {how.height * 1000:.0f} mm high, "
-        f"grasped at {how.light_x * 1000:.0f} and {how.dark_x * 1000:.0f} mm, "
-        f"{how.grasp * 1000:.0f} mm high, leaning {how.lean:.2f} rad, pushed {how.pushed_from}"
-    )
-    return way(words, how, tremble=tremble, slowness=2 if rng.random() < 0.15 else 1)
+    return way(how=how, tremble=tremble, slowness=2 if rng.random() < 0.15 else 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -30,8 +31,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.pour_marbles import CUPS, HALF_SQUARE, MARBLES, SQUARES
 from duobench.types import SIDES, Side
-from tests.sincere.oracle import left_alone, tilt
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, left_alone, numbers, tilt
 
 HOLD_LEAN, POUR_LEAN = math.radians(62.0), math.radians(60.0)
 """How far the hands are from the vertical when they grasp the target and the source, in radians."""
@@ -207,12 +207,10 @@ def done(sim: Simulation, target: Side) -> bool:
 
 
 def way(
-    name: str,
+    name: str = "",
     how: Pouring | None = None,
-    *,
-    tremble: float = 0.0,
-    slowness: int = 1,
     act: Callable[[Arms, Pouring], Script] = pour,
+    **fields: Any,
 ) -> Way:
     how = how or Pouring()
     targets: list[Side] = []
@@ -221,13 +219,8 @@ def way(
         targets[:] = [min(SIDES, key=lambda side: _marbles_in(arms.sim, side))]
         yield from act(arms, how)
 
-    return Way(
-        name=name,
-        script=script,
-        done=lambda sim: done(sim, targets[0]),
-        tremble=tremble,
-        slowness=slowness,
-    )
+    name = name or numbers(how, fields)
+    return Way(name=name, script=script, done=lambda sim: done(sim, targets[0]), **fields)
 
 
 WAYS: tuple[Way, ...] = (
@@ -264,10 +257,4 @@ def sample(rng: np.random.Generator) -> Way:
         ahead=rng.uniform(-0.2, 0.3),
         reach=rng.uniform(0.030, 0.038),
     )
-    words = (
-        f"{how.height * 1000:.0f} mm high, {math.degrees(how.angle):.0f} degrees in {how.goes}, "
-        f"from {how.ahead:.2f} rad ahead, "
-        f"grasped {how.grasps[0] * 1000:.0f} and {how.grasps[1] * 1000:.0f} mm high, "
-        f"let go {how.drop * 1000:.0f} mm above the table"
-    )
-    return way(words, how, tremble=tremble, slowness=slowness)
+    return way(how=how, tremble=tremble, slowness=slowness)

@@ -9,12 +9,15 @@ and with `sample`, from which a sweep takes ways at random.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from duobench.experts.motion import Arms, Script
 from duobench.sim.simulation import Simulation
+from duobench.types import SIDES
 
 
 class WayFailedError(Exception):
@@ -49,11 +52,35 @@ def ways_to(
 ) -> Callable[..., Way]:
     """What makes ways of a script that takes a value; without one, the expert's."""
 
-    def way(name: str, how: H = expert, **fields: Any) -> Way:
-        return Way(name=name, script=lambda arms: act(arms, how), done=done, **fields)
+    def way(name: str = "", how: H = expert, **fields: Any) -> Way:
+        script = fields.pop("script", lambda arms: act(arms, how))
+        return Way(name=name or numbers(how, fields), script=script, done=done, **fields)
 
     return way
 
 
+def numbers(how: object, fields: object) -> str:
+    """What a way that was taken at random is called: its numbers."""
+    return re.sub(r"\d+\.\d+", lambda number: f"{float(number[0]):.3g}", f"{how} {fields}")
+
+
+def left_alone(sim: Simulation, *props: str) -> bool:
+    """No gripper touches any of them, and none moves."""
+    for prop in props:
+        if any(sim.contacts.gripper(side, prop) for side in SIDES):
+            return False
+        speed, turning = sim.speed(prop)
+        if speed > SLOW or turning > TURNING_SLOWLY:
+            return False
+    return True
+
+
+def tilt(sim: Simulation, prop: str) -> float:
+    """Angle of its up axis against the world's, in radians."""
+    return math.acos(min(1.0, max(-1.0, float(sim.rotation(prop)[2, 2]))))
+
+
+SLOW, TURNING_SLOWLY = 0.02, 0.3
+"""Speeds in m/s and rad/s below which a person would say that a thing does not move."""
 PATIENCE = 30
 """Control steps in a row at which a task is done when it is done for good: one second."""

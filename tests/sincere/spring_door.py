@@ -34,8 +34,7 @@ from duobench.objects.microwave import (
 )
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from tests.sincere.oracle import left_alone
-from tests.sincere.sincere import Way, ways_to
+from tests.sincere.sincere import Way, left_alone, ways_to
 
 DOOR = "microwave/door"
 AROUND_BAR = 0.55
@@ -195,7 +194,7 @@ WAYS: tuple[Way, ...] = (
     way("the door opened to 1.4 rad", Putting(angle=1.4)),
     way("the door opened to 1.8 rad", Putting(angle=1.8)),
     way("closed fingers hook the bar", HOOK),
-    Way(name="a hand holds the door from inside", script=from_inside, done=done),
+    way("a hand holds the door from inside", script=from_inside),
     way("the bar is held low", Putting(bar_height=0.13)),
     way("on the left of the floor", Putting(place=(0.06, 0.06), azimuth=0.0, slope=0.95)),
     way("on the right of the floor", Putting(place=(0.06, -0.11))),
@@ -203,7 +202,7 @@ WAYS: tuple[Way, ...] = (
     way("let go 25 mm above the floor", Putting(drop=0.025)),
     way("let go 40 mm above the floor", Putting(drop=0.040)),
     way("let go 50 mm above the floor", Putting(drop=0.050, slope=1.0)),
-    Way(name="set on the sill and pushed in", script=over_the_sill, done=done),
+    way("set on the sill and pushed in", script=over_the_sill),
     way("pressed on the floor", Putting(drop=-0.004)),
     way("a flat hand", Putting(slope=1.2)),
     way("a steep hand", Putting(slope=0.6, place=(0.04, -0.05))),
@@ -232,11 +231,5 @@ def sample(rng: np.random.Generator) -> Way:
         slope=0.75 + 2.0 * depth + rng.uniform(0.0, 0.15),
         azimuth=rng.uniform(-0.3, 0.1),
     )
-    words = (
-        f"{'hooked' if how.hooked else 'grasped'} {how.bar_height * 1000:.0f} mm high, door "
-        f"{how.angle:.2f} rad, {depth * 1000:.0f} mm deep, {how.place[1] * 1000:.0f} mm left, "
-        f"{how.drop * 1000:.0f} mm above the floor, slope {how.slope:.2f}, "
-        f"cube grasped {how.grasp * 1000:.0f} mm high"
-    )
     tremble, slowness = (0.01 if rng.random() < 0.2 else 0.0), (2 if rng.random() < 0.15 else 1)
-    return way(words, how, tremble=tremble, slowness=slowness)
+    return way(how=how, tremble=tremble, slowness=slowness)

@@ -20,8 +20,15 @@ def bench_of(task: str) -> TaskHarness:
     return TaskHarness(catalog.get(task))
 
 
+FAST = ("hinge_chest", "transfer_cube", "bin_sort")
+"""Tasks whose ways `make test` plays; the ways of all others are slow."""
 CASES = [
-    pytest.param(task, way, id=f"{task}: {way.name}")
+    pytest.param(
+        task,
+        way,
+        id=f"{task}: {way.name}",
+        marks=() if task in FAST else pytest.mark.slow,
+    )
     for task in catalog.names()
     for way in ways_of(task).WAYS
 ]

@@ -13,7 +13,6 @@ from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.sim.simulation import Simulation
 from duobench.types import Side
-from tests.handovers import clear_of
 from tests.sincere.handing import (
     Meeting,
     at_rest,
@@ -26,6 +25,7 @@ from tests.sincere.handing import (
     random_tempo,
 )
 from tests.sincere.sincere import Way, ways_to
+from tests.steps import clear_of
 
 EXPERT = Meeting(
     bar=BAR,
@@ -129,8 +129,4 @@ def sample(rng: np.random.Generator) -> Way:
         y=rng.uniform(-0.04, 0.01),
     )
     slowness, tremble = random_tempo(rng)
-    name = (
-        f"{meeting.name}, lean {plan.lean:.2f}, {plan.height:.3f} above the floor, "
-        f"slowness {slowness}, tremble {tremble}"
-    )
-    return way(name, plan, slowness=slowness, tremble=tremble)
+    return way(how=plan, slowness=slowness, tremble=tremble)

@@ -146,9 +146,4 @@ def sample(rng: np.random.Generator) -> Way:
         y=rng.uniform(-0.05, 0.02),
     )
     slowness, tremble = random_tempo(rng)
-    name = (
-        f"gives {plan.bar_grip:.3f}, {plan.bar_height:.3f}, tilt {plan.tilt:.2f}; received "
-        f"{grip_at:.3f}, slant {plan.slant:.2f}; {plan.beyond:.3f} beyond; lean {plan.lean:.2f}, "
-        f"{plan.height:.4f} above the mat, slowness {slowness}, tremble {tremble}"
-    )
-    return way(name, plan, slowness=slowness, tremble=tremble)
+    return way(how=plan, slowness=slowness, tremble=tremble)

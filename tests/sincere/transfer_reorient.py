@@ -21,7 +21,6 @@ from duobench.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import Side
-from tests.handovers import clear_of
 from tests.sincere.handing import (
     SEEN,
     Meeting,
@@ -33,6 +32,7 @@ from tests.sincere.handing import (
     random_tempo,
 )
 from tests.sincere.sincere import Way, ways_to
+from tests.steps import clear_of
 
 EXPERT = Meeting(
     bar=BAR,
@@ -125,5 +125,4 @@ def sample(rng: np.random.Generator) -> Way:
     )
     plan = Plan(meeting=meeting, depth=rng.uniform(-0.008, 0.028), retreat=bool(rng.random() < 0.7))
     slowness, tremble = random_tempo(rng)
-    name = f"{meeting.name}, {plan.depth:.3f} deep, slowness {slowness}, tremble {tremble}"
-    return way(name, plan, slowness=slowness, tremble=tremble)
+    return way(how=plan, slowness=slowness, tremble=tremble)

@@ -8,7 +8,6 @@ from duobench.experts.motion import Arms, Script, wait
 from duobench.experts.scripts.carry_pot import carry_over, land, let_go, lift
 from duobench.objects.pot import HEIGHT, PLATE, RADIUS
 from duobench.sim.layout import Layout
-from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.coordination import HOP_HEIGHT, TIP_SECONDS, carriage
 from duobench.stages.logic import Predicate
@@ -17,7 +16,7 @@ from duobench.stages.predicates import FLICKER_SECONDS, BoxRegion, inside
 from duobench.stages.progress import Progress, Stage
 from duobench.tasks.carry_pot import HANDLES, LIFT, TASK
 from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
-from tests.task_harness import TaskHarness
+from tests.task_harness import TaskHarness, take_away
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 STOVE = SE3.at(0.5, 0.3)
@@ -52,19 +51,6 @@ def rise(arms: Arms, height: float) -> Script:
         short = PLATE[2] + height - arms.sim.min_height("pot")
         yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=short), speed=0.1)
         yield from wait(10)
-
-
-def take_away(sim: Simulation, side: Side, state: np.ndarray) -> None:
-    """Put one arm where it is in another state."""
-    now = sim.data.qpos.copy()
-    sim.set_state(state)
-    there = sim.data.qpos.copy()
-    sim.data.qpos[:] = now
-    for joint in map(sim.model.joint, range(sim.model.njnt)):
-        if joint.name.startswith(f"{side}/"):
-            sim.data.qpos[joint.qposadr[0]] = there[joint.qposadr[0]]
-    sim.data.qvel[:] = 0.0
-    sim.forward()
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +111,8 @@ def moments(bench: TaskHarness) -> Moments:
     keep("n")
     bench.sim.set_state(saved["m"])
     take_away(bench.sim, RIGHT, saved["t"])
+    bench.sim.data.qvel[:] = 0.0
+    bench.sim.forward()
     keep("o")
     return saved
 

@@ -17,8 +17,8 @@ from duobench.stages.passage import Passage
 from duobench.stages.predicates import touching
 from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
-from tests.handovers import bring, drop, meet
 from tests.predicate_probe import PredicateProbe
+from tests.steps import bring, drop, meet
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT

@@ -11,17 +11,17 @@ import pytest
 
 from duobench.experts.handling import LET_GO
 from duobench.experts.motion import Arms, Script, release, together, wait
-from duobench.experts.scripts import hinge_chest, spring_door
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import FLICKER_SECONDS
 from duobench.stages.support import UNSUPPORTED_SECONDS
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, Side
-from tests.adversaries import hinge_chest as chest_cheats
-from tests.adversaries import spring_door as door_cheats
-from tests.task_harness import TaskHarness
+from duobench.types import CONTROL_HZ
+from tests.adversaries.hinge_chest import CHEST
+from tests.adversaries.opening import Opening
+from tests.adversaries.spring_door import DOOR
+from tests.task_harness import TaskHarness, set_hinge, take_away
 
 LONG = round(UNSUPPORTED_SECONDS * CONTROL_HZ)
 GRAZE = round(FLICKER_SECONDS * CONTROL_HZ)
@@ -29,43 +29,7 @@ REST = round(REST_SECONDS * CONTROL_HZ)
 OPEN, HALF_OPEN = 0.8, 0.79
 
 
-@dataclass(frozen=True, kw_only=True)
-class Case:
-    """One task with a lid or a door, and what its arms do."""
-
-    lid: str
-    fixture: str
-    holder: Side
-    opens: Callable[[Arms], Script]
-    fetches: Callable[[Arms], Script]
-    comes_near: Callable[[Arms], Script]
-    puts_in: Callable[[Arms], Script]
-
-    @property
-    def bringer(self) -> Side:
-        return self.holder.other
-
-
-CASES = {
-    "hinge_chest": Case(
-        lid="chest/lid",
-        fixture="chest",
-        holder=hinge_chest.HOLDER,
-        opens=hinge_chest.open_lid,
-        fetches=hinge_chest.fetch,
-        comes_near=chest_cheats.come_over_the_chest,
-        puts_in=hinge_chest.lower,
-    ),
-    "spring_door": Case(
-        lid="microwave/door",
-        fixture="microwave",
-        holder=spring_door.HOLDER,
-        opens=spring_door.open_door,
-        fetches=spring_door.fetch,
-        comes_near=door_cheats.come_to_the_door,
-        puts_in=spring_door.reach_in,
-    ),
-}
+CASES = {"hinge_chest": CHEST, "spring_door": DOOR}
 
 
 @dataclass(frozen=True)
@@ -73,7 +37,7 @@ class Scene:
     """A task on the bench, and states of it by letter."""
 
     bench: TaskHarness
-    case: Case
+    case: Opening
     states: dict[str, np.ndarray]
 
     def stage_after(self, *letters: str) -> int:
@@ -85,26 +49,19 @@ class Scene:
         return self.bench.stage
 
 
-def set_lid(sim: Simulation, lid: str, angle: float) -> None:
-    joint = sim.model.joint(lid)
-    sim.data.qpos[joint.qposadr[0]] = angle
-    sim.data.qvel[joint.dofadr[0]] = 0.0
-    sim.forward()
-
-
-def lower_onto_the_arm(sim: Simulation, case: Case) -> None:
+def lower_onto_the_arm(sim: Simulation, case: Opening) -> None:
     """Shut the lid as far as the arm that brings the cube lets it."""
     angle = sim.angle(case.lid)
     while not sim.contacts.arm(case.bringer, case.lid):
         angle -= 0.01
-        set_lid(sim, case.lid, angle)
+        set_hinge(sim, case.lid, angle)
 
 
-def press_it_shut(sim: Simulation, case: Case) -> None:
+def press_it_shut(sim: Simulation, case: Opening) -> None:
     """Turn the lid to where the holding arm touches it and does not push it open."""
     contacts = sim.contacts
     for angle in np.arange(OPEN, sim.model.joint(case.lid).range[1], 0.005):
-        set_lid(sim, case.lid, angle)
+        set_hinge(sim, case.lid, angle)
         pushes = contacts.pushes(case.holder, case.lid, sim.hinge_axis(case.lid))
         grasps = contacts.grasped(case.holder, case.lid)
         if contacts.arm(case.holder, case.lid) and not (pushes or grasps):
@@ -112,21 +69,7 @@ def press_it_shut(sim: Simulation, case: Case) -> None:
     pytest.fail("no such angle")
 
 
-def send_home(bench: TaskHarness, start: np.ndarray, side: Side) -> None:
-    """Put one arm where it was at the start."""
-    sim = bench.sim
-    now = sim.data.qpos.copy()
-    sim.set_state(start)
-    home = sim.data.qpos.copy()
-    sim.data.qpos[:] = now
-    for number in range(sim.model.njnt):
-        joint = sim.model.joint(number)
-        if joint.name.startswith(f"{side}/"):
-            sim.data.qpos[joint.qposadr[0]] = home[joint.qposadr[0]]
-    sim.forward()
-
-
-def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
+def collect(bench: TaskHarness, case: Opening) -> dict[str, np.ndarray]:
     """States by letter.
 
     What two arms did: (t) at the start; the lid held open and the cube (h)eld, come (n)ear,
@@ -175,17 +118,17 @@ def collect(bench: TaskHarness, case: Case) -> dict[str, np.ndarray]:
     bench.start(0)
     start = sim.pose("cube")
     bench.act(honest)
-    edit("a", "h", lambda: send_home(bench, saved["t"], case.holder))
+    edit("a", "h", lambda: take_away(sim, case.holder, saved["t"]))
     edit("p", "h", lambda: press_it_shut(sim, case))
-    edit("s", "h", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("s", "h", lambda: set_hinge(sim, case.lid, HALF_OPEN))
     edit("g", "n", lambda: lower_onto_the_arm(sim, case))
-    edit("G", "g", lambda: send_home(bench, saved["t"], case.holder))
+    edit("G", "g", lambda: take_away(sim, case.holder, saved["t"]))
     edit("o", "h", at_the_other_arm)
     edit("c", "h", on_the_lid)
-    edit("S", "i", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("S", "i", lambda: set_hinge(sim, case.lid, HALF_OPEN))
     edit("d", "f", on_the_table)
-    edit("A", "f", lambda: send_home(bench, saved["t"], case.holder))
-    edit("F", "f", lambda: set_lid(sim, case.lid, HALF_OPEN))
+    edit("A", "f", lambda: take_away(sim, case.holder, saved["t"]))
+    edit("F", "f", lambda: set_hinge(sim, case.lid, HALF_OPEN))
     return saved
 
 
@@ -330,8 +273,6 @@ def test_no_lid_stays_open_by_itself_for_long(scene: Scene) -> None:
     joint = bench.sim.model.joint(lid)
     bench.start(0)
     for speed in np.arange(0.0, 32.0, 2.0):
-        set_lid(bench.sim, lid, joint.range[1] if speed == 0 else OPEN)
-        bench.sim.data.qvel[joint.dofadr[0]] = speed
-        bench.sim.forward()
+        set_hinge(bench.sim, lid, joint.range[1] if speed == 0 else OPEN, speed)
         bench.hold(LONG - 2)
         assert bench.sim.angle(lid) < OPEN, speed

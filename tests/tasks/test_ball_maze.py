@@ -39,11 +39,6 @@ MIDDLE: Cell = (CELLS // 2, CELLS // 2)
 """A cell on the way."""
 
 
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
-
-
 def layout_of(bench: TaskHarness, seed: int, board: int) -> Layout:
     """A seed's layout with another board."""
     return TASK.arrange(replace(bench.start(seed), variants={"board": str(board)}))
@@ -98,9 +93,8 @@ def lifted(bench: TaskHarness) -> None:
 
 def push_ball(bench: TaskHarness, speed: float, angle: float) -> None:
     """Let the ball roll at a speed in m/s, at an angle in the board's plane."""
-    start = bench.sim.model.joint("ball").dofadr[0]
     direction = bench.sim.rotation("board") @ [math.cos(angle), math.sin(angle), 0.0]
-    bench.sim.data.qvel[start : start + 3] = speed * direction
+    bench.push("ball", *(speed * direction))
 
 
 @pytest.mark.parametrize("number", range(len(MAZES)))

@@ -11,18 +11,12 @@ from duobench.scene.naming import TABLE
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
 from duobench.stages.vessels import Vessel
-from duobench.tasks.bin_sort import TASK
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.predicate_probe import PredicateProbe
 from tests.task_harness import TaskHarness
 
 IN_BOWL = 0.004 + CUBE_EDGE / 2 + 0.0005
 """Height of a cube's centre above the underside of the bowl that it lies in, in metres."""
-
-
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
 
 
 def _in(bench: TaskHarness, bowl: str) -> SE3:
@@ -104,9 +98,7 @@ def test_a_cube_that_flies_through_its_bowl_does_not_count(
     """It touches the bowl's floor, and moves."""
     bench.start(0)
     bench.sim.place("white_cube", _in(bench, "white_bowl").moved(z=-0.0007))
-    start = bench.sim.model.joint("white_cube").dofadr[0]
-    bench.sim.data.qvel[start + direction] = speed
-    bench.sim.forward()
+    bench.push("white_cube", speed, first=direction)
     assert bench.sim.contacts.between("white_cube", "white_bowl")
     assert not lies(bench)
 
@@ -114,9 +106,7 @@ def test_a_cube_that_flies_through_its_bowl_does_not_count(
 def test_a_cube_that_spins_in_its_bowl_does_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.sim.place("white_cube", _in(bench, "white_bowl").moved(z=-0.0007))
-    start = bench.sim.model.joint("white_cube").dofadr[0]
-    bench.sim.data.qvel[start + 5] = 0.6
-    bench.sim.forward()
+    bench.push("white_cube", 0.6, first=5)
     assert not lies(bench)
 
 

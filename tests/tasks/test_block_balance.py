@@ -18,7 +18,6 @@ from duobench.tasks.block_balance import (
     CUBE_EDGE,
     LEVEL_DEGREES,
     STANDING_DEGREES,
-    TASK,
     TIPPING,
 )
 from duobench.types import CONTROL_HZ, SIDES, Side
@@ -34,11 +33,6 @@ HOVER = 0.05
 """How far above the beam blocks wait, in metres: from there they would be dropped."""
 ASIDE = SE3.at(0.3, -0.3, BLOCK[2] / 2)
 """A place on the table."""
-
-
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
 
 
 def _ready(bench: TaskHarness) -> None:
@@ -104,11 +98,6 @@ def test_a_balance_of_both_counts_once_it_stood_still(bench: TaskHarness) -> Non
     assert bench.history[: REST_STEPS - 1] == [4] * (REST_STEPS - 1)
 
 
-def _push(bench: TaskHarness, name: str, speed: float) -> None:
-    start = bench.sim.model.joint(name).dofadr[0]
-    bench.sim.data.qvel[start] = speed
-
-
 @pytest.mark.parametrize("name", ["left_block", "beam", "cube"])
 def test_a_balance_that_moves_now_and_then_does_not_count(bench: TaskHarness, name: str) -> None:
     _loaded(bench)
@@ -116,9 +105,9 @@ def test_a_balance_that_moves_now_and_then_does_not_count(bench: TaskHarness, na
     for _ in range(3):
         bench.put(**_bridge(bench), **_ends(bench))
         assert bench.hold(REST_STEPS - 5) == 4
-        _push(bench, name, STILL_SPEED + 0.01)
+        bench.push(name, STILL_SPEED + 0.01)
         assert bench.judge() == 4
-        _push(bench, name, 0.0)
+        bench.push(name, 0.0)
 
 
 @pytest.mark.parametrize(("beyond", "stage"), [(0.02, 4), (-0.02, 5)])

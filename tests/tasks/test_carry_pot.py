@@ -30,11 +30,6 @@ REST_STEPS = round(REST_SECONDS * CONTROL_HZ)
 TOO_FAR = OFF_CENTRE[0] + 0.01
 
 
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
-
-
 def bring(arms: Arms, x: float = 0.0, y: float = 0.0, height: float = 0.04) -> Script:
     """Both arms carry the pot above the plate, beside the middle by x and y of the plate."""
     yield from lift(arms)
@@ -154,15 +149,11 @@ def test_a_pot_leaning_on_the_plate_does_not_count(bench: TaskHarness) -> None:
 
 def test_a_moving_pot_on_the_plate_does_not_count_yet(bench: TaskHarness) -> None:
     put_aside(bench)
-    start = bench.sim.model.joint("pot").dofadr[0]
     bench.sim.place("pot", bench.sim.pose("stove") @ SE3.at(z=ON_PLATE - 0.0006))
     for speed, stage in ((0.1, 2), (0.0, 3)):
-        bench.sim.data.qvel[start] = speed
-        bench.sim.forward()
+        bench.push("pot", speed)
         assert bench.sim.contacts.between("pot", "stove")
-        for _ in range(REST_STEPS):
-            bench.judge()
-        assert bench.stage == stage
+        assert bench.rest(REST_STEPS) == stage
 
 
 def test_a_pot_in_the_middle_of_the_plate_that_touches_the_table_does_not_count(

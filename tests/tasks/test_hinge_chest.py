@@ -8,9 +8,9 @@ from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.chest import LID_LIMITS, OUTER_Y, RIM_HEIGHT, WALL
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
-from duobench.tasks.hinge_chest import OPEN_ANGLE, TASK
+from duobench.tasks.hinge_chest import OPEN_ANGLE
 from duobench.types import CONTROL_HZ
-from tests.task_harness import TaskHarness
+from tests.task_harness import TaskHarness, set_hinge
 
 LID = "chest/lid"
 HALF = CUBE_EDGE / 2
@@ -19,20 +19,8 @@ ON_FLOOR = WALL + HALF - 0.0001
 """Height of a cube that touches the chest's floor."""
 
 
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
-
-
 def in_chest(bench: TaskHarness, x: float, y: float, z: float) -> SE3:
     return bench.sim.pose("chest") @ SE3.at(x, y, z)
-
-
-def set_lid(bench: TaskHarness, angle: float) -> None:
-    joint = bench.sim.model.joint(LID)
-    bench.sim.data.qpos[joint.qposadr[0]] = angle
-    bench.sim.data.qvel[joint.dofadr[0]] = 0.0
-    bench.sim.forward()
 
 
 def test_the_expert_holds_the_lid_with_its_gripper_clear_of_the_stop(bench: TaskHarness) -> None:
@@ -94,11 +82,9 @@ def test_a_cube_that_moves_in_the_chest_does_not_count(
 ) -> None:
     cube_put_in(bench)
     resting = bench.sim.pose("cube")
-    dof = bench.sim.model.joint("cube").dofadr[0]
     for _ in range(2 * REST_STEPS):
         bench.sim.place("cube", resting)
-        bench.sim.data.qvel[dof : dof + 3] = velocity
-        bench.sim.forward()
+        bench.push("cube", *velocity)
         assert bench.judge() == 2
         assert bench.sim.contacts.between("cube", "chest")
     bench.sim.place("cube", resting)
@@ -112,7 +98,7 @@ def test_a_cube_that_moves_in_the_chest_does_not_count(
 @pytest.mark.parametrize("angle", [0.1, 0.2, OPEN_ANGLE, 1.2, LID_LIMITS[1]])
 def test_the_lid_falls_shut_within_a_second(bench: TaskHarness, angle: float) -> None:
     bench.start(0)
-    set_lid(bench, angle)
+    set_hinge(bench.sim, LID, angle)
     bench.hold(1)
     assert bench.sim.angle(LID) < angle
     bench.hold(28)
@@ -124,7 +110,7 @@ def test_its_weight_alone_shuts_the_lid(bench: TaskHarness) -> None:
     joint = bench.sim.model.joint(LID)
     assert joint.stiffness[0] == 0.0
     for angle in np.linspace(*LID_LIMITS, 5):
-        set_lid(bench, float(angle))
+        set_hinge(bench.sim, LID, float(angle))
         assert bench.sim.data.qfrc_passive[joint.dofadr[0]] == 0.0
         # In N·m: what is left of it at the stop is many times what a screw's friction takes.
         assert bench.sim.data.qfrc_bias[joint.dofadr[0]] > 0.04
@@ -132,9 +118,7 @@ def test_its_weight_alone_shuts_the_lid(bench: TaskHarness) -> None:
 
 def test_the_lid_goes_no_further_than_its_stop(bench: TaskHarness) -> None:
     bench.start(0)
-    set_lid(bench, OPEN_ANGLE)
-    bench.sim.data.qvel[bench.sim.model.joint(LID).dofadr[0]] = 20.0
-    bench.sim.forward()
+    set_hinge(bench.sim, LID, OPEN_ANGLE, 20.0)
     highest = 0.0
     for _ in range(30):
         bench.hold(1)

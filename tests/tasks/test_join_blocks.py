@@ -14,7 +14,6 @@ from duobench.objects.solid import (
 from duobench.spatial import SE3
 from duobench.stages.joining import LOST_SECONDS
 from duobench.stages.placing import REST_SECONDS
-from duobench.tasks.join_blocks import TASK
 from duobench.types import CONTROL_HZ
 from tests.task_harness import TaskHarness
 
@@ -27,11 +26,6 @@ ASIDE = SE3.at(0.85, 0.35)
 TURNED = SE3.about((0, 0, 1), math.pi)
 REST_STEPS = round(REST_SECONDS * CONTROL_HZ)
 LOST_STEPS = round(LOST_SECONDS * CONTROL_HZ)
-
-
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
 
 
 def tip_inside(bench: TaskHarness) -> float:
@@ -72,13 +66,6 @@ def plugging_in(bench: TaskHarness) -> SE3:
         assert both_grasped(bench)
         assert bench.stage == 1
     return dark
-
-
-def let_rest(bench: TaskHarness, steps: int = REST_STEPS) -> int:
-    """Judge the same state for some time."""
-    for _ in range(steps):
-        bench.judge()
-    return bench.stage
 
 
 def both_grasped(bench: TaskHarness) -> bool:
@@ -137,10 +124,10 @@ def test_joined_with_no_arm_near_does_not_count(bench: TaskHarness) -> None:
     bench.put(wall=ASIDE)
     dark = mounted(bench)
     bench.put(dark_block=dark, light_block=joined(dark))
-    assert let_rest(bench) == 0
+    assert bench.rest(REST_STEPS) == 0
     plugging_in(bench)
     bench.put(dark_block=AIR, light_block=joined(AIR))
-    assert let_rest(bench) == 1
+    assert bench.rest(REST_STEPS) == 1
 
 
 def test_joined_on_the_wall_does_not_count(bench: TaskHarness) -> None:
@@ -165,7 +152,7 @@ def test_a_grasp_may_flicker_and_not_be_lost_while_the_peg_goes_in(
     away = dark.moved(y=0.1)
     bench.put(dark_block=away, light_block=joined(away, 0.005))
     assert not both_grasped(bench)
-    let_rest(bench, steps - 1)
+    bench.rest(steps - 1)
     bench.put(dark_block=dark, light_block=joined(dark, 0.011))
     assert both_grasped(bench)
     assert bench.stage == stage
@@ -182,7 +169,7 @@ def test_blocks_are_grasped_before_the_peg_goes_in(bench: TaskHarness) -> None:
     assert not both_grasped(bench)
     bench.put(light_block=joined(dark, 0.011))
     assert both_grasped(bench)
-    assert let_rest(bench) == 1
+    assert bench.rest(REST_STEPS) == 1
 
 
 # --- on the wall: what counts, and what must not -----------------------------------------------
@@ -217,7 +204,7 @@ def test_both_pegs_go_in_ten_millimetres(
     on_the_wall(bench)
     dark = mounted(bench, wall_depth)
     bench.put(dark_block=dark, light_block=joined(dark, light_depth))
-    assert let_rest(bench) == stage
+    assert bench.rest(REST_STEPS) == stage
 
 
 @pytest.mark.parametrize("block", ["light_block", "dark_block"])
@@ -225,12 +212,10 @@ def test_a_moving_pair_does_not_count(bench: TaskHarness, block: str) -> None:
     dark = on_the_wall(bench)
     for name, pose in (("dark_block", dark), ("light_block", joined(dark))):
         bench.sim.place(name, pose)
-    start = bench.sim.model.joint(block).dofadr[0]
-    bench.sim.data.qvel[start + 2] = -0.06
-    bench.sim.forward()
-    assert let_rest(bench, 2 * REST_STEPS) == 2
+    bench.push(block, -0.06, first=2)
+    assert bench.rest(2 * REST_STEPS) == 2
     bench.put(dark_block=dark, light_block=joined(dark))
-    assert let_rest(bench) == 3
+    assert bench.rest(REST_STEPS) == 3
 
 
 @pytest.mark.parametrize(("depth", "stage"), [(0.004, 3), (0.002, 2)])
@@ -240,7 +225,7 @@ def test_blocks_that_came_apart_are_joined_again(
     dark = on_the_wall(bench)
     bench.put(dark_block=dark, light_block=joined(dark, depth))
     bench.put(light_block=joined(dark))
-    assert let_rest(bench, 2 * REST_STEPS) == stage
+    assert bench.rest(2 * REST_STEPS) == stage
 
 
 @pytest.mark.parametrize(("in_hand", "stage"), [(0.001, 3), (-0.002, 2)])
@@ -249,14 +234,14 @@ def test_a_hand_brings_the_pair_onto_the_tip_of_the_peg(
 ) -> None:
     dark = on_the_wall(bench, in_hand)
     bench.put(dark_block=dark, light_block=joined(dark))
-    assert let_rest(bench, 2 * REST_STEPS) == stage
+    assert bench.rest(2 * REST_STEPS) == stage
 
 
 def test_a_pair_that_left_the_wall_is_brought_there_again(bench: TaskHarness) -> None:
     dark = on_the_wall(bench)
     bench.put(dark_block=AIR, light_block=joined(AIR))
     bench.put(dark_block=dark, light_block=joined(dark))
-    assert let_rest(bench, 2 * REST_STEPS) == 2
+    assert bench.rest(2 * REST_STEPS) == 2
 
 
 def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
@@ -264,10 +249,10 @@ def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
 ) -> None:
     dark = on_the_wall(bench)
     bench.put(dark_block=dark, light_block=AIR)
-    assert let_rest(bench) == 2
+    assert bench.rest(REST_STEPS) == 2
     # Nor with the light one where it would be without a dark one between.
     bench.put(dark_block=AIR, light_block=joined(dark).moved(x=LENGTH))
-    assert let_rest(bench) == 2
+    assert bench.rest(REST_STEPS) == 2
 
 
 # --- physics -----------------------------------------------------------------------------------

@@ -32,11 +32,6 @@ SUNK = SE3.at(z=-0.0001)
 """As deep as things stand in the table."""
 
 
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
-
-
 def _sides(bench: TaskHarness, seed: int) -> tuple[Side, Side]:
     """Source and target of a seed."""
     full = Side(bench.start(seed).variants["full"])
@@ -71,8 +66,7 @@ def _into(bench: TaskHarness, side: Side) -> dict[str, SE3]:
 def _put_moving(bench: TaskHarness, speed: float, prop: str, pose: SE3) -> int:
     """Build a state in which a prop moves, upwards where the speed is positive."""
     bench.sim.place(prop, pose)
-    bench.sim.data.qvel[bench.sim.model.joint(prop).dofadr[0] + 2] = speed
-    bench.sim.forward()
+    bench.push(prop, speed, first=2)
     return bench.judge()
 
 

@@ -24,10 +24,10 @@ from duobench.objects.microwave import (
 )
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
-from duobench.tasks.spring_door import OPEN_ANGLE, TASK
+from duobench.tasks.spring_door import OPEN_ANGLE
 from duobench.types import CONTROL_HZ
 from tests.sincere.spring_door import Putting, done, put_in
-from tests.task_harness import TaskHarness
+from tests.task_harness import TaskHarness, set_hinge
 
 DOOR = "microwave/door"
 HALF = CUBE_EDGE / 2
@@ -36,20 +36,8 @@ TOUCHING = ON_FLOOR - 0.0001
 REST_STEPS = round(REST_SECONDS * CONTROL_HZ) + 1
 
 
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
-
-
 def in_oven(bench: TaskHarness, x: float, y: float, z: float, yaw: float = 0.0) -> SE3:
     return bench.sim.pose("microwave") @ SE3.at(x, y, z, yaw=yaw)
-
-
-def set_door(bench: TaskHarness, angle: float) -> None:
-    joint = bench.sim.model.joint(DOOR)
-    bench.sim.data.qpos[joint.qposadr[0]] = angle
-    bench.sim.data.qvel[joint.dofadr[0]] = 0.0
-    bench.sim.forward()
 
 
 # --- where the cube must be; who brings it, and how, is in tests/stages/test_support.py ---------
@@ -125,11 +113,9 @@ def test_only_a_cube_on_the_floor_of_the_oven_counts(
 
 def test_a_cube_that_slides_over_the_floor_does_not_count(bench: TaskHarness) -> None:
     cube_let_go_inside(bench)
-    dof = bench.sim.model.joint("cube").dofadr[0]
     for _ in range(REST_STEPS):
         bench.sim.place("cube", in_oven(bench, 0.0, CAVITY_CENTRE_Y, TOUCHING))
-        bench.sim.data.qvel[dof] = 0.1
-        bench.sim.forward()
+        bench.push("cube", 0.1)
         assert bench.judge() == 2
         assert bench.sim.contacts.between("cube", "microwave")
 
@@ -140,7 +126,7 @@ def test_a_cube_that_slides_over_the_floor_does_not_count(bench: TaskHarness) ->
 @pytest.mark.parametrize("angle", [0.3, OPEN_ANGLE, 1.5, DOOR_LIMITS[1]])
 def test_the_door_shuts_within_two_seconds(bench: TaskHarness, angle: float) -> None:
     bench.start(0)
-    set_door(bench, angle)
+    set_hinge(bench.sim, DOOR, angle)
     bench.hold(1)
     assert 0.5 * angle < bench.sim.angle(DOOR) < angle
     bench.hold(59)
@@ -156,7 +142,7 @@ def test_the_door_clears_the_oven_at_every_angle(bench: TaskHarness) -> None:
         for body in map(bench.sim.body_id, ("microwave", DOOR))
     )
     for angle in np.linspace(*DOOR_LIMITS, 20):
-        set_door(bench, float(angle))
+        set_hinge(bench.sim, DOOR, float(angle))
         for one, other in itertools.product(oven, door):
             assert mujoco.mj_geomDistance(model, data, one, other, 0.1, None) > 0.0
 

@@ -10,10 +10,9 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.placing import PUT_HEIGHT
 from duobench.stages.predicates import STILL_SPEED
-from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
 from tests.adversaries.transfer_cube import both_hold, hand_over
-from tests.handovers import bring, drop
+from tests.steps import bring, drop
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -28,11 +27,6 @@ BESIDE = SE3.at(x=-RADIUS - 0.0155, z=LONG_BLOCK / 2) @ SE3.about((0, 1, 0), mat
 """Standing on the table, against the rim."""
 ON_RIM = SE3.at(x=RADIUS - 0.001, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0005)
 TOO_HIGH = SE3.at(z=RIM_HEIGHT + PUT_HEIGHT + CUBE_EDGE / 2 + 0.001)
-
-
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from duobench.spatial import SE3
 from duobench.tasks.transfer_gate import CROSSING_RADIUS, TASK
 from duobench.types import Side
 from tests.adversaries.transfer_gate import hand_over
-from tests.handovers import drop
+from tests.steps import drop
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -41,11 +41,6 @@ LAYOUT = Layout(
         "mat": SE3.at(*MAT),
     }
 )
-
-
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
 
 
 @pytest.fixture

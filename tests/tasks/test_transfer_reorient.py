@@ -35,9 +35,9 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import STILL_SPEED
-from duobench.tasks.transfer_reorient import DEPTH, TASK
+from duobench.tasks.transfer_reorient import DEPTH
 from duobench.types import CONTROL_HZ, Side
-from tests.handovers import meet
+from tests.steps import meet
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -49,11 +49,6 @@ TILTED_IN = {SQUARE: 0.009, TRIANGLE: 0.002}
 """How deep a corner of a peg may get that is pressed onto a hole that is too small, and tilts: it
 finds the wide one, and slides off the narrow one."""
 UPRIGHT = SE3.about((0, 1, 0), math.pi / 2)
-
-
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
 
 
 @pytest.fixture
@@ -104,17 +99,11 @@ class Replay:
         """
         for letter in letters:
             self.table.sim.set_state(self.moments[letter])
-            self.rest(REST_STEPS if letter == "f" else 1)
+            self.table.rest(REST_STEPS if letter == "f" else 1)
         if peg:
             self.table.sim.set_state(self.moments["f"])
             self.table.put(**peg)
-            self.rest(REST_STEPS)
-        return self.table.stage
-
-    def rest(self, steps: int) -> int:
-        """The stage when nothing changes for some control steps."""
-        for _ in range(steps):
-            self.table.judge()
+            self.table.rest(REST_STEPS)
         return self.table.stage
 
 
@@ -185,13 +174,10 @@ def test_depth_offset_and_angle_are_those_of_the_task(
 
 def test_a_peg_that_moves_does_not_count(replay: Replay) -> None:
     replay.stage_after("rbli")
-    sim = replay.table.sim
-    sim.set_state(replay.moments["f"])
-    start = sim.model.joint("peg").dofadr[0]
+    replay.table.sim.set_state(replay.moments["f"])
     for speed in (STILL_SPEED + 0.01, 0.0):
-        sim.data.qvel[start] = speed
-        sim.forward()
-        assert replay.rest(REST_STEPS) == (3 if speed else 4)
+        replay.table.push("peg", speed)
+        assert replay.table.rest(REST_STEPS) == (3 if speed else 4)
 
 
 @pytest.mark.parametrize("hole", [SQUARE, TRIANGLE], ids=["square", "triangle"])

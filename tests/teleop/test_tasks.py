@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-import duobench
 from duobench.data import Actor, ActorKind, DataSet, find_problems
-from duobench.evaluation.policies import ExpertPolicy
-from duobench.randomness import TRAIN, episode_seed
+from duobench.randomness import TRAIN
 from duobench.rig_sessions.teleop_page import LiveSession
 from duobench.rig_sessions.teleop_recorder import make_recorder
 from duobench.rig_sessions.teleoperation import Session, State
@@ -27,30 +26,18 @@ MORE_STEPS = 60
 """Control steps that the operator may take beyond those of the expert."""
 
 
-def expert_steps(task: str, number: int) -> int:
-    """Control steps of the plain expert until it solves a train layout."""
-    env = duobench.make(task, cameras=False, split=TRAIN)
-    expert = ExpertPolicy(env)
-    seed = episode_seed(task, number, TRAIN)
-    observation, info = env.reset(seed=seed)
-    expert.reset(info["instruction"], seed)
-    steps, is_over = 0, False
-    while not is_over:
-        observation, _, terminated, truncated, info = env.step(expert.act(observation)[0])
-        steps, is_over = steps + 1, terminated or truncated
-    env.close()
-    assert info["success"]
-    return steps
-
-
 @pytest.mark.parametrize("task", catalog.names())
-def test_hands_that_follow_an_experts_tools_solve_the_task(tmp_path: Path, task: str) -> None:
+def test_hands_that_follow_an_experts_tools_solve_the_task(
+    tmp_path: Path, task: str, demonstrations: Callable[..., Path]
+) -> None:
+    (plain,) = DataSet.open(demonstrations(task, variety="none")).recordings()
+    assert plain.success_step is not None
     data = DataSet.open(tmp_path)
     actor = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
     device = HandDevice(lockstep=True)
     session = Session(make_recorder(task, data, actor), device, episodes=1, lockstep=True)
     operator = Operator(session)
-    most = expert_steps(task, 0) + MORE_STEPS
+    most = plain.success_step + MORE_STEPS
     with closing(PageServer({})) as server, open_page(server.url) as page:
         LiveSession(session, server)
         page.say(kind="drive")

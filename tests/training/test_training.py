@@ -9,8 +9,8 @@ from duobench.cli import main
 from duobench.envs.action_labels import POSE_LABELS
 from duobench.errors import DataError, DuoBenchError, PolicyError, UnknownNameError
 from duobench.lerobot_keys import FEATURE_NAMES
-from duobench.policy.lerobot import checkpoint
-from duobench.policy.lerobot.labels import labels_of
+from duobench.policy import lerobot_checkpoint as checkpoint
+from duobench.policy.lerobot_checkpoint import labels_of
 from duobench.randomness import SUITE_VERSION
 from duobench.training import training
 from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
 from types import NoneType, UnionType
 from typing import Literal, get_args, get_origin, get_type_hints
 
+from duobench.cli.shared.options import options_of
 from duobench.errors import DuoBenchError
 
 Verbs = Mapping[str, Callable[..., None]]
@@ -69,16 +69,10 @@ def _check_options(words: Sequence[str], verb: Callable[..., None], program: str
 def _flags(verb: Callable[..., None]) -> dict[str, object]:
     """The options of a verb and what they take; those that are switched have a second form."""
     flags: dict[str, object] = {}
-    parameters = inspect.signature(verb).parameters
-    for name, kind in get_type_hints(verb, include_extras=True).items():
-        if name not in parameters:
-            continue
-        marks = getattr(kind, "__metadata__", ())
-        renamed = [mark.name for mark in marks if getattr(mark, "name", None)]
-        dashed = (renamed[0] if renamed else name).replace("_", "-")
-        flags[f"--{dashed}"] = kind
-        if kind is bool or bool in get_args(kind):
-            flags[f"--no-{dashed}"] = kind
+    for option in options_of(verb):
+        flags[option.flag] = option.kind
+        if option.kind is bool or bool in get_args(option.kind):
+            flags[f"--no-{option.flag[2:]}"] = option.kind
     return flags
 
 

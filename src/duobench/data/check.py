@@ -17,9 +17,9 @@ from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, VideoFacts, episode_of, steps_after_success, video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.data.videos import describe
+from duobench.envs.config import LAYOUT, SPLIT
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.make import make_env
-from duobench.envs.reset_options import LAYOUT, SPLIT
+from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
 from duobench.errors import DataError, DuoBenchError
 from duobench.randomness import SUITE_VERSION

@@ -14,7 +14,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 
 from duobench.errors import DataError, DuoBenchError, traceback_text
-from duobench.processes import watch_parent
+from duobench.machine import watch_parent
 
 J = TypeVar("J")
 R = TypeVar("R")

@@ -10,7 +10,7 @@ import numpy as np
 
 from duobench.data.schema import RigFacts, VideoFacts
 from duobench.data.stream import EpisodeRows, EpisodeStream
-from duobench.robot.kinematics import tcp_poses
+from duobench.robot.frames import tcp_poses
 from duobench.types import SIDES, DuoState, Side
 
 if TYPE_CHECKING:

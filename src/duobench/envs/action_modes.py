@@ -42,19 +42,19 @@ JOINT_RELATIVE = ActionMode(
     name="joint_relative",
     names=tuple(f"{name}_change" for name in spaces.JOINT_NAMES),
     space=spaces.relative_joint_actions,
-    wrappers=("duobench.envs.wrappers.relative:RelativeJointActions",),
+    wrappers=("duobench.envs.action_wrappers:RelativeJointActions",),
 )
 CARTESIAN = ActionMode(
     name="cartesian",
     names=spaces.POSE_NAMES,
     space=spaces.pose_actions,
-    wrappers=("duobench.envs.wrappers.cartesian:CartesianActions",),
+    wrappers=("duobench.envs.action_wrappers:CartesianActions",),
 )
 CARTESIAN_RELATIVE = ActionMode(
     name="cartesian_relative",
     names=spaces.SHIFT_NAMES,
     space=spaces.relative_pose_actions,
-    wrappers=(*CARTESIAN.wrappers, "duobench.envs.wrappers.relative:RelativeCartesianActions"),
+    wrappers=(*CARTESIAN.wrappers, "duobench.envs.action_wrappers:RelativeCartesianActions"),
 )
 
 ACTION_MODES: Mapping[str, ActionMode] = MappingProxyType(

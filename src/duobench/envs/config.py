@@ -1,21 +1,21 @@
-"""What can be chosen about an environment, and what was chosen about this one."""
+"""What can be chosen about an environment, and about one of its resets."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from typing import Any
 
-from duobench import checks
 from duobench.envs import action_modes
-from duobench.errors import OptionError, check_known
+from duobench.errors import OptionError, check_known, escaped
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
-from duobench.robot.limits import check_speed_fraction
+from duobench.robot.joints import check_speed_fraction
 from duobench.shifts.shift import NO_SHIFT, Shift
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_size, as_whole
 
 RENDER_MODES = ("rgb_array",)
 FIXED, VARIED = "fixed", "varied"
@@ -130,11 +130,11 @@ def _cameras(value: Any) -> Any:
 
 
 def _size(value: Any) -> Any:
-    return checks.size(value) or value
+    return as_size(value) or value
 
 
 def _number(value: Any) -> Any:
-    number = checks.whole(value)
+    number = as_whole(value)
     return value if number is None else number
 
 
@@ -170,7 +170,7 @@ _FORMS: Mapping[str, Callable[[Any], Any]] = {
 
 def _check_size(name: str, value: Any) -> None:
     is_size = isinstance(value, tuple) and all(isinstance(part, int) for part in value)
-    if not (is_size and checks.size(value)) or value[0] > NATIVE_HEIGHT or value[1] > NATIVE_WIDTH:
+    if not (is_size and as_size(value)) or value[0] > NATIVE_HEIGHT or value[1] > NATIVE_WIDTH:
         raise OptionError(
             f"{name} is (height, width) in pixels, at most {(NATIVE_HEIGHT, NATIVE_WIDTH)}, or one "
             f"number for a square; got {value!r}."
@@ -178,5 +178,69 @@ def _check_size(name: str, value: Any) -> None:
 
 
 def _check_count(name: str, value: Any) -> None:
-    if value is not None and not (isinstance(value, int) and checks.count(value)):
+    if value is not None and not (isinstance(value, int) and as_count(value)):
         raise OptionError(f"{name} is a positive whole number, got {value!r}.")
+
+
+LAYOUT, LAYOUT_SEED, SPLIT, LOOK = "layout", "layout_seed", "split", "look"
+INSTRUCTION = "instruction"
+OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK, INSTRUCTION)
+"""Options of a reset in simulation; see `SimEnv`."""
+
+
+def checked_seed(seed: Any) -> int | None:
+    """The seed of a reset as an integer; NumPy's integers are taken too.
+
+    Raises:
+        OptionError: It is no whole number, or negative.
+    """
+    if seed is None:
+        return None
+    number = as_whole(seed)
+    if number is None or number < 0:
+        raise OptionError(f"A seed is a whole number from 0 on, got {seed!r}.")
+    return number
+
+
+def checked_reset_options(options: Any, known: Collection[str] | None = None) -> dict[str, Any]:
+    """The options of a reset as a new dict.
+
+    Args:
+        options: What was given.
+        known: Names of our options; None leaves names to others.
+
+    Raises:
+        OptionError: They are no mapping.
+        UnknownNameError: One is nearly an option of ours. Those of another name are left to the
+            wrappers and programs around the environment, some of which hand on their own.
+    """
+    if options is not None and not isinstance(options, Mapping):
+        raise OptionError(f"The options of a reset are a dict, got {options!r}.")
+    if known is not None:
+        for name in map(str, options or ()):
+            if get_close_matches(name, known):
+                check_known("option of a reset", name, known)
+    return dict(options or {})
+
+
+def checked_instruction(value: Any, count: int) -> int | str:
+    """The instruction of an episode: text as it is told, or the number of one of the task's.
+
+    Args:
+        value: What was given; None takes the task's own, number 0.
+        count: How many instructions the task has, paraphrases included.
+
+    Raises:
+        OptionError: It is neither text that can be printed nor one of the numbers.
+    """
+    if isinstance(value, str):
+        if value.strip() and value == escaped(value):
+            return value
+        raise OptionError(f"An instruction is text that can be printed, got {value!a}.")
+    number = 0 if value is None else as_whole(value)
+    if number is None or not 0 <= number < count:
+        raise OptionError(
+            f"An instruction is text, or a number from 0 to {count - 1}: the task's own and its "
+            f"paraphrases; got {value!r}."
+        )
+    return number

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from duobench.backend import DuoBackend
 from duobench.envs import spaces
-from duobench.envs.config import EnvConfig
-from duobench.envs.reset_options import checked_reset_options, checked_seed
+from duobench.envs.config import EnvConfig, checked_reset_options, checked_seed
 from duobench.errors import BackendError, DuoBenchError
 from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, Array, DuoCommand

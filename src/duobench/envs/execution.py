@@ -10,9 +10,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench import checks
 from duobench.errors import OptionError
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, as_count, as_whole
 
 MAX_LATENCY = 300
 """Longest latency in control steps: ten seconds, after which most episodes would be over."""
@@ -30,11 +29,11 @@ class ChunkExecution:
 
     def __post_init__(self) -> None:
         """Reject what no loop can do."""
-        if self.execute is not None and not checks.count(self.execute):
+        if self.execute is not None and not as_count(self.execute):
             raise OptionError(
                 f"The number of actions executed of a chunk is 1 or more, got {self.execute!r}."
             )
-        latency = checks.whole(self.latency)
+        latency = as_whole(self.latency)
         if latency is None or not 0 <= latency <= MAX_LATENCY:
             raise OptionError(
                 f"A latency is a whole number of control steps, 0 to {MAX_LATENCY}, got "

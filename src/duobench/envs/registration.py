@@ -1,4 +1,4 @@
-"""Environments by task, and their registration. Importing this loads no physics."""
+"""Environments by task, their ids, and their registration. Importing this loads no physics."""
 
 from __future__ import annotations
 
@@ -6,14 +6,24 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
-from gymnasium.envs.registration import EnvSpec
+from gymnasium.envs.registration import EnvSpec, WrapperSpec
 
-from duobench.envs.ids import ENTRY_POINT, WRAPPERS, env_id
 from duobench.errors import DuoBenchError, OptionError
 from duobench.tasks import catalog
 
 if TYPE_CHECKING:
     from duobench.tasks.task import Task
+
+NAMESPACE = "duobench"
+VERSION = 1
+"""Version of the environments' interface; that of the episodes is `randomness.SUITE_VERSION`."""
+ENTRY_POINT = "duobench.envs.protocol:make_base"
+WRAPPERS = WrapperSpec("protocol", "duobench.envs.protocol:with_wrappers", {})
+
+
+def env_id(task_id: str) -> str:
+    """Gymnasium's id of a task: `duobench/<task>-v1`."""
+    return f"{NAMESPACE}/{task_id}-v{VERSION}"
 
 
 def register_catalog() -> None:
@@ -86,7 +96,7 @@ def _spec(task: Task | str) -> EnvSpec:
 
     # A function, because Gymnasium copies keyword arguments deeply and a task must stay one.
     def create(**options: Any) -> gym.Env:
-        from duobench.envs.make import make_base
+        from duobench.envs.protocol import make_base
 
         return make_base(task, **options)
 

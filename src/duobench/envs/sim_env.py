@@ -10,26 +10,25 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.envs.config import RENDER_SIZE
-from duobench.envs.duo_env import DuoEnv, Info, ResetNeededError, Start, base_of
-from duobench.envs.episode_state import EpisodeState
-from duobench.envs.reset_options import (
+from duobench.envs.config import (
     INSTRUCTION,
     LAYOUT,
     LAYOUT_SEED,
     LOOK,
     OF_SIMULATION,
+    RENDER_SIZE,
     SPLIT,
     checked_instruction,
     checked_reset_options,
     checked_seed,
 )
+from duobench.envs.duo_env import DuoEnv, Info, ResetNeededError, Start, base_of
+from duobench.envs.episode_state import EpisodeState
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL
 from duobench.robot.cameras import OVERVIEW
-from duobench.shifts.layout import shifted_task
 from duobench.shifts.samples import (
     UNSCALED,
     EpisodeKey,
@@ -37,6 +36,7 @@ from duobench.shifts.samples import (
     kept_paraphrase,
     physics_scale,
     shifted_look,
+    shifted_task,
 )
 from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.sim import placement

@@ -1,4 +1,4 @@
-"""What the processes of an episode share: how long its policy has been busy, and who looks on."""
+"""What the processes of an episode share: how long it runs, and how long its policy is busy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from duobench.errors import PolicyTimeoutError
 from duobench.results.limits import TimeLimits
 
-_EPISODE, _ANSWER, _STEPS, _WATCHED = range(4)
+_EPISODE, _ANSWER, _STEPS = range(3)
 _NO_FILE = -1
 
 
@@ -21,8 +21,8 @@ class EpisodeClock:
     this one from doing anything at all.
     """
 
-    SIZE = 4 * 8
-    """Bytes that it takes: two doubles and two whole numbers."""
+    SIZE = 3 * 8
+    """Bytes that it takes: two doubles and a whole number."""
 
     def __init__(self, file: int = _NO_FILE) -> None:
         """Make a clock.
@@ -60,11 +60,11 @@ class EpisodeClock:
 
     def late(self, limits: TimeLimits) -> PolicyTimeoutError | None:
         """The error of a policy that has been thinking for too long; None while there is time."""
-        if self.answer_s() > limits.act_s:
-            return PolicyTimeoutError.of_answer(limits.act_s)
-        if self.answer_s() and self.episode_s() > limits.episode_s:
+        if self.answer_s() > limits.act_timeout:
+            return PolicyTimeoutError.of_answer(limits.act_timeout)
+        if self.answer_s() and self.episode_s() > limits.episode_timeout:
             return PolicyTimeoutError(
-                f"The episode was not over after {limits.episode_s:g} s, its time limit."
+                f"The episode was not over after {limits.episode_timeout:g} s, its time limit."
             )
         return None
 
@@ -72,15 +72,6 @@ class EpisodeClock:
     def steps(self) -> int:
         """Control steps that the episode had when its policy last acted."""
         return self._counts[_STEPS]
-
-    @property
-    def is_watched(self) -> bool:
-        """Whether somebody looks at the episode; set by whoever shows it."""
-        return self._counts[_WATCHED] != 0
-
-    @is_watched.setter
-    def is_watched(self, watched: bool) -> None:
-        self._counts[_WATCHED] = int(watched)
 
     def episode_s(self) -> float:
         """Seconds since the episode began, 0 between episodes."""

@@ -35,8 +35,7 @@ from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
 from duobench.evaluation.rollout import Watcher, rollout
 from duobench.evaluation.stopwatch import Stopwatch
 from duobench.policy import Policy
-from duobench.policy.compatibility import check_fits
-from duobench.policy.policy import as_chunk
+from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, episode_seed
 from duobench.results.limits import TimeLimits
@@ -95,8 +94,6 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """The command that started it, if there is one."""
     recording: RecordingPlan | None = None
     """Whether episodes are recorded."""
-    is_watched: bool = False
-    """Whether somebody may look at episodes while they are played."""
 
 
 class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
@@ -154,7 +151,6 @@ class EpisodeRunner:
         tell: Callable[[EpisodeRecord], None] = lambda _record: None,
         *,
         is_interruptible: bool = True,
-        live: Watcher | None = None,
     ) -> None:
         """Take a policy; environments are made when they are needed.
 
@@ -165,19 +161,17 @@ class EpisodeRunner:
             tell: Takes the record of an episode so far, whenever it has reached a new stage, and
                 before it is played on after its horizon: that one stands whatever happens then.
             is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
-            live: Watches every episode too.
 
         Raises:
             UnknownNameError: The policy expects a camera or an action mode that does not exist.
             OptionError: It expects images of an invalid size, or another control rate.
         """
         self._source = source
-        act_s = math.inf if source.waits_for_others else job.limits.act_s
-        self._limits = replace(job.limits, act_s=act_s)
+        act_s = math.inf if source.waits_for_others else job.limits.act_timeout
+        self._limits = replace(job.limits, act_timeout=act_s)
         self._recording = job.recording
         self._clock = clock or EpisodeClock()
         self._tell = tell
-        self._live = live
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
         self._made: tuple[TaskInfo, Shift] | None = None
         self._env: gym.Env | None = None
@@ -237,8 +231,6 @@ class EpisodeRunner:
         video = self._video_recorder(env, episode.task) if episode.has_video else None
         if video is not None:
             watchers.append(video)
-        if self._live is not None:
-            watchers.append(self._live)
 
         def busy() -> AbstractContextManager[None]:
             return watch.policy(self._clock.timed(self._limits, recorder.steps))

@@ -12,7 +12,6 @@ from functools import partial
 from pkgutil import resolve_name
 
 import gymnasium as gym
-from numpy.typing import ArrayLike
 
 from duobench.envs.sim_env import sim_of
 from duobench.errors import (
@@ -26,15 +25,14 @@ from duobench.experts.expert import Expert, find_script
 from duobench.experts.motion import wait
 from duobench.experts.scripts import blind
 from duobench.experts.variety import NONE, VARIETIES, Variety
-from duobench.policy import Batching, BatchPolicy, Policy, PolicyMetadata, SessionPolicy
-from duobench.policy.batch import Chunk, Observation
-from duobench.policy.pool import PolicyPool
+from duobench.policy import Batching, Policy, PolicyMetadata, SessionPolicy
+from duobench.policy.batch import ONE_BY_ONE, Chunk, Observation
 from duobench.policy.registry import (
     MADE_ALONE,
     SCRIPTED,
     PolicyKind,
     PolicyName,
-    make_described,
+    make_batched,
     no_batches,
     source_version,
 )
@@ -277,44 +275,25 @@ def _apart(address: PolicyAddress) -> PolicySource:
 
 def _made(choice: PolicyChoice) -> PolicySource:
     """A policy that is made in this process."""
-    made, metadata = make_described(choice.name, choice.batching)
-    is_batched = isinstance(made, BatchPolicy)
-    batching = choice.batching or Batching() if is_batched else None
-    alone = SessionPolicy(
-        made if isinstance(made, BatchPolicy) else PolicyPool(made),
-        batching or Batching(mode="dynamic", size=1),
-    )
+    made, metadata, batching = make_batched(choice.name, choice.batching)
+    alone = ContainedPolicy(made, batching or ONE_BY_ONE)
     return PolicySource(
-        metadata=metadata,
-        bind=lambda _env: ContainedPolicy(alone),
-        close=alone.close,
-        batching=batching,
+        metadata=metadata, bind=lambda _env: alone, close=alone.close, batching=batching
     )
 
 
-class ContainedPolicy:
+class ContainedPolicy(SessionPolicy):
     """A policy in this process, whose failures are told as those of one in another process."""
-
-    def __init__(self, policy: SessionPolicy) -> None:
-        """Contain a policy."""
-        self._policy = policy
-        self.metadata = policy.metadata
-        """That of the policy."""
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode."""
         with _containing():
-            self._policy.reset(instruction, seed)
+            super().reset(instruction, seed)
 
     def act(self, observation: Observation) -> Chunk:
         """The next actions (H, n)."""
         with _containing():
-            return self._policy.act(observation)
-
-    @property
-    def intended_action(self) -> ArrayLike | None:
-        """What the policy wanted its last action to be, if it has disturbed it."""
-        return self._policy.intended_action
+            return super().act(observation)
 
 
 @contextmanager

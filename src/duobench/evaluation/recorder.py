@@ -13,7 +13,7 @@ import gymnasium as gym
 
 from duobench.backend import Image
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.wrappers.cameras import PIXELS
+from duobench.envs.observation_wrappers import PIXELS
 from duobench.errors import escaped
 from duobench.randomness import SUITE_VERSION
 from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes

@@ -11,11 +11,10 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.envs.config import SPLIT
 from duobench.envs.duo_env import base_of
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution, Step, execute, optional_method
-from duobench.envs.reset_options import SPLIT
-from duobench.policy.compatibility import check_fits
-from duobench.policy.policy import Policy, as_chunk
+from duobench.policy.policy import Policy, as_chunk, check_fits
 from duobench.randomness import EVAL, policy_seed
 from duobench.results.run import Run
 

@@ -98,7 +98,6 @@ class Bar:
     """A bar on its way from one arm to the other."""
 
     body: str
-    """Its body."""
     giver: Side
     """The arm that picks it up."""
     grip: float

@@ -33,7 +33,6 @@ class Variety:
     """Ranges that an episode's differences are sampled from; the defaults are no difference."""
 
     name: str
-    """Name of the variety."""
     tempo: Uniform = Uniform(1.0, 1.0)
     """Factor on the speed of a whole episode."""
     speed: Uniform = Uniform(1.0, 1.0)
@@ -99,7 +98,6 @@ class VarietySample:
     """What one episode does differently, sampled as its script asks for it."""
 
     def __init__(self, variety: Variety = NONE, task_id: str = "", seed: int = 0) -> None:
-        """Begin an episode, given by task and seed."""
         self.variety = variety
         self._rng = variety_generator(task_id, seed, variety.name, "motion")
         self._noise_rng = variety_generator(task_id, seed, variety.name, "noise")

@@ -16,9 +16,7 @@ from duobench.hardware.motion.follower import PERIOD
 from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import HELD, State
 from duobench.hardware.watched import WatchedRig
-from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.limits import RANGE_MARGIN, duo_limits
-from duobench.robot.speeds import speed_limits
+from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits, speed_limits
 from duobench.types import SIDES, Array, DuoCommand, Side
 
 HOME_SHARE = 0.8

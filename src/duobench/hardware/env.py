@@ -9,21 +9,21 @@ from typing import Any, cast
 
 from numpy.typing import ArrayLike
 
-from duobench.envs.config import EnvConfig
-from duobench.envs.duo_env import DuoEnv, Info, Observation
-from duobench.envs.reset_options import (
+from duobench.envs.config import (
     INSTRUCTION,
     LAYOUT,
     LAYOUT_SEED,
     LOOK,
     SPLIT,
+    EnvConfig,
     checked_instruction,
     checked_reset_options,
     checked_seed,
 )
-from duobench.envs.stacking import stack_on
-from duobench.envs.wrappers.base import DuoWrapper
-from duobench.envs.wrappers.task_stages import Judge, TaskStages
+from duobench.envs.duo_env import DuoEnv, Info, Observation
+from duobench.envs.episode_wrappers import Judge, TaskStages
+from duobench.envs.protocol import stack_on
+from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import OptionError, check_known
 from duobench.hardware.duo import HardwareDuo
 from duobench.hardware.judge import DeclaredJudge

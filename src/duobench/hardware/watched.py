@@ -32,7 +32,7 @@ from duobench.hardware.motion.drive import Drive
 from duobench.hardware.motion.follower import PERIOD
 from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import State, Supervisor
-from duobench.robot.kinematics import tcp_poses
+from duobench.robot.frames import tcp_poses
 from duobench.types import SIDES, Array, DuoState, Side
 
 _log = logging.getLogger(__name__)

@@ -105,7 +105,7 @@ class ArmKinematics:
         # mink brings MuJoCo and SciPy, which joint actions do without.
         import mink
 
-        from duobench.scene.robot.arms import kinematic_model
+        from duobench.scene.arms import kinematic_model
 
         model = kinematic_model(side)
         model.jnt_range += (LIMIT_MARGIN, -LIMIT_MARGIN)

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from duobench.policy.batch import Session as Session
     from duobench.policy.batch import SessionPolicy as SessionPolicy
     from duobench.policy.batch import noise as noise
-    from duobench.policy.compatibility import check_fits as check_fits
     from duobench.policy.policy import Policy as Policy
     from duobench.policy.policy import PolicyMetadata as PolicyMetadata
     from duobench.policy.policy import as_chunk as as_chunk
+    from duobench.policy.policy import check_fits as check_fits
     from duobench.policy.registry import BASELINES as BASELINES
     from duobench.policy.registry import make as make
 

@@ -1,9 +1,14 @@
-"""Policies that answer many episodes at a time: the state of an episode is not in the policy."""
+"""Policies that answer many episodes at a time: the state of an episode is not in the policy.
+
+A plain policy is one of them through a `PolicyPool`, and one of them is plain through a
+`SessionPolicy`.
+"""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping, Sequence
+import random
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
@@ -12,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import PolicyError
-from duobench.policy.policy import PolicyMetadata, as_chunk
+from duobench.policy.policy import Policy, PolicyMetadata, as_chunk
 
 Observation = Mapping[str, Any]
 Chunk = NDArray[np.float32]
@@ -23,7 +28,7 @@ MAX_BATCH = 8
 NOISE_STREAM = 0x6E6F697365
 """Separates a policy's noise from everything else that is sampled with the same seed."""
 _PADDING_SEED = 0
-"""Seed of the sessions that fill a batch up; nobody sees what they sample."""
+"""Seed of the sessions that fill a batch up."""
 
 
 @dataclass(kw_only=True, slots=True)
@@ -35,7 +40,7 @@ class Session:
     seed: int
     """Seed of whatever is sampled in it."""
     call: int = 0
-    """Answers that were given in it; whoever calls `act_batch` counts them, not the policy."""
+    """Answers that were given in it; counted by the caller of `act_batch`, not by the policy."""
 
 
 def noise(seed: int, call: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
@@ -57,8 +62,8 @@ def noise(seed: int, call: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
 class BatchPolicy(Protocol):
     """A policy that answers the observations of several episodes with one call of its model.
 
-    All of its methods are called from one thread. It may also have `end(session)`, called once
-    nobody will ask for a session any more, and `close()`.
+    All of its methods are called from one thread. It may also have `end(session)`, called when
+    a session is over, and `close()`.
     """
 
     @property
@@ -106,11 +111,14 @@ class Batching:
     """Most observations in a batch."""
 
     def __post_init__(self) -> None:
-        """Reject other modes and sizes."""
         if self.mode not in get_args(BatchMode):
             raise PolicyError(f"A batch is 'fixed' or 'dynamic', got {self.mode!r}.")
         if self.size < 1:
             raise PolicyError(f"A batch has at least one observation, got {self.size}.")
+
+
+ONE_BY_ONE = Batching(mode="dynamic", size=1)
+"""How a plain policy answers."""
 
 
 def answer(
@@ -134,8 +142,8 @@ def answer(
         PolicyError: If it does not return one chunk of finite numbers for each session.
     """
     missing = batching.size - len(sessions) if batching.mode == "fixed" else 0
-    shown = [*observations, *[observations[0]] * missing]
-    seen = [copy.deepcopy(dict(observation)) for observation in shown]
+    padded = [*observations, *[observations[0]] * missing]
+    copies = [copy.deepcopy(dict(observation)) for observation in padded]
     filled = list(sessions)
     with ExitStack() as padding:
         for _ in range(missing):
@@ -143,7 +151,7 @@ def answer(
             padding.callback(end, policy, filled[-1])
         if len(set(map(id, filled))) < len(filled):
             raise PolicyError("`begin` returned one session twice; each episode has its own.")
-        chunks = _listed(policy.act_batch(filled, seen))
+        chunks = _listed(policy.act_batch(filled, copies))
         if len(chunks) != len(filled):
             raise PolicyError(
                 f"A policy was asked for {len(filled)} chunks and returned {len(chunks)}."
@@ -165,11 +173,7 @@ def _listed(chunks: Any) -> list[Any]:
 
 
 def begin(policy: BatchPolicy, instruction: str, seed: int) -> Session:
-    """Begin an episode.
-
-    Raises:
-        PolicyError: If the policy returns no new session.
-    """
+    """Begin an episode, in a session that is new."""
     session = policy.begin(instruction, seed)
     if not isinstance(session, Session):
         raise PolicyError(
@@ -185,25 +189,23 @@ def begin(policy: BatchPolicy, instruction: str, seed: int) -> Session:
 
 
 def end(policy: BatchPolicy, session: Session) -> None:
-    """Tell a policy that wants to know that a session is over."""
+    """Say that a session is over, if the policy has a method for that."""
     getattr(policy, "end", lambda _session: None)(session)
 
 
 class SessionPolicy:
-    """A batch policy as a plain one, which plays one episode at a time."""
+    """A batch policy as a plain one, which plays one episode at a time.
 
-    def __init__(self, policy: BatchPolicy, batching: Batching) -> None:
-        """Wrap a policy.
+    Args:
+        policy: The policy.
+        batching: As anywhere: a fixed batch is filled up here too.
+    """
 
-        Args:
-            policy: The policy.
-            batching: Like everywhere else: a fixed batch is filled up here too.
-        """
+    def __init__(self, policy: BatchPolicy, batching: Batching = ONE_BY_ONE) -> None:
         self._policy = policy
         self._batching = batching
         self._session: Session | None = None
         self.metadata = policy.metadata
-        """That of the policy."""
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode, and end the one before."""
@@ -230,3 +232,73 @@ class SessionPolicy:
     def close(self) -> None:
         """Close the policy."""
         getattr(self._policy, "close", lambda: None)()
+
+
+@dataclass(kw_only=True, slots=True)
+class _PlainSession(Session):
+    policy: Policy
+    intended: ArrayLike | None = None
+    """What the policy wanted its last action to be, if it has disturbed it."""
+
+
+class PolicyPool:
+    """Plain policies as a batch policy: each episode under way has an object for itself.
+
+    Args:
+        first: A policy that plays no episode. If it stays the only one, Python's and NumPy's global
+            generators get the seed of its episodes, for policies that use them.
+        make: Makes another one, when more episodes are played side by side.
+        size: Most objects at a time.
+    """
+
+    def __init__(
+        self, first: Policy, make: Callable[[], Policy] | None = None, size: int = 1
+    ) -> None:
+        self._make = make
+        self._size = size
+        self._all = [first]
+        self._idle = [first]
+        self.metadata = first.metadata
+
+    def begin(self, instruction: str, seed: int) -> Session:
+        """Begin an episode with an object that no other episode has.
+
+        Raises:
+            PolicyError: If all objects are playing.
+        """
+        if not self._idle:
+            if self._make is None or len(self._all) == self._size:
+                raise PolicyError(
+                    f"This policy keeps the state of an episode in itself, and {self._size} "
+                    "objects of it are playing, as many as it may have. Wait until one of them is "
+                    "done."
+                )
+            self._idle.append(self._make())
+            self._all.append(self._idle[-1])
+        if self._size == 1:
+            random.seed(seed)
+            np.random.seed(seed)  # noqa: NPY002 - the generator that policies share
+        policy = self._idle[-1]
+        policy.reset(instruction, seed)
+        self._idle.pop()
+        return _PlainSession(instruction=instruction, seed=seed, policy=policy)
+
+    def act_batch(
+        self, sessions: Sequence[_PlainSession], observations: Sequence[Observation]
+    ) -> list[ArrayLike]:
+        """Ask one object after the other."""
+        chunks = []
+        for session, observation in zip(sessions, observations, strict=True):
+            chunks.append(session.policy.act(observation))
+            session.intended = getattr(session.policy, "intended_action", None)
+        return chunks
+
+    def end(self, session: _PlainSession) -> None:
+        """Take the object of an episode back."""
+        self._idle.append(session.policy)
+
+    def close(self) -> None:
+        """Close all objects, also those whose episodes were not ended."""
+        with ExitStack() as closing:
+            for policy in self._all:
+                closing.callback(getattr(policy, "close", lambda: None))

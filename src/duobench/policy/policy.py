@@ -1,17 +1,21 @@
-"""What a policy is: two methods, and a note of what it expects to see and to control."""
+"""What a policy is: two methods, and what it expects of an environment."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench import checks
 from duobench.errors import PolicyError, escaped
-from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, real_array
+from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, as_count, as_size, real_array
+
+if TYPE_CHECKING:
+    import gymnasium as gym
+
+    from duobench.envs.config import EnvConfig
 
 _LONGEST_SHOWN = 400
 """Characters of something that is no chunk that an error shows."""
@@ -51,7 +55,6 @@ class PolicyMetadata:
     """What the model runs on, such as "cuda" or "cpu"."""
 
     def __post_init__(self) -> None:
-        """Reject values that no environment could meet; NumPy's numbers become Python's."""
         if isinstance(self.cameras, str):
             object.__setattr__(self, "cameras", (self.cameras,))
         for name, convert in _CONVERSIONS.items():
@@ -73,14 +76,14 @@ class PolicyMetadata:
 
 
 def _image_size(size: Any) -> tuple[int, int] | None:
-    pixels = checks.size(size)
+    pixels = as_size(size)
     if size is not None and pixels is None:
         raise ValueError("it is (height, width) in pixels, or one number for a square")
     return pixels
 
 
 def _horizon(actions: Any) -> int | None:
-    number = checks.count(actions)
+    number = as_count(actions)
     if actions is not None and number is None:
         raise ValueError("it is at least 1 action")
     return number
@@ -177,3 +180,55 @@ def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.fl
             f"A policy returned {chunk[row, column]} in action {row} of its chunk, number {column}."
         )
     return chunk
+
+
+def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
+    """Reject a policy that expects another environment.
+
+    Args:
+        metadata: What the policy expects.
+        env: The environment that it would act in, in any wrappers.
+
+    Raises:
+        PolicyError: If the environment's configuration differs from what the policy expects; the
+            message lists all of it, and how to make an environment that fits.
+    """
+    try:
+        config = env.get_wrapper_attr("config")
+    except AttributeError:
+        config = None
+    if config is None:
+        raise PolicyError(
+            "This environment has no configuration to compare with. Make it with duobench.make, or "
+            "set `env.unwrapped.config` to a duobench.envs.config.EnvConfig."
+        )
+    if problems := list(_differences(metadata, config)):
+        size = "" if metadata.image_size is None else f", image_size={metadata.image_size}"
+        state = ", object_state=True" if metadata.object_state else ""
+        raise PolicyError(
+            f"Policy {metadata.name!r} does not fit the environment: {'; '.join(problems)}. One "
+            f"that fits: duobench.make(task, cameras={metadata.cameras}{size}{state}, "
+            f"action_mode={metadata.action_mode!r})."
+        )
+
+
+def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
+    """What a policy expects and an environment does not have, one part of a sentence each."""
+    for camera in metadata.cameras:
+        if camera not in config.cameras:
+            shown = ", ".join(config.cameras) or "none"
+            yield f"it sees camera {camera!r}, the environment shows {shown}"
+    size = metadata.image_size
+    if metadata.cameras and size is not None and size != config.image_size:
+        yield f"it sees images of {size}, the environment's are {config.image_size}"
+    if metadata.object_state and not config.object_state:
+        yield "it reads the state of the objects, which the environment does not show"
+    if metadata.action_mode != config.action_mode:
+        yield f"its actions are {metadata.action_mode!r}, the environment's {config.action_mode!r}"
+    if metadata.control_rate_hz != config.control_rate_hz:
+        yield (
+            f"it acts {metadata.control_rate_hz:g} times a second, the environment "
+            f"{config.control_rate_hz:g}"
+        )
+    if config.chunk is not None:
+        yield "it gives chunks of any length, the environment takes chunks of one length"

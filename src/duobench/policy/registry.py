@@ -12,10 +12,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
-from duobench.policy.batch import Batching, BatchPolicy, SessionPolicy
-from duobench.policy.lerobot.address import SCHEME as LEROBOT
+from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, SessionPolicy
 from duobench.policy.policy import Policy, PolicyMetadata
 from duobench.references import load
 
@@ -84,7 +83,7 @@ class PolicyName:
         kind, reference, variety = words.get(text), text, None
         if is_divided and words.get(first) is PolicyKind.EXPERT:
             kind, reference, variety = PolicyKind.EXPERT, first, rest
-        elif is_divided and first == LEROBOT:
+        elif is_divided and first == PolicyKind.LEROBOT:
             kind, reference = PolicyKind.LEROBOT, rest
         elif is_divided:
             kind = PolicyKind.MODULE
@@ -111,8 +110,8 @@ def make(name: str) -> Policy:
 
     Args:
         name: A baseline's name; `lerobot:PATH_OR_ID`, a checkpoint of LeRobot, see
-            `duobench.policy.lerobot.address`; or `module:attribute` where the attribute is a class
-            or a function that gives a `Policy` or a `BatchPolicy` when called without arguments.
+            `lerobot_checkpoint.Address`; or `module:attribute` where the attribute is a class or a
+            function that gives a `Policy` or a `BatchPolicy` when called without arguments.
 
     Returns:
         A policy that has not been reset yet.
@@ -143,25 +142,30 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
     return policy
 
 
-def make_described(
-    name: PolicyName, batching: Batching | None = None
-) -> tuple[Policy | BatchPolicy, PolicyMetadata]:
-    """Make a policy of either kind, and say what it is; errors are those of `make`.
+def make_batched(
+    name: PolicyName, batching: Batching | None = None, *, objects: int = 1
+) -> tuple[BatchPolicy, PolicyMetadata, Batching | None]:
+    """Make a policy of either kind for many episodes at a time; errors are those of `make`.
 
     Args:
         name: That of a baseline, of a checkpoint of LeRobot, or of anyone's own.
-        batching: How many observations a `BatchPolicy` is to answer together, if that was said.
+        batching: How many observations a `BatchPolicy` answers together; None takes the default.
+        objects: How many episodes a plain policy may play side by side, with an object for each.
 
     Returns:
-        The policy, and its metadata, with the hash of its source where it has no version.
+        The policy; its metadata, with the hash of its source where it has no version; and how many
+        observations it answers together, None for a plain policy.
 
     Raises:
-        PolicyError: Also if batches are asked of a policy that answers one observation at a time.
+        PolicyError: Also if batches are asked of one object of a plain policy.
     """
     policy = make_any(name)
-    if batching is not None and not isinstance(policy, BatchPolicy):
+    metadata = _versioned(name, policy)
+    if isinstance(policy, BatchPolicy):
+        return policy, metadata, batching or Batching()
+    if batching is not None and objects == 1:
         raise no_batches(name)
-    return policy, _versioned(name, policy)
+    return PolicyPool(policy, lambda: make(name.text), objects), metadata, None
 
 
 def no_batches(name: PolicyName) -> PolicyError:
@@ -199,7 +203,6 @@ def source_version(*modules: str) -> str | None:
 
 
 def _made(name: PolicyName) -> object:
-    """What a checkpoint or a module gives."""
     is_ours = name.kind is PolicyKind.LEROBOT
     path = name.reference
     factory = partial(_lerobot_class(), path) if is_ours else _factory(path)
@@ -223,7 +226,7 @@ def _factory(path: str) -> Callable[[], object]:
 
 def _lerobot_class() -> Callable[[str], object]:
     try:
-        from duobench.policy.lerobot.policy import LeRobotPolicy
+        from duobench.policy.lerobot_model import LeRobotPolicy
     except ImportError as error:
         raise PolicyError(
             f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. "

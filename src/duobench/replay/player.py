@@ -10,7 +10,7 @@ import numpy as np
 
 from duobench.envs.config import EnvConfig
 from duobench.envs.execution import execute
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import EvaluationError, UnknownNameError
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Watcher

@@ -12,10 +12,9 @@ import numpy as np
 
 from duobench.data.recording import Recording
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import FIXED, EnvConfig
+from duobench.envs.config import FIXED, LAYOUT, EnvConfig
 from duobench.envs.execution import optional_method
-from duobench.envs.make import make_env
-from duobench.envs.reset_options import LAYOUT
+from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, BackendError, DataError, DuoBenchError
 from duobench.looks.catalog import DEFAULT

@@ -11,7 +11,7 @@ import numpy as np
 
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
-from duobench.envs.reset_options import LAYOUT_SEED
+from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import EvaluationError, check_known
 from duobench.looks.catalog import DEFAULT, as_look

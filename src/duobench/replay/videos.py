@@ -9,7 +9,7 @@ import gymnasium as gym
 
 from duobench.envs.config import EnvConfig
 from duobench.envs.execution import Step, execute
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import (
     ActionError,
     BackendError,

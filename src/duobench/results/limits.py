@@ -17,25 +17,25 @@ _HEALTH_CHECK_S = 10.0
 class TimeLimits:
     """How long a policy may take; making it, with all its weights, has no limit."""
 
-    act_s: float = 120.0
-    """Seconds for one `reset` or one `act`: minutes, because a first answer may compile a model."""
-    episode_s: float = 1800.0
-    """Seconds for an episode; it is checked whenever the policy acts."""
+    act_timeout: float = 120.0
+    """Seconds for one reset or one chunk of actions: minutes, for a first may compile a model."""
+    episode_timeout: float = 1800.0
+    """Seconds for an episode, looked at whenever the policy acts."""
 
     def __post_init__(self) -> None:
         """Reject limits that are not positive; infinite ones become very long."""
-        if not (self.act_s > 0 and self.episode_s > 0):
+        if not (self.act_timeout > 0 and self.episode_timeout > 0):
             raise EvaluationError(
-                f"Time limits are positive, got {self.act_s} s for an answer and {self.episode_s} "
-                "s for an episode."
+                f"Time limits are positive, got {self.act_timeout} s for an answer and "
+                f"{self.episode_timeout} s for an episode."
             )
-        object.__setattr__(self, "act_s", min(self.act_s, _ENDLESS_S))
-        object.__setattr__(self, "episode_s", min(self.episode_s, _ENDLESS_S))
+        object.__setattr__(self, "act_timeout", min(self.act_timeout, _ENDLESS_S))
+        object.__setattr__(self, "episode_timeout", min(self.episode_timeout, _ENDLESS_S))
 
     @property
     def served_s(self) -> float:
         """Seconds for one answer of a served policy.
 
-        It is less than `act_s`: the rest is for finding out whether a late server still lives.
+        It is less than `act_timeout`: the rest is for finding out whether a late server lives.
         """
-        return min(max(self.act_s - _HEALTH_CHECK_S, self.act_s / 2), MAX_S)
+        return min(max(self.act_timeout - _HEALTH_CHECK_S, self.act_timeout / 2), MAX_S)

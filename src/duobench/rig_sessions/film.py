@@ -1,4 +1,4 @@
-"""What the head camera sees, and the film of a trial, to look at now and to rate later.
+"""What the head camera sees, and the film of a trial, to look at now and before it is closed.
 
 Encoding happens in a thread of its own, so that no control step waits for it.
 """

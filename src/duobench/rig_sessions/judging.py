@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from duobench.errors import MessageError
 from duobench.results.records import Press
 from duobench.stages.progress import ProgressState
+from duobench.types import CONTROL_HZ
 
 
 class Presses:
@@ -60,10 +61,10 @@ class Presses:
         """Pairs (control step, stage): when each newly reached stage was reached."""
         found: dict[int, int] = {}
         highest = 0
-        for press in self._standing:
+        for press in sorted(self._standing, key=lambda press: press.step):
             if (stage := press.stage or 0) > highest:
                 found[press.step] = highest = stage  # of two at one step the higher one counts
-        return tuple(sorted(found.items()))
+        return tuple(found.items())
 
 
 class PersonJudge:
@@ -92,7 +93,12 @@ class PersonJudge:
             self._steps += 1
 
     def press(
-        self, stage: int | None, time_s: float, note: Callable[[Press], None] = lambda _press: None
+        self,
+        stage: int | None,
+        time_s: float,
+        note: Callable[[Press], None] = lambda _press: None,
+        *,
+        is_of_film: bool = False,
     ) -> Press:
         """Say that a stage is reached, or take the latest press back.
 
@@ -100,12 +106,14 @@ class PersonJudge:
             stage: The stage; None takes back.
             time_s: Seconds since the episode began.
             note: Writes the press down before anybody sees its effect.
+            is_of_film: Whether the time is that of the film, which decides the control step.
 
         Raises:
             MessageError: There is no such stage, or nothing to take back; nothing is noted.
         """
         with self._pressing:
-            press = Press(stage=stage, step=self._steps, time_s=round(time_s, 3))
+            step = min(round(time_s * CONTROL_HZ), self._steps) if is_of_film else self._steps
+            press = Press(stage=stage, step=step, time_s=round(time_s, 3))
             before = self.presses
             after = Presses(self._max_stage, (*before.all, press))
             note(press)

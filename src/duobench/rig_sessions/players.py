@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 
 from duobench.data import Recorder
-from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.config import IMAGE_SIZE, LAYOUT, EnvConfig
 from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
-from duobench.envs.reset_options import LAYOUT
-from duobench.envs.wrappers.base import DuoWrapper
+from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder

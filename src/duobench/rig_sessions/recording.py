@@ -12,10 +12,9 @@ from pathlib import Path
 from duobench.data import Actor, ActorKind, DataSet, Recorder
 from duobench.data.rig import RigRecorder, placement
 from duobench.data.schema import AFTER_SUCCESS_S
-from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.config import IMAGE_SIZE, INSTRUCTION, LAYOUT, SPLIT
 from duobench.envs.duo_env import ResetOptions, Start
-from duobench.envs.reset_options import INSTRUCTION, LAYOUT, SPLIT
-from duobench.envs.wrappers.base import DuoWrapper
+from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import BackendError, OptionError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollout import rollout

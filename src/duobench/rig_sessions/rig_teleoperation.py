@@ -19,8 +19,8 @@ from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder, placement
 from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
+from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
-from duobench.envs.reset_options import LAYOUT
 from duobench.errors import BackendError, DuoBenchError
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.duo import HardwareDuo

@@ -7,7 +7,7 @@ from pathlib import Path
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.errors import OptionError
 from duobench.looks.catalog import DEFAULT
 from duobench.looks.look import Look

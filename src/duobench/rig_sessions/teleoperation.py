@@ -9,8 +9,8 @@ from enum import StrEnum
 from typing import Any
 
 from duobench.data import Recorder
+from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
-from duobench.envs.reset_options import INSTRUCTION, SPLIT
 from duobench.errors import BackendError, OptionError
 from duobench.randomness import TRAIN, episode_seed
 from duobench.rig_sessions.haptics import Feeling

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -79,22 +78,6 @@ class TrialsFolder:
     def invalid_film(self, trial: int, attempt: int) -> Path:
         """Film of a trial that does not count."""
         return self.path / "invalid" / f"{trial:04d}.{attempt}.webm"
-
-    def ratings(self, rater: str) -> Path:
-        """What somebody pressed who rated the films.
-
-        Raises:
-            EvaluationError: The name cannot be that of a file.
-        """
-        if not re.fullmatch(r"\w[\w.-]{0,63}", rater):
-            raise EvaluationError(
-                f"A rater's name is of letters, digits, '_', '-' and '.', got {rater!r}."
-            )
-        return self.path / "ratings" / f"{rater}.jsonl"
-
-    def raters(self) -> list[str]:
-        """Who rated films."""
-        return sorted(path.stem for path in (self.path / "ratings").glob("*.jsonl"))
 
     def begin(self, plan: Plan) -> Plan:
         """Begin an evaluation, or continue the one that is there.

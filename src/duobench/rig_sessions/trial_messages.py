@@ -41,6 +41,8 @@ class Stage(msgspec.Struct, tag="stage", **_STRICT):
 
     stage: Annotated[int, msgspec.Meta(ge=1, le=99)]
     """Its number."""
+    time_s: Annotated[float, msgspec.Meta(ge=0.0, le=36000.0)] | None = None
+    """When it was reached, in seconds of the film of a trial that is over; None for now."""
 
 
 class Undo(msgspec.Struct, tag="undo", **_STRICT):
@@ -80,18 +82,9 @@ class Recover(msgspec.Struct, tag="recover", **_STRICT):
     """The operator has looked at the fault, and wants it cleared; nothing moves."""
 
 
-class At(msgspec.Struct, tag="at", **_STRICT):
-    """A rater's press at a moment of a film."""
-
-    time_s: Annotated[float, msgspec.Meta(ge=0.0, le=36000.0)]
-    """Seconds of the film."""
-    stage: Annotated[int, msgspec.Meta(ge=1, le=99)] | None
-    """The stage that is reached; None takes the latest press back."""
-
-
 Message = (
     Alive | Home | Placed | PlaceAgain | Start | Stage | Undo | Hold | AtEnd | Note | Finish
-    | Invalid | Recover | At
+    | Invalid | Recover
 )  # fmt: skip
 """Everything that the page may send."""
 _decoder = msgspec.json.Decoder(Message)

@@ -1,4 +1,4 @@
-"""What came of an evaluation on real arms: a report each, a comparison, raters, one page."""
+"""What came of an evaluation on real arms: a report each, a comparison, one page."""
 
 from __future__ import annotations
 
@@ -14,10 +14,7 @@ from duobench.results.compare import compare, write_comparison
 from duobench.results.comparison import words
 from duobench.results.metrics import Score
 from duobench.results.report import write_report
-from duobench.results.reporting.agreement import Agreement, Verdict, agreements, kappa_text
-from duobench.rig_sessions.rating import rated
 from duobench.rig_sessions.trial_folder import Standing, TrialsFolder
-from duobench.rig_sessions.trial_log import read_entries
 from duobench.rig_sessions.trial_plan import Plan
 
 
@@ -64,8 +61,6 @@ class TrialsReport:
     """Why trials were invalid, and how many each."""
     missing: int
     """Trials that are still to be played."""
-    agreements: tuple[Agreement, ...]
-    """How any two raters agree."""
     verdicts: tuple[str, ...]
     """What tests say about any two policies, in words."""
     doctor: Report | None
@@ -119,45 +114,11 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         policies=tuple(policies),
         invalid=tuple(sorted(reasons.items())),
         missing=missing,
-        agreements=tuple(all_agreements(folder, plan)) if is_shown else (),
         verdicts=tuple(verdicts),
         doctor=folder.read_doctor(),
     )
     write(folder.page, _page(report))
     return report
-
-
-def all_agreements(folder: TrialsFolder, plan: Plan) -> list[Agreement]:
-    """How all who judged the trials agree, any two of them.
-
-    Raises:
-        FileError: A log or a record cannot be read.
-        EvaluationError: A record is of another run.
-    """
-    standing = Standing.of(folder.read_log())
-    last = plan.task.max_stage
-    trials = {trial.number: trial for trial in plan.trials() if trial.number in standing.valid}
-    remaining = {trial.number for trial in folder.remaining(plan, standing)}
-    judged: dict[str, dict[int, Verdict]] = {plan.rater: {}}
-    for number, trial in trials.items():
-        if number in remaining:
-            continue
-        run_folder = folder.run(plan.letter(trial.policy))
-        record = run_folder.read_record(run_folder.read_run(), plan.episode(trial.episode))
-        judged[plan.rater][number] = _verdict(record.final_stage, last)
-    for rater in folder.raters():
-        ratings = rated(read_entries(folder.ratings(rater)), last)
-        name = rater if rater != plan.rater else f"{rater} (film)"
-        judged[name] = {
-            number: _verdict(ratings[number, attempt].stage, last)
-            for number, attempt in standing.valid.items()
-            if (number, attempt) in ratings
-        }
-    return agreements(judged)
-
-
-def _verdict(stage: int, last: int) -> Verdict:
-    return Verdict(stage=stage, success=stage == last)
 
 
 def _page(report: TrialsReport) -> str:
@@ -167,5 +128,4 @@ def _page(report: TrialsReport) -> str:
         report=report,
         plan=report.plan,
         metrics=metrics,
-        kappa_text=kappa_text,
     )

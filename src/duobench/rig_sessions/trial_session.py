@@ -163,17 +163,20 @@ class TrialsSession:
         self._write(Kind.BEGIN, text=self._plan.letter(trial.policy))
         self._place(layout)
         played, film = self._play(trial, layout)
+        if (video := film.video()) is not None:
+            name = f"film-{trial.number}.{self._attempt}.webm"
+            self._board.film = self._server.publish_image(name, video)
         reason = self._lost or played.invalid or self._judged(played)
         if reason:
             automatic = bool(self._lost or played.invalid)
-            if (video := film.video()) is not None:
+            if video is not None:
                 write(self._folder.invalid_film(trial.number, self._attempt), video)
             self._players.settle(trial, counts=False)
             self._write(Kind.INVALID, text=reason, yes=automatic)
             self._board.message = f"The trial is invalid and comes again: {reason}"
             self._standing = Standing.of(self._log.entries)
             return False
-        self._keep(trial, played, film.video())
+        self._keep(trial, played, video)
         self._board.message = ""
         return True
 
@@ -343,7 +346,11 @@ class TrialsSession:
             raise MessageError(f"Not now: this is not for the state {phase.value!r}.")
         if isinstance(message, messages.Stage | messages.Undo):
             stage = message.stage if isinstance(message, messages.Stage) else None
-            self._judge.press(stage, self._time(), self._note_press)
+            film_s = message.time_s if isinstance(message, messages.Stage) else None
+            if film_s is not None and phase is not Phase.JUDGING:
+                raise MessageError("There is no film before the trial is over.")
+            time_s = self._time() if film_s is None else film_s
+            self._judge.press(stage, time_s, self._note_press, is_of_film=film_s is not None)
             self._publish()
         else:
             self._inbox.put(message)

@@ -65,6 +65,8 @@ class Board:
         """Addresses of images by what they show."""
         self.sheet = ""
         """Address of the footprints to print; empty if there is none."""
+        self.film = ""
+        """Address of the film of a trial that is over; empty if there is none."""
         self.more: dict[str, Any] = {}
         """What is shown at the end."""
         self._trial: dict[str, Any] = {}
@@ -80,7 +82,7 @@ class Board:
             layout: Where the objects shall lie.
             standing: How far the evaluation is.
         """
-        self.note, self.at_end, self.images = "", None, {}
+        self.note, self.at_end, self.images, self.film = "", None, {}, ""
         self._trial = {
             "number": trial.number + 1,
             "of": self._total,
@@ -134,6 +136,7 @@ class Board:
             "image_size": [NATIVE_WIDTH, NATIVE_HEIGHT],
             "images": self.images,
             "sheet": self.sheet,
+            "film": self.film,
             "footprints": self._footprints,
             **self.more,
         }

@@ -1,10 +1,15 @@
-"""The joints of one arm and of both: ranges, speeds, and home."""
+"""The joints of one arm and of both: ranges, speeds, home, and the limits of an environment."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from duobench.backend import DuoLimits
+from duobench.errors import OptionError
 from duobench.robot.fr3_links import LINKS
+from duobench.types import ARM_JOINTS, CONTROL_HZ, FLAT_SIZE, SIDES, Array
 
 JOINT_RANGES = np.array([link.joint.limits for link in LINKS if link.joint is not None])
 """Joint ranges (7, 2) in radians."""
@@ -17,3 +22,62 @@ _LEFT_HOME = (0.48797692, -0.57224476, -0.58536988, -2.57958827, 0.86400183, 2.0
 HOME_JOINTS = np.array([_LEFT_HOME, np.multiply(_LEFT_HOME, (-1, 1, -1, 1, -1, 1, -1))])
 """Home configuration (2, 7) in radians; the right arm mirrors the left."""
 HOME_JOINTS.setflags(write=False)
+
+
+RANGE_MARGIN = 0.05
+"""Distance in radians that real arms keep from the ends of their joints' ranges."""
+
+
+def duo_limits(speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0) -> DuoLimits:
+    """Limits of both arms.
+
+    Args:
+        speed_fractions: Part of the joints' speed limits that the left and the right arm may use.
+        margin: Distance in radians from the ends of the joints' ranges.
+
+    Raises:
+        OptionError: A fraction is not over 0 and at most 1.
+    """
+    low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
+    max_change = np.full(FLAT_SIZE, np.inf)
+    for side, fraction in zip(SIDES, speed_fractions, strict=True):
+        check_speed_fraction(fraction)
+        start = side.index * (ARM_JOINTS + 1)
+        joints = slice(start, start + ARM_JOINTS)
+        low[joints], high[joints] = JOINT_RANGES.T + np.array([[margin], [-margin]])
+        max_change[joints] = np.multiply(VELOCITY_LIMITS, fraction) / CONTROL_HZ
+    return DuoLimits(low=low, high=high, max_change=max_change)
+
+
+def check_speed_fraction(fraction: float) -> None:
+    """Reject what is no part of the joints' speed limits.
+
+    Raises:
+        OptionError: It is not over 0 and at most 1.
+    """
+    if not (math.isfinite(fraction) and 0.0 < fraction <= 1.0):
+        raise OptionError(f"speed_fraction is over 0 and at most 1, got {fraction!r}.")
+
+
+DECELERATIONS = (6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0)
+"""How hard each joint can brake before its end, in rad/s² [manufacturer's robot description]."""
+OFFSETS = (0.652, 0.25, 0.2005, 0.3542, 0.5738, 0.4885, 0.4592)
+"""What is taken off each joint's speed near its ends, in rad/s [manufacturer's description]."""
+_MOST = np.array(VELOCITY_LIMITS)
+_TWICE, _OFFSETS = 2.0 * np.array(DECELERATIONS), np.array(OFFSETS)
+_LOW, _HIGH = JOINT_RANGES.T
+
+
+def speed_limits(joints: Array) -> tuple[Array, Array]:
+    """The lowest and highest velocity of each joint of one arm.
+
+    Args:
+        joints: Joint positions (7,) in radians.
+
+    Returns:
+        Lowest velocities (7,), at most 0, and highest ones (7,), at least 0, in rad/s:
+        |dq| <= min(limit, sqrt(2 d (end - q)) - offset).
+    """
+    down = np.sqrt(_TWICE * np.maximum(joints - _LOW, 0.0)) - _OFFSETS
+    up = np.sqrt(_TWICE * np.maximum(_HIGH - joints, 0.0)) - _OFFSETS
+    return -np.minimum(np.maximum(down, 0.0), _MOST), np.minimum(np.maximum(up, 0.0), _MOST)

@@ -32,7 +32,7 @@ from duobench.errors import (
     traceback_text,
 )
 from duobench.evaluation.clock import EpisodeClock
-from duobench.processes import watch_parent
+from duobench.machine import watch_parent
 from duobench.runners.channel import Channel
 
 T = TypeVar("T")

@@ -14,7 +14,6 @@ from duobench.evaluation.episode import EpisodeResult, Job
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
 from duobench.files import locked
-from duobench.replay.watching import RunWatch
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from duobench.results.metrics import Results
@@ -40,7 +39,6 @@ def evaluate(  # noqa: PLR0913
     fresh: bool = False,
     unplayed_count_as_failures: bool = False,
     command: str = "",
-    watch: RunWatch | None = None,
     shard: Shard | None = None,
     cluster: Cluster | None = None,
 ) -> Results:
@@ -65,7 +63,6 @@ def evaluate(  # noqa: PLR0913
         unplayed_count_as_failures: Write records with an error for episodes that cannot be played
             because a process dies in them each time.
         command: The command that starts the run, for its description and the report.
-        watch: Shows what is played while it is played; no result depends on it.
         shard: Which part of the episodes is played; None plays all. Each part has a folder of its
             own, and `open_sources` reads all parts as one run.
         cluster: The Ray cluster on which workers and policy are; None for this machine alone.
@@ -85,8 +82,7 @@ def evaluate(  # noqa: PLR0913
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
     limits = limits or TimeLimits()
     job = Job(policy=choice, suite=suite, limits=limits, videos=videos, command=command)
-    executor = executor_for(job, workers, watch, cluster)
-    observing = observers if watch is None else [*observers, watch]
+    executor = executor_for(job, workers, cluster)
     with locked(folder.path), closing(executor):
         run = replace(executor.prepare(), shard=shard)
         if fresh or folder.has_only_errors_of_another(run):
@@ -95,19 +91,17 @@ def evaluate(  # noqa: PLR0913
             executor.rehearse(run.episodes()[0])
         folder.begin(run)
         finished = _finished(folder, run, retry_broken=retry_broken)
-        for observer in observing:
+        for observer in observers:
             observer.on_run_start(run, finished)
         done = {(record.task, record.episode) for record in finished}
         missing = [each for each in run.episodes() if (each.task.id, each.index) not in done]
         for result in executor.play(missing):
-            _write(folder, result, observing, workers)
+            _write(folder, result, observers, workers)
         unplayed = executor.unplayed
         if unplayed_count_as_failures:
             for result in executor.failures():
-                _write(folder, result, observing, workers)
+                _write(folder, result, observers, workers)
             unplayed = {}
-        if watch is not None:
-            watch.end()
         results = write_report(folder)
         _check_complete(folder, run, results, unplayed)
         return results

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
 from typing import Protocol
 
 from duobench.errors import EvaluationError, MachineryError, RenderingError
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
 from duobench.policy.registry import PolicyKind
-from duobench.replay.live import LiveWatcher
-from duobench.replay.watching import Playing, RunWatch
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.runners.process_executor import ProcessExecutor
@@ -22,8 +19,6 @@ from duobench.sim import rendering
 
 _MAY_SEE = (PolicyKind.LEROBOT, PolicyKind.MODULE, PolicyKind.SERVED)
 """Kinds of policies that may ask for images."""
-_HERE = 1
-"""Number of the only one who plays where this process does."""
 
 
 class Executor(Protocol):
@@ -87,15 +82,9 @@ class LocalExecutor:
     all of that, with one worker too.
     """
 
-    def __init__(self, job: Job, watch: RunWatch | None = None) -> None:
-        """Remember what to play, and how.
-
-        Args:
-            job: What to play.
-            watch: Shows what is played.
-        """
+    def __init__(self, job: Job) -> None:
+        """Remember what to play, and how."""
         self._job = job
-        self._watch = watch
         self._schedule = Schedule()
         self._runner: EpisodeRunner | None = None
         self.unplayed: Mapping[Episode, str] = {}
@@ -103,12 +92,9 @@ class LocalExecutor:
 
     def prepare(self) -> Run:
         """Make the policy, and say what is played by what."""
-        job, watch = self._job, self._watch
+        job = self._job
         source = find_source(job.policy, job.suite.tasks, job.limits)
-        live = None
-        if watch is not None:
-            live = LiveWatcher(lambda: watch.watched is not None, partial(watch.show, _HERE))
-        self._runner = EpisodeRunner(source, job, live=live)
+        self._runner = EpisodeRunner(source, job)
         return self._runner.run
 
     def rehearse(self, episode: Episode) -> None:
@@ -121,8 +107,6 @@ class LocalExecutor:
         runner = self._prepared
         for episode in episodes:
             result = None
-            if self._watch is not None:
-                self._watch.note([Playing(worker=_HERE, episode=episode)])
             while result is None:
                 try:
                     result = runner.play(episode)
@@ -147,15 +131,12 @@ class LocalExecutor:
         return self._runner
 
 
-def executor_for(
-    job: Job, workers: int, watch: RunWatch | None = None, cluster: Cluster | None = None
-) -> Executor:
+def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Executor:
     """What does a job.
 
     Args:
         job: What to play.
         workers: Processes that play side by side; with 0 this process plays.
-        watch: Shows what they play.
         cluster: The Ray cluster on which they are; None for this machine alone.
 
     Raises:
@@ -168,9 +149,9 @@ def executor_for(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
     if cluster is not None:
-        return _on_cluster(job, workers, watch, cluster)
+        return _on_cluster(job, workers, cluster)
     if workers == 0:
-        return LocalExecutor(job, watch)
+        return LocalExecutor(job)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if job.videos:
@@ -178,14 +159,14 @@ def executor_for(
     elif job.policy.name.kind in _MAY_SEE and workers > 1:
         with suppress(RenderingError):
             rendering.choose(processes=workers)
-    return ProcessExecutor(job, workers, watch)
+    return ProcessExecutor(job, workers)
 
 
-def _on_cluster(job: Job, workers: int, watch: RunWatch | None, cluster: Cluster) -> Executor:
+def _on_cluster(job: Job, workers: int, cluster: Cluster) -> Executor:
     from duobench.runners.ray_cluster import check_environment
     from duobench.runners.ray_executor import RayExecutor
 
     if workers == 0:
         raise EvaluationError("On a cluster there is at least one worker; got 0.")
     check_environment()
-    return RayExecutor(job, workers, cluster, watch)
+    return RayExecutor(job, workers, cluster)

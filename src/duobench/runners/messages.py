@@ -5,7 +5,6 @@ from __future__ import annotations
 import msgspec
 
 from duobench.evaluation.episode import EpisodeResult, Job
-from duobench.replay.live import LiveFrame, LiveScene
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode
@@ -56,7 +55,5 @@ class EpisodeError(msgspec.Struct, tag=True, frozen=True):
 
 Request = Job | Play | Rehearse | Stop
 """To a worker; a job comes first, which has it make the policy."""
-Report = (
-    Ready | Rehearsed | Progress | LiveScene | LiveFrame | EpisodeResult | EpisodeError | Refused
-)
+Report = Ready | Rehearsed | Progress | EpisodeResult | EpisodeError | Refused
 """From a worker."""

@@ -9,9 +9,8 @@ import msgspec
 
 from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.policies import LOOPBACK, PolicyAddress
-from duobench.policy.batch import Batching, BatchPolicy
-from duobench.policy.pool import PolicyPool
-from duobench.policy.registry import PolicyName, make_described
+from duobench.policy.batch import ONE_BY_ONE, Batching
+from duobench.policy.registry import PolicyName, make_batched
 from duobench.policy.serving.address import MAX_S
 from duobench.policy.serving.host import PolicyHost
 from duobench.results.limits import TimeLimits
@@ -81,14 +80,12 @@ def _answer(parent: Parent, requests: Requests, clock: EpisodeClock) -> None:
     job = requests.get()
     if not isinstance(job, MakePolicy):
         return
-    made, metadata = make_described(job.name, job.batching)
-    is_plain = not isinstance(made, BatchPolicy)
-    batching = None if is_plain else job.batching or Batching()
+    made, metadata, batching = make_batched(job.name, job.batching)
     key = secrets.token_urlsafe()
     host = PolicyHost(
-        PolicyPool(made) if is_plain else made,
+        made,
         metadata,
-        batching or Batching(mode="dynamic", size=1),
+        batching or ONE_BY_ONE,
         host=job.host,
         key=key,
         busy=lambda: clock.timed(job.limits),

@@ -6,8 +6,6 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from msgspec.structs import replace as replace_field
-
 from duobench import errors
 from duobench.errors import (
     EvaluationError,
@@ -19,8 +17,6 @@ from duobench.errors import (
 )
 from duobench.evaluation.episode import EpisodeResult, Job
 from duobench.evaluation.recorder import EpisodeRecorder
-from duobench.replay.live import LiveFrame, LiveScene
-from duobench.replay.watching import Playing, RunWatch
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode
@@ -62,16 +58,14 @@ class ProcessExecutor:
     `if __name__ == "__main__":` guard.
     """
 
-    def __init__(self, job: Job, workers: int, watch: RunWatch | None = None) -> None:
+    def __init__(self, job: Job, workers: int) -> None:
         """Remember what to play, by at most so many workers, which are started when needed.
 
         Args:
             job: What to play.
             workers: Most workers at a time.
-            watch: Shows what they do.
         """
-        self._job = replace_field(job, is_watched=watch is not None)
-        self._watch = watch
+        self._job = job
         self._schedule = Schedule()
         self._most = workers
         self._team = self._make_team()
@@ -151,7 +145,6 @@ class ProcessExecutor:
 
     def _poll(self) -> Iterator[EpisodeResult]:
         """Wait for reports, a moment at most, and act on them."""
-        self._show()
         children = self._team.children
         readable = self._team.wait(TICK_S)
         for child in children:
@@ -169,24 +162,6 @@ class ProcessExecutor:
                 yield from self._check_episode(child)
             else:
                 yield from self._check_answer(child)
-
-    def _show(self) -> None:
-        """Show what workers do, and have the one be watched that somebody looks at."""
-        if self._watch is None:
-            return
-        self._watch.note(
-            [
-                Playing(
-                    worker=worker.number,
-                    episode=worker.episode,
-                    stage=worker.progress.final_stage if worker.progress else 0,
-                )
-                for worker in self._team.workers
-            ]
-        )
-        watched = self._watch.watched
-        for worker in self._team.workers:
-            worker.clock.is_watched = worker.number == watched
 
     def _receive(
         self, child: Worker | PolicyProcess, report: Report | Answering
@@ -213,9 +188,6 @@ class ProcessExecutor:
                 self._rehearsing = worker.episode = None
             case Progress(record=record):
                 self._note_progress(worker, record)
-            case LiveScene() | LiveFrame():
-                if self._watch is not None and worker.episode is not None:
-                    self._watch.show(worker.number, report)
             case EpisodeResult():
                 yield from self._accept(worker, report)
             case EpisodeError(fault=fault):
@@ -306,7 +278,7 @@ class ProcessExecutor:
 
     def _check_answer(self, policy: PolicyProcess) -> Iterator[EpisodeResult]:
         """End a policy that hangs; alone with an episode, it has failed it."""
-        act_s = self._job.limits.act_s
+        act_s = self._job.limits.act_timeout
         if policy.clock.answer_s() <= act_s + HANG_S:
             return
         mates = [worker for worker in self._team.playing if worker.policy is policy]
@@ -322,11 +294,11 @@ class ProcessExecutor:
             return
         limits = self._job.limits
         if worker.policy is not None:
-            limits = replace(limits, act_s=float("inf"))
+            limits = replace(limits, act_timeout=float("inf"))
         if late := worker.clock.late(limits):
             self._remove(worker)
             yield self._failed(worker, late)
-        elif worker.clock.episode_s() > limits.episode_s + GRACE_S:
+        elif worker.clock.episode_s() > limits.episode_timeout + GRACE_S:
             self._lose(worker, "the simulation did not come back within the time limit.")
 
     def _failed(self, worker: Worker, late: PolicyTimeoutError) -> EpisodeResult:

@@ -37,15 +37,8 @@ _MAY_SEE = (PolicyKind.LEROBOT, PolicyKind.MODULE, PolicyKind.SERVED)
 class RemoteClock(EpisodeClock):
     """What an actor has last said of a clock; time that has passed since then is not guessed."""
 
-    def __init__(self, watch: Callable[[bool], None]) -> None:
-        """Begin with nothing going on.
-
-        Args:
-            watch: Told whether somebody looks at the episode, when that changes.
-        """
+    def __init__(self) -> None:
         super().__init__()
-        self._watch = watch
-        self._is_watched = False
         self._last: News | None = None
 
     def note(self, news: News) -> None:
@@ -65,17 +58,6 @@ class RemoteClock(EpisodeClock):
         """Control steps that the episode had when its policy last acted."""
         return self._last.steps if self._last else 0
 
-    @property
-    def is_watched(self) -> bool:
-        """Whether somebody looks at the episode."""
-        return self._is_watched
-
-    @is_watched.setter
-    def is_watched(self, watched: bool) -> None:
-        if watched != self._is_watched:
-            self._is_watched = watched
-            self._watch(watched)
-
 
 class RemoteChild(Child[T]):
     """A process beside an actor; the death of the actor is its own."""
@@ -92,7 +74,7 @@ class RemoteChild(Child[T]):
         self.node: str | None = None
         """Id of the node, once the actor is there."""
         self._actor = self._launch()
-        self.clock = RemoteClock(self._actor.watch.remote)
+        self.clock = RemoteClock()
         self.news = self._actor.poll.remote()
         """What the actor is going to say next."""
 

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 from duobench.errors import EvaluationError, MachineryError
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 
 AUTH_MODE, TOKEN = "RAY_AUTH_MODE", "token"
 """Environment variable of Ray, and the value with which nobody gets in without the cluster's

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from duobench.errors import EvaluationError
 from duobench.evaluation.episode import Job
 from duobench.files import differences
-from duobench.replay.watching import RunWatch
 from duobench.results.run import Run
 from duobench.runners.messages import Ready
 from duobench.runners.process_executor import MAX_FAILED_STARTS, ProcessExecutor
@@ -25,21 +24,18 @@ class RayExecutor(ProcessExecutor):
     or its whole node, loses only what it was playing, which is played again.
     """
 
-    def __init__(
-        self, job: Job, workers: int, cluster: Cluster, watch: RunWatch | None = None
-    ) -> None:
+    def __init__(self, job: Job, workers: int, cluster: Cluster) -> None:
         """Remember what to play, and where.
 
         Args:
             job: What to play.
             workers: Most workers at a time, each of which asks for a core.
             cluster: The cluster.
-            watch: Shows what workers do.
         """
         self._cluster = cluster
         self._number = workers
         self._is_connected = False
-        super().__init__(job, workers, watch)
+        super().__init__(job, workers)
         # A node that is lost while its workers start takes all of them with it.
         self._most_failed_starts = MAX_FAILED_STARTS + workers
 

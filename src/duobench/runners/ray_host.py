@@ -100,11 +100,6 @@ class Host:
             with suppress(OSError):
                 self._child.channel.socket.sendall(message + b"\n")
 
-    def watch(self, watched: bool) -> None:
-        """Note whether somebody looks at the episode."""
-        if self._child is not None:
-            self._child.clock.is_watched = watched
-
     def poll(self) -> News:
         """Wait for messages, a moment at most, and tell how the process is.
 

@@ -75,7 +75,7 @@ def evaluate_shifts(  # noqa: PLR0913
     job = Job(
         policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos, command=command
     )
-    executor = executor_for(job, workers, cluster=cluster)
+    executor = executor_for(job, workers, cluster)
     with ExitStack() as ending:
         for folder in folders.values():
             ending.enter_context(locked(folder.path))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from itertools import count
 from multiprocessing.connection import wait
 
 from duobench.evaluation.episode import Job
@@ -115,8 +114,6 @@ class Team:
     def _start_worker(self, policy: PolicyProcess | None) -> None:
         """Start a worker, which begins once its policy answers."""
         worker = self._new_worker(policy)
-        taken = {each.number for each in self.workers}
-        worker.number = next(number for number in count(1) if number not in taken)
         self.workers.append(worker)
         if policy is None or policy.is_ready:
             worker.begin(self._job)

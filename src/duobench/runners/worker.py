@@ -10,7 +10,6 @@ from duobench.errors import MachineryError, escaped
 from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.episode import EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
-from duobench.replay.live import LiveWatcher
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import Episode, TaskInfo
 from duobench.runners.child import Child, Parent, Requests, run_child
@@ -51,8 +50,6 @@ class Worker(Child[Report]):
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
         """The task whose environment it has."""
-        self.number = 0
-        """What people know it by, from 1 on."""
 
     def begin(self, job: Job) -> None:
         """Have it make the policy, or connect to it."""
@@ -96,7 +93,6 @@ def _play(parent: Parent, requests: Requests, clock: EpisodeClock) -> None:
         clock,
         lambda record: parent.report(Progress(record=record)),
         is_interruptible=False,
-        live=LiveWatcher(lambda: clock.is_watched, parent.report) if job.is_watched else None,
     )
     parent.report(Ready(run=runner.run, versions=runner.versions))
     while not isinstance(request := requests.get(), Stop):

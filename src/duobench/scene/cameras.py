@@ -14,8 +14,7 @@ from duobench.robot.cameras import (
     WRIST_FOCAL,
     View,
 )
-from duobench.scene.filters import Group, distal
-from duobench.scene.surfaces import add_box, collide_as_metal
+from duobench.scene.surfaces import Group, add_box, collide_as_metal, distal
 from duobench.spatial import SE3
 from duobench.types import HEAD, Side, wrist_name
 

@@ -19,10 +19,16 @@ from duobench.robot.workcell import (
     TABLE_X,
     TABLE_Y,
 )
-from duobench.scene.filters import SHADOWLESS_GEOM_GROUP, Group, collide_as, visual_only
-from duobench.scene.mesh_normals import FLAT, add_visual_mesh
+from duobench.scene.meshes import FLAT, add_visual_mesh
 from duobench.scene.naming import FLOOR, TABLE
-from duobench.scene.surfaces import add_box, collide_as_metal
+from duobench.scene.surfaces import (
+    SHADOWLESS_GEOM_GROUP,
+    Group,
+    add_box,
+    collide_as,
+    collide_as_metal,
+    visual_only,
+)
 from duobench.spatial import SE3
 
 TABLE_THICKNESS = 0.03

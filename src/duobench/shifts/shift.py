@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from duobench.checks import whole
 from duobench.errors import OptionError, check_known
+from duobench.types import as_whole
 
 NO_AXIS, ALL_AXES = "none", "all"
 LOOK, CAMERA, LAYOUT, PHYSICS = "look", "camera", "layout", "physics"
@@ -31,7 +31,7 @@ class Shift:
     def __post_init__(self) -> None:
         """Reject an axis or a level that does not exist."""
         check_known("axis of a shift", self.axis, (NO_AXIS, *AXES))
-        level = whole(self.level)
+        level = as_whole(self.level)
         lowest = 0 if self.axis == NO_AXIS else 1
         highest = 0 if self.axis == NO_AXIS else LEVELS
         if level is None or not lowest <= level <= highest:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from duobench.backend import DuoLimits, Image
 from duobench.looks.look import Look
-from duobench.robot.limits import RANGE_MARGIN, duo_limits
+from duobench.robot.joints import RANGE_MARGIN, duo_limits
 from duobench.sim.appearance import Appearance
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation

@@ -12,7 +12,7 @@ from duobench.errors import DuoBenchError
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
-from duobench.scene.robot.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
+from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
 from duobench.sim.handles import names_of, resolve, resolve_all
 from duobench.types import CONTROL_HZ, FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
 

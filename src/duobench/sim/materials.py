@@ -17,8 +17,8 @@ from duobench.looks.colours import RGB, shifted
 from duobench.looks.look import EVERY_OBJECT, Look, Material
 from duobench.looks.textures import texture
 from duobench.robot.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y, TABLE_X, TABLE_Y
-from duobench.scene.filters import COLLISION_GEOM_GROUP
 from duobench.scene.naming import FLOOR, TABLE
+from duobench.scene.surfaces import COLLISION_GEOM_GROUP
 from duobench.scene.workcell import floor_light, wall_light
 from duobench.types import SIDES
 

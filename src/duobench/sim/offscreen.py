@@ -13,7 +13,7 @@ from duobench.backend import Image
 from duobench.errors import RenderingError
 from duobench.looks import effects
 from duobench.looks.look import MAX_CLUTTER
-from duobench.scene.filters import SHADOWLESS_GEOM_GROUP
+from duobench.scene.surfaces import SHADOWLESS_GEOM_GROUP
 from duobench.sim.appearance import Appearance
 from duobench.sim.opengl import info_of, open_context
 from duobench.sim.uploads import upload

@@ -20,7 +20,7 @@ from typing import Any, TypeVar, cast
 import mujoco
 
 from duobench.errors import RenderingError
-from duobench.installing import OPENGL_PACKAGES, OSMESA_PACKAGES
+from duobench.machine import OPENGL_PACKAGES, OSMESA_PACKAGES
 
 T = TypeVar("T")
 _Order = tuple[Future[Any], Callable[[], Any]]

@@ -32,7 +32,6 @@ class Handover:
     """Predicates about one object on its way from arm to arm; made by `handover`."""
 
     prop: str
-    """The object."""
     shared: Predicate
     """Both arms hold it in the air, or have held it."""
     held: BySide

@@ -30,7 +30,6 @@ class Port:
     """An end of a peg, or the mouth of a socket, on a body."""
 
     body: str
-    """Body that carries it."""
     pose: SE3
     """Frame in the body: origin at the peg's tip or the socket's mouth, z pointing outwards."""
 

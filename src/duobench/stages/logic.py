@@ -63,12 +63,11 @@ class StateView:
     start_heights: dict[str, float]
     """Height of each prop's lowest point when the episode began, in metres."""
     variants: Mapping[str, str]
-    """The layout's named choices."""
     remembered: frozenset[Memory]
     """What held at an earlier step of this episode and is not forgotten."""
-    lasted: Mapping[Clock, int] = field(default_factory=dict)
+    lasted: Mapping[Clock, int] = field(default_factory=dict[Clock, int])
     """Control steps that each clock has counted, this one included."""
-    past: Mapping[Memory, str] = field(default_factory=dict)
+    past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
@@ -100,7 +99,6 @@ class Predicate:
     """The same as a call, as a plain function, which Python calls in half the time."""
 
     def __post_init__(self) -> None:
-        """Make the function that asks at most once a control step."""
         test = self.test
 
         def ask(state: StateView) -> bool:
@@ -116,19 +114,15 @@ class Predicate:
         return self.ask(state)
 
     def __and__(self, other: Predicate) -> Predicate:
-        """Both hold."""
         return all_of(self, other)
 
     def __or__(self, other: Predicate) -> Predicate:
-        """At least one holds."""
         return any_of(self, other)
 
     def __invert__(self) -> Predicate:
-        """It does not hold."""
         return _not(self)
 
     def __repr__(self) -> str:
-        """The predicate in words."""
         return self.name
 
     def called(self, name: str, otherwise: Callable[[StateView], str] | None = None) -> Self:
@@ -220,7 +214,7 @@ class _AnyOf(Predicate):
         shared = tuple(reason for reason in reasons[0] if all(reason in own for own in reasons))
         if any(len(own) == len(shared) for own in reasons):
             return shared
-        names = []
+        names: list[str] = []
         for part, own in zip(alternatives, reasons, strict=True):
             more = "; ".join(reason for reason in own if reason not in shared)
             names.append(f"{part.name} ({more})" if part.begun(state) else part.name)
@@ -244,7 +238,6 @@ class Since(Predicate):
     """A predicate that held at an earlier step of the episode."""
 
     memory: Memory
-    """What is remembered."""
     when: str = ""
     """How an explanation calls the last step at which `at` held: "when cube was let go"."""
     at: Predicate | None = None
@@ -309,7 +302,6 @@ class HeldFor(Predicate):
     """A predicate that has held for some time."""
 
     clock: Clock
-    """What counts its steps."""
     seconds: float
     """For how long at least, in seconds."""
 

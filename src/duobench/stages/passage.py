@@ -23,7 +23,6 @@ class Hole:
     """A hole in the x-z plane of a body, passed in the direction of y."""
 
     body: str
-    """The body."""
     height: float
     """Height of the hole's centre in the body's frame, in metres."""
     radius: float

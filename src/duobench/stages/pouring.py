@@ -24,7 +24,6 @@ class Pouring:
     some: Predicate
     """At least one thing lies in the vessel, which has not stood on the table since the first."""
     all: Predicate
-    """The same of every thing."""
     kept: Predicate
     """Every thing lies in the vessel, and none has left it since `all` held."""
 

@@ -319,9 +319,7 @@ class VariantIs(Predicate):
     """A named choice of the layout."""
 
     choice: str
-    """Name of the choice."""
     value: str
-    """Value that was chosen."""
 
     def possible(self, state: StateView) -> bool:
         """Whether the episode's layout chose it."""

@@ -29,7 +29,6 @@ class Stage:
     instruction: str
     """What to do to reach it, in the imperative."""
     holds: Predicate
-    """The conjunction of its constraints."""
     stays: Predicate | None = None
     """What later stages take for granted of it. Where it is lost, this stage's instruction is what
     is to be done now, though the stage was reached. None if nothing can be lost."""
@@ -59,7 +58,8 @@ def clocks_in(predicates: Iterable[Predicate]) -> tuple[Clock, ...]:
 def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
     """What is remembered after a step. All of it sees the same step, so the order is free."""
     before = state.remembered
-    new, gone = [], []
+    new: list[Memory] = []
+    gone: list[Memory] = []
     for memory in memories:
         event, reset = memory.event, memory.reset
         if memory in before:
@@ -75,7 +75,6 @@ class ProgressState:
     """The stage of an episode, and all that its constraints remember."""
 
     stage: int
-    """The highest stage so far."""
     final_holds: bool = False
     """Whether the last stage's constraints hold."""
     remembered: tuple[bool, ...] = ()

@@ -25,7 +25,6 @@ class Vessel:
     """A round vessel; its frame is under its middle, z up."""
 
     body: str
-    """Its body."""
     radius: float
     """Radius of its inside in metres."""
     rim: float

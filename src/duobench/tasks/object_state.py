@@ -49,7 +49,6 @@ class ObjectState:
     """The numbers of one task, in order."""
 
     parts: tuple[Numbers, ...]
-    """Which numbers."""
 
     @property
     def names(self) -> tuple[str, ...]:

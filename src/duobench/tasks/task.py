@@ -63,7 +63,6 @@ class Task:
     title: str
     """Name as the paper writes it."""
     category: Category
-    """Kind of coordination."""
     instruction: str
     """What a policy is to do; `{name}` stands for a variant of the layout."""
     paraphrases: tuple[str, ...] = ()
@@ -73,13 +72,11 @@ class Task:
     horizon: int
     """Control steps after which an episode is cut off."""
     props: tuple[Prop, ...]
-    """The objects."""
     placements: Mapping[str, Placement]
     """Where each prop starts, unless `arrange` places it."""
-    variants: Mapping[str, Choice] = field(default_factory=dict)
+    variants: Mapping[str, Choice] = field(default_factory=dict[str, Choice])
     """Named choices that belong to the layout."""
     stages: tuple[Stage, ...]
-    """Stages 1 to n."""
     accept: Callable[[Layout], bool] = lambda _layout: True
     """Whether a sampled layout is valid, beyond not overlapping."""
     arrange: Callable[[Layout], Layout] = lambda layout: layout
@@ -96,7 +93,6 @@ class Task:
     """Whether the paper rebuilt it on the real robot."""
 
     def __post_init__(self) -> None:
-        """Reject texts that cannot be printed, unknown props, and a task without stages."""
         stages = [text for stage in self.stages for text in (stage.name, stage.instruction)]
         words = (*self.instructions, *self.kept_paraphrases)
         for text in (self.id, self.title, *words, *stages):

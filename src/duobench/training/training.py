@@ -17,7 +17,6 @@ from duobench.envs import action_labels
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError, OtherRunError, PolicyError, check_known
 from duobench.files import write
-from duobench.installing import install_extra
 from duobench.lerobot_keys import (
     ACTION,
     DOMAIN,
@@ -30,6 +29,7 @@ from duobench.lerobot_keys import (
     SUITE,
     feature_names,
 )
+from duobench.machine import install_extra
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL, Recipe, Setting

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from urllib.parse import parse_qs, urlsplit
 
 from duobench.errors import ServingError
-from duobench.network import is_loopback
+from duobench.machine import is_loopback
 from duobench.web.certificate import Certificate
 
 _TOKEN_BYTES = 16

@@ -14,8 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from duobench.errors import ServingError
-from duobench.installing import install_extra
-from duobench.network import is_loopback
+from duobench.machine import install_extra, is_loopback
 
 _ELSEWHERE = "192.0.2.1"
 """An address for documentation [RFC 5737]; nothing is sent to it."""

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from duobench.errors import DuoBenchError
 from duobench.looks.clutter import pieces
 from duobench.looks.look import Look
-from duobench.scene.filters import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
 from duobench.scene.naming import FLOOR
+from duobench.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
 from duobench.sim.materials import GeomMaterials, resolve_materials
 from duobench.spatial import SE3, matrix_from_wxyz
 from duobench.types import Array

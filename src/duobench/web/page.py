@@ -80,7 +80,7 @@ def assets(page: str = "live_page.html") -> Mapping[str, tuple[str, bytes]]:
 
     Args:
         page: Template of the page: "live_page.html" shows the table in 3D, "trials_page.html" is
-            that of the operator of real arms, "rating_page.html" that of a rater of films.
+            that of the operator of real arms.
     """
     found = {"/": (_HTML, pages.render(_PACKAGE, page).encode())}
     for file in sorted(_ASSETS.iterdir(), key=lambda file: file.name):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from duobench.data import DataSet, Recording
-from duobench.envs.reset_options import LAYOUT_SEED
+from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import EvaluationError, UnknownNameError
 from duobench.replay.sources import (

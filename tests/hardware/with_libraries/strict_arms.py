@@ -16,7 +16,7 @@ from pathlib import Path
 import mujoco
 
 from duobench.robot.joints import HOME_JOINTS
-from duobench.scene.robot import arms as scene_arms
+from duobench.scene import arms as scene_arms
 from duobench.types import SIDES, Side
 
 PYTHON = os.environ.get("DUOBENCH_FRANKA_SIM_PYTHON", ".venv-franka-sim/bin/python")

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from duobench.data import DataSet
-from duobench.envs.make import make_env
+from duobench.envs.protocol import make_env
 from duobench.evaluation import rollout
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.robot.joints import HOME_JOINTS

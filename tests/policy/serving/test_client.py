@@ -214,7 +214,7 @@ def test_server_that_nobody_could_ask_is_refused(fields: dict[str, Any]) -> None
 
 
 def test_endless_limit_of_an_evaluation_leaves_a_server_a_day() -> None:
-    limits = TimeLimits(act_s=float("inf"))
+    limits = TimeLimits(act_timeout=float("inf"))
     assert RemoteServer(url="ws://x:1", answer_s=limits.served_s).answer_s == 86_400
 
 

@@ -110,7 +110,9 @@ class DuoBenchEnv(EnvConfig):
             )
         # A process of the fork server would import torch and LeRobot again, for each task.
         server = multiprocessing.get_context("forkserver")
-        server.set_forkserver_preload(["lerobot_env_duobench", "duobench.envs.make"])
+        server.set_forkserver_preload(
+            ["lerobot_env_duobench", "duobench.envs.protocol", "duobench.envs.sim_env"]
+        )
         env = one()
         spaces = env.observation_space, env.action_space, env.metadata
         env.close()

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import tyro
 
 from duobench.cli.shared.advice import AdvisedError, advising
-from duobench.cli.shared.console import command_line, console, counted
+from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
 from duobench.cli.shared.interrupt import stopping
+from duobench.cli.shared.options import command_line
 from duobench.cli.shared.page import serve_page
 from duobench.errors import DuoBenchError, LockedError, OtherRunError
 

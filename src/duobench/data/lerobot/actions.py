@@ -6,13 +6,14 @@ from functools import cache
 
 import numpy as np
 
-from duobench.data.lerobot.folder import ActionSource, Residual
+from duobench.data.lerobot.folder import Residual
+from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
 from duobench.envs.action_labels import tool_labels
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT
 from duobench.kinematics.inverse import Kinematics
+from duobench.robot.frames import tool_frames
 from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.kinematics import tool_frames
 from duobench.spatial import SE3, product, rotation_by
 from duobench.types import (
     ARM_JOINTS,

@@ -108,7 +108,6 @@ def grasp(arms: Arms, *sides: Side, hold: Mapping[Side, HandleGrasp] | None = No
 
 
 def _grasp_pose(pot: SE3, side: Side, hold: HandleGrasp) -> SE3:
-    """Where a tool grasps its handle."""
     x, y, z = pot.apply((hold.along, side.sign * HANDLE_OFFSET, HANDLE_Z + hold.height))
     return down(x, y, z, yaw=pot.yaw + hold.yaw, tilt=hold.tilt)
 

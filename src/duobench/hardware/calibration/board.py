@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import CalibrationError, OptionError
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 from duobench.types import Array
 
 COLUMNS, ROWS = 8, 5

@@ -27,9 +27,8 @@ from duobench.hardware.calibration.detection import (
 )
 from duobench.hardware.calibration.places import Measured, checked, described
 from duobench.hardware.rig import CameraCalibration
-from duobench.robot.frames import TCP_OFFSET
+from duobench.robot.frames import TCP_OFFSET, tool_pose
 from duobench.robot.joints import JOINT_RANGES
-from duobench.robot.kinematics import tool_pose
 from duobench.spatial import SE3, rotation_by, rotation_vector
 from duobench.types import ARM_JOINTS, Array, Side, wrist_name
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from duobench.hardware.doctor.checks import Check, Outcome
 from duobench.hardware.rig import ArmDriver, CameraDriver, GripperDriver, Rig
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 from duobench.versions import __version__
 
 PRIORITY = 80

@@ -25,7 +25,7 @@ from duobench.hardware.drivers.franky_state import (
     reading_of,
 )
 from duobench.hardware.rig import ArmConfig
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 from duobench.types import ARM_JOINTS, Array
 
 READ_HZ = 200.0

@@ -19,7 +19,7 @@ from duobench.errors import BackendError
 from duobench.hardware.clock import Clock
 from duobench.hardware.drivers.frames import CameraFacts, ThreadedCamera
 from duobench.hardware.rig import CameraCalibration, CameraConfig
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 
 RECORDINGS = frozenset({".db3", ".bag"})
 """Endings of recordings, which are played in a camera's place."""

@@ -20,7 +20,7 @@ from duobench.errors import ActionError, BackendError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind, GripperReading
 from duobench.hardware.rig import GripperConfig
-from duobench.installing import install_extra
+from duobench.machine import install_extra
 
 DEVICE_ID = 9
 """The gripper's address on its bus, as it is sold."""

@@ -15,9 +15,7 @@ import numpy as np
 
 from duobench.errors import ActionError, OptionError
 from duobench.hardware.rig import MAX_ACCELERATION, MAX_SPEED_FRACTION, ArmConfig
-from duobench.robot.joints import JOINT_RANGES
-from duobench.robot.limits import RANGE_MARGIN
-from duobench.robot.speeds import speed_limits
+from duobench.robot.joints import JOINT_RANGES, RANGE_MARGIN, speed_limits
 from duobench.types import ARM_JOINTS, CONTROL_HZ, Array
 
 PERIOD = 1.0 / CONTROL_HZ

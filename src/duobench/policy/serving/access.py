@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from duobench.errors import ServingError
-from duobench.network import is_loopback
+from duobench.machine import is_loopback
 
 KEY_VARIABLE = "DUOBENCH_API_KEY"
 """Environment variable with a key; a command line would show it to everybody on the machine."""

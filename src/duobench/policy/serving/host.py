@@ -24,8 +24,7 @@ from duobench.errors import DuoBenchError, PolicyTimeoutError, ServingError
 from duobench.policy.batch import Batching, BatchPolicy
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
-from duobench.policy.pool import PolicyPool
-from duobench.policy.registry import PolicyName, make, make_described
+from duobench.policy.registry import PolicyName, make_batched
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
@@ -246,8 +245,6 @@ def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetad
         UnknownNameError: If there is no baseline of that name.
         PolicyError: If it cannot be made.
     """
-    made, metadata = make_described(PolicyName.parse(name))
-    if isinstance(made, BatchPolicy):
-        return made, metadata, batching
-    pool = PolicyPool(made, lambda: make(name), batching.size)
-    return pool, metadata, Batching(mode="dynamic", size=batching.size)
+    objects = batching.size
+    made, metadata, together = make_batched(PolicyName.parse(name), batching, objects=objects)
+    return made, metadata, together or Batching(mode="dynamic", size=objects)

@@ -13,12 +13,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from duobench.checks import whole
 from duobench.errors import MessageError, PolicyError
 from duobench.policy.batch import Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.serving import limits
 from duobench.policy.serving.codec import pack, unpack
+from duobench.types import as_whole
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ class _Episode:
         session_id = request.pop("session_id", self.session_id)
         if not isinstance(prompt, str):
             raise MessageError(f"A prompt is a text, got a {type(prompt).__name__}.")
-        number = whole(seed)
+        number = as_whole(seed)
         if number is None or not 0 <= number <= limits.MAX_SEED:
             raise MessageError(f"A seed is a whole number from 0, got {seed!r:.40}.")
         if not isinstance(session_id, str | int | None):

@@ -47,7 +47,8 @@ def identity(run: Run) -> Facts:
         **({"Overtime": f"up to {suite.overtime:g} horizons"} if suite.overtime > 1 else {}),
         "Instructions": config.instructions,
         "Inference": ", ".join(filter(None, inference)) or UNKNOWN,
-        "Time limits": f"{run.limits.act_s:g} s an answer, {run.limits.episode_s:g} s an episode",
+        "Time limits": f"{run.limits.act_timeout:g} s an answer, "
+        f"{run.limits.episode_timeout:g} s an episode",
     }
 
 

@@ -1,4 +1,4 @@
-// Keys and buttons for stages, with undo, as an operator and a rater use them.
+// Keys and buttons for stages, with undo, as an operator uses them.
 
 import { make } from "./controls.js";
 

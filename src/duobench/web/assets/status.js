@@ -124,7 +124,7 @@ export class Status {
     this.#part(".facts").replaceChildren(...rows);
   }
 
-  /** A list of what can be shown: episodes, or workers. */
+  /** A list of what can be shown. */
   #showItems(items, selected) {
     const text = JSON.stringify([items, selected]);
     if (text === this.#items) return;

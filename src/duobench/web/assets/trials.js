@@ -30,6 +30,7 @@ class Trials {
   #trial = "";
   #isDriver = false;
   #table = "";
+  #film = "";
 
   constructor() {
     const connection = this.#connection;
@@ -47,7 +48,7 @@ class Trials {
       else this.#overlay.draw(data);
     });
     setInterval(() => this.#isDriver && this.#tell("alive"), ALIVE_MS);
-    this.#judging.onStage = (stage) => this.#tell("stage", { stage });
+    this.#judging.onStage = (stage) => this.#tell("stage", { stage, ...this.#moment });
     this.#judging.onUndo = () => this.#tell("undo");
     for (const kind of ["hold", "home", "placed", "place_again", "start", "recover"]) {
       part(`#${kind}`).addEventListener("click", () => this.#tell(kind));
@@ -124,6 +125,7 @@ class Trials {
     this.#showFootprints(status.footprints);
     const name = `${trial.number}.${trial.attempt}`;
     if (name !== this.#trial) this.#begin(name);
+    if (status.film !== this.#film) this.#load(status.film);
     this.#allow();
     this.#showResults(status);
   }
@@ -136,10 +138,27 @@ class Trials {
     for (const choice of document.querySelectorAll("[name=holds]")) choice.checked = false;
   }
 
+  /** Where in the film a press belongs; nothing before it was wound from its beginning. */
+  get #moment() {
+    const time = part("#film").hidden ? 0 : part("video").currentTime;
+    return time > 0 ? { time_s: time } : {};
+  }
+
+  /** A film that was fetched whole can be wound to any moment. */
+  async #load(address) {
+    this.#film = address;
+    const video = part("video");
+    URL.revokeObjectURL(video.src);
+    video.removeAttribute("src");
+    if (!address) return;
+    const film = await (await fetch(address)).blob();
+    if (address === this.#film) video.src = URL.createObjectURL(film);
+  }
+
   /** Show what may be done now, to who may do it. */
   #allow() {
     if (!this.#status) return;
-    const { phase, stage, stages, fault, sheet } = this.#status;
+    const { phase, stage, stages, fault, sheet, film } = this.#status;
     const isPlacing = ["placing", "ready"].includes(phase);
     for (const [id, phases] of Object.entries(BUTTONS)) {
       part(`#${id}`).hidden = !this.#isDriver || !phases.includes(phase);
@@ -150,6 +169,8 @@ class Trials {
     part("#closing").hidden = part("#spoiled").hidden = !isJudging;
     part("#at-end").hidden = stage !== stages.length;
     part("#trial").hidden = phase === "over";
+    part("#film").hidden = !isJudging || !film;
+    part(".scroller").hidden = !part("#film").hidden;
     part(".trials").dataset.phase = phase;
     part("#overlay").hidden = part("#objects").hidden = !isPlacing;
     part(".sheet").hidden = !sheet || !isPlacing;

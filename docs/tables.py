@@ -1,0 +1,265 @@
+"""Write what follows from the code into pages: tables, and lists of names.
+
+Part of `make docs`. A place for it in a page is `<!-- NAME: written by make docs -->` to
+`<!-- end of NAME -->`.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+import duobench
+from duobench.envs import action_labels, spaces
+from duobench.envs.action_modes import ACTION_MODES
+from duobench.objects.prop import Prop
+from duobench.objects.shapes import CIRCLE_SEGMENTS
+from duobench.objects.solid import (
+    Solid,
+    manifold_from,
+    mass_properties,
+    pieces_of,
+    placed,
+    printable,
+)
+from duobench.policy.serving.vla_eval_specs import MODES
+from duobench.results.suites.catalog import SUITES
+from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.shifts import levels
+from duobench.spatial import SE3
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+from duobench.types import SIDES
+
+DOCS = Path(__file__).parent
+PLACE = re.compile(
+    r"(<!-- (?P<name>[\w ]+): written by make docs -->\n)(?P<now>.*?)(<!-- end of (?P=name) -->\n)",
+    flags=re.DOTALL,
+)
+LISTED = 6
+"""Numbers that are named one by one; of more, the first and the last are."""
+TURNS = {
+    CIRCLE_SEGMENTS: "any turn",
+    8: "eighth turns",
+    6: "sixth turns",
+    4: "quarter turns",
+    3: "third turns",
+    2: "half turns",
+}
+"""Turns that may lead to the same shape, by how many of them there are."""
+SAME = 1e-3
+"""Share of its volume by which a turned shape may differ: what print joints and facets make up."""
+
+
+def table(headings: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return a table in Markdown; a heading that ends in a colon is that of a column of numbers."""
+    names = list(headings)
+    marks = ["---:" if name.endswith(":") else "---" for name in names]
+    lines = [[name.rstrip(":") for name in names], marks, *(map(str, row) for row in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def tasks() -> str:
+    """All of them."""
+    found = map(catalog.get, catalog.names())
+    rows = [(f"`{task.id}`", task.category, task.max_stage, task.horizon) for task in found]
+    return table(("task", "category", "stages", "horizon"), rows)
+
+
+def object_states() -> str:
+    """The order of the numbers of every task's object state."""
+    rows = []
+    for task in map(catalog.get, catalog.names()):
+        begin: tuple[object, object] = (f"`{task.id}`", len(task.object_state.names))
+        for cells in _parts(task):
+            rows.append((*begin, *cells))
+            begin = ("", "")
+    return table(("task", "numbers:", "places", "names", "looks the same after"), rows)
+
+
+def _parts(task: Task) -> Iterator[tuple[str, str, str]]:
+    """Where the numbers are, counted from 0, what they are called, and an object's symmetry."""
+    turned = {f"{prop.name}_z_axis_z": prop for prop in task.props}
+    first = 0
+    for part in task.object_state.parts:
+        last = first + len(part.names) - 1
+        names = [f"`{name}`" for name in part.names]
+        if len(names) > LISTED:
+            names = [names[0], "…", names[-1]]
+        places = f"{first}" if first == last else f"{first}–{last}"
+        prop = turned.get(part.names[-1])
+        yield places, " ".join(names), _symmetry(prop) if prop else ""
+        first = last + 1
+
+
+def _symmetry(prop: Prop) -> str:
+    """Turns about an object's axes after which it is where it was; of one of its variants."""
+    root, *others = prop.prints({prop.choice or "": min(prop.variants, default="")})
+    whole = manifold_from(printable(root))
+    for part, solid in zip(prop.parts, others, strict=True):
+        whole += placed(manifold_from(printable(solid)), part.pose)
+    found: dict[str, list[str]] = {}
+    for name, axis in zip("xyz", ((1, 0, 0), (0, 1, 0), (0, 0, 1)), strict=True):
+        for count, words in TURNS.items():
+            turned = placed(whole, SE3.about(axis, 2 * math.pi / count))
+            if (whole - turned).volume() < SAME * whole.volume():
+                found.setdefault(words, []).append(name)
+                break
+    return ", ".join(f"{words} about {' '.join(axes)}" for words, axes in found.items()) or "none"
+
+
+def names(of: tuple[str, ...]) -> Callable[[], str]:
+    """A list of names of numbers, one side a line."""
+    half = len(of) // len(SIDES)
+    return lambda: "```text\n" + " ".join(of[:half]) + "\n" + " ".join(of[half:]) + "\n```\n"
+
+
+def joints() -> str:
+    """Ranges, speeds and home of an arm's joints."""
+    arm = zip(JOINT_RANGES, VELOCITY_LIMITS, *HOME_JOINTS, strict=True)
+    rows = [
+        (number, f"{low:.4f}", f"{high:.4f}", f"{speed:.2f}", f"{left:.4f}", f"{right:.4f}")
+        for number, ((low, high), speed, left, right) in enumerate(arm, 1)
+    ]
+    headings = ("smallest", "largest", "speed limit, rad/s", "home, left", "home, right")
+    return table(("joint", *headings), rows)
+
+
+MEANINGS = {
+    "joint": "absolute joint targets, radians",
+    "joint_relative": "displacements from the last sent joint targets, radians",
+    "cartesian": "absolute pose of the tool in the table frame",
+    "cartesian_relative": "translation and rotation vector of the tool, along the axes of the "
+    "table frame",
+}
+"""What the numbers of one side are, in each action mode."""
+
+
+def modes() -> str:
+    """Action modes and how many numbers they have."""
+    rows = [(f"`{name}`", len(mode.names), MEANINGS[name]) for name, mode in ACTION_MODES.items()]
+    return table(("mode", "size", "joints or pose of one side"), rows)
+
+
+MOUNTS = {
+    "head": "the table frame",
+    "left_wrist": "the left flange",
+    "right_wrist": "the right flange",
+}
+
+
+def cameras() -> str:
+    """Where cameras are and what they see, from a compiled model."""
+    env = duobench.make("bin_sort", cameras=False)
+    model = env.unwrapped.simulation.model  # pyright: ignore[reportAttributeAccessIssue]
+    env.reset(seed=0)
+    rows = []
+    for name, mount in MOUNTS.items():
+        camera = model.cam(name)
+        position = np.array(camera.pos)
+        if camera.bodyid[0]:
+            position -= model.site(f"{name.split('_')[0]}/flange").pos
+        vertical = float(model.cam_fovy[camera.id])
+        width, height = model.cam_resolution[camera.id].tolist()
+        half = math.tan(math.radians(vertical / 2)) * width / height
+        at = " ".join(f"{number + 0.0:.4f}" for number in position)
+        horizontal = math.degrees(2 * math.atan(half))
+        rows.append((f"`{name}`", mount, at, f"{vertical:.1f}", f"{horizontal:.1f}"))
+    env.close()
+    angles = ("vertical field of view, degrees", "horizontal, degrees")
+    return table(("name", "mounted on", "position, m", *angles), rows)
+
+
+def suites() -> str:
+    """The suites by name."""
+    rows = [
+        (f"`{one.name}`", one.revision, one.episodes, one.execution.execute, one.purpose)
+        for one in SUITES.values()
+    ]
+    chunk = "actions executed of a chunk"
+    return table(("suite", "version", "episodes of each task", chunk, "for"), rows)
+
+
+def serving_modes() -> str:
+    """Action modes by the words of vla-eval."""
+    rows = [(*(f"`{word}`" for word in key), f"`{mode}`") for key, mode in MODES.items()]
+    headings = ("`control_mode`", "`relative_to`", "action mode, see [frames.md](frames.md)")
+    return table(headings, rows)
+
+
+def lowered() -> str:
+    """Tasks whose levels of an axis are lower than those of the others."""
+    found = [(axis, *each) for axis, tasks in levels.LOWERED.items() for each in tasks.items()]
+    rows = [(f"`{axis}`", f"`{task}`", level) for axis, task, level in found]
+    return table(("lowered on", "task", "bounds of level"), rows)
+
+
+def prints() -> str:
+    """Objects that can be printed, as their first variant."""
+    rows = []
+    for task in map(catalog.get, catalog.names()):
+        for prop in task.props if task.printable else ():
+            rows += printed(task.id, prop, min(prop.variants, default=""))
+    headings = ("task", "object", "pieces:", "largest piece (mm):", "mass (g):")
+    return table(headings, rows)
+
+
+def printed(task: str, prop: Prop, value: str) -> list[tuple[str, ...]]:
+    """Rows of an object's variant: the size of its largest piece in falling order."""
+    parts = (prop.name, *(prop.part_name(part.name) for part in prop.parts))
+    solids = prop.prints({prop.choice or "": value})
+    return [
+        (f"`{task}`", f"`{name}`", *_print_of(solid))
+        for name, solid in zip(parts, solids, strict=True)
+    ]
+
+
+def _print_of(solid: Solid) -> tuple[str, str, str]:
+    pieces = pieces_of(solid)
+    largest = max((np.ptp(piece.vertices, axis=0) for piece in pieces), key=np.prod)
+    size = " × ".join(f"{1000 * edge:.0f}" for edge in sorted(largest)[::-1])
+    return str(len(pieces)), size, f"{1000 * mass_properties(solid).mass:.0f}"
+
+
+Places = Mapping[str, Callable[[], str]]
+TABLES: Mapping[Path, Places] = {
+    DOCS.parent / "README.md": {"tasks": tasks},
+    DOCS / "object_states.md": {"tasks": object_states},
+    DOCS / "frames.md": {
+        "modes": modes,
+        "JOINT_NAMES": names(spaces.JOINT_NAMES),
+        "POSE_NAMES": names(spaces.POSE_NAMES),
+        "SHIFT_NAMES": names(spaces.SHIFT_NAMES),
+        "joints": joints,
+        "cameras": cameras,
+    },
+    DOCS / "lerobot.md": {
+        "POSE_LABELS": names(action_labels.POSE_LABELS),
+        "SHIFT_LABELS": names(action_labels.SHIFT_LABELS),
+    },
+    DOCS / "evaluation.md": {"suites": suites},
+    DOCS / "serving.md": {"modes": serving_modes},
+    DOCS / "robustness.md": {"lowered": lowered},
+    DOCS / "printing.md": {"prints": prints},
+}
+"""What is written into which page, by the name of its place."""
+
+
+def written(page: Path) -> str:
+    """Return a page with all its places brought up to date.
+
+    Raises:
+        ValueError: If it has no place for something, or one for what is unknown.
+    """
+    text = page.read_text(encoding="utf-8")
+    places = [found["name"] for found in PLACE.finditer(text)]
+    if sorted(places) != sorted(TABLES[page]):
+        raise ValueError(f"{page.name} has places for {places}, not for {list(TABLES[page])}")
+    return PLACE.sub(lambda at: f"{at[1]}\n{TABLES[page][at['name']]()}\n{at[4]}", text)
+
+
+if __name__ == "__main__":
+    for path in TABLES:
+        path.write_text(written(path), encoding="utf-8")

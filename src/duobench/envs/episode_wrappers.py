@@ -1,0 +1,317 @@
+"""How an episode begins, is judged, and ends: random resets, stages, the horizon."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Protocol
+
+import gymnasium as gym
+
+from duobench.envs.config import (
+    INSTRUCTION,
+    LAYOUT,
+    LAYOUT_SEED,
+    OF_SIMULATION,
+    SPLIT,
+    checked_reset_options,
+    checked_seed,
+)
+from duobench.envs.duo_env import Info, ResetNeededError, ResetOptions, Start, Transition, base_of
+from duobench.envs.episode_state import EpisodeState, required
+from duobench.envs.wrapper import DuoWrapper
+from duobench.errors import OptionError, check_known
+from duobench.randomness import EVAL, SPLITS, instruction_number
+from duobench.stages.logic import Words
+from duobench.stages.progress import ProgressState
+
+SEEDS = 2**32
+"""A reset without a seed samples one below this number."""
+
+
+class RandomizedReset(DuoWrapper):
+    """Samples a layout of the task, a pure function of (task, suite version, split, seed).
+
+    Without a seed the next one comes from the environment's own generator, so that a seeded reset
+    decides all episodes after it. The options of `SimEnv` may give the seed of the layout, or the
+    layout itself, and the instruction, which is sampled by the seed too where it varies.
+    """
+
+    def __init__(
+        self, env: gym.Env, split: str = EVAL, *, varied_instructions: bool = False
+    ) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `SimEnv`, wrapped or not.
+            split: Which layouts a reset samples from unless its options name a `split`: "eval", or
+                "train" for demonstrations.
+            varied_instructions: Whether an episode's instruction is sampled from the task's own and
+                its paraphrases. An episode whose layout is given, not sampled, has the task's own.
+
+        Raises:
+            TypeError: There is no simulation inside.
+            UnknownNameError: There is no such split.
+            OptionError: The task has no paraphrases to sample from.
+        """
+        super().__init__(env)
+        if not hasattr(base := base_of(env), "simulation"):
+            raise TypeError(
+                f"Expected a simulated environment, which lays its objects out, got "
+                f"{type(base).__name__}."
+            )
+        check_known("split", split, SPLITS)
+        self._split = split
+        self._is_varied = varied_instructions
+        if varied_instructions and not self.base.definition.paraphrases:
+            raise OptionError(
+                f"Task {self.task!r} has no paraphrases, so its instructions cannot vary; give "
+                "them as `paraphrases` of the task."
+            )
+
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
+        """Begin an episode.
+
+        Info also holds `seed` and `split`, from which the layout was sampled; both are None for a
+        layout that was given.
+
+        Raises:
+            LayoutError: No valid layout was found, or the given one is none.
+            UnknownNameError: There is no such option or split.
+            OptionError: The seed is no whole number from 0 on, or the options are no dict.
+        """
+        options = checked_reset_options(options, OF_SIMULATION)
+        used = split = None
+        if options.get(LAYOUT) is None:
+            used = options.get(LAYOUT_SEED)
+            if used is None:
+                used = self.np_random.integers(SEEDS) if seed is None else seed
+            options[LAYOUT_SEED] = checked_seed(used)
+            split = options.setdefault(SPLIT, self._split)
+            if self._is_varied and options.get(INSTRUCTION) is None:
+                count = len(self.base.definition.instructions)
+                number = instruction_number(self.task, options[LAYOUT_SEED], count, split)
+                options[INSTRUCTION] = number
+        observation, info = self.env.reset(seed=seed, options=options)
+        info["seed"], info[SPLIT] = None if used is None else int(used), split
+        return observation, info
+
+
+class Judge(Protocol):
+    """Who says which stage an episode has reached: the simulation, or a person.
+
+    One that can say why the next stage is not reached also has `explain(on)`, which prepares it,
+    and after every step `unmet`, the reasons in words; one that sees what is lost has `standing`,
+    the stage from which to go on. See `stages.progress.Progress`.
+    """
+
+    def begin(self) -> None:
+        """An episode has begun."""
+        ...
+
+    def judge(self) -> None:
+        """A control step is over."""
+        ...
+
+    @property
+    def stage(self) -> int:
+        """The highest stage so far."""
+        ...
+
+    @property
+    def final_holds(self) -> bool:
+        """Whether the last stage's constraints hold right now."""
+        ...
+
+    def get_state(self) -> ProgressState:
+        """All that the next judgement depends on."""
+        ...
+
+    def set_state(self, state: ProgressState) -> None:
+        """Continue from a state."""
+        ...
+
+
+class TaskStages(DuoWrapper):
+    """Has every control step judged.
+
+    The reward is stage / last stage, and the episode terminates at the last stage. Info holds
+    `stage`, `max_stage`, `success` (the same as `is_success`), `success_at_end` (whether the last
+    stage's constraints hold right now), `current_subinstruction` (what to do now) and
+    `stage_to_subinstructions` (what to do at each stage to reach the next one).
+    """
+
+    def __init__(self, env: gym.Env, judge: Judge | None = None) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            judge: Who says which stage is reached; the simulation where none is given.
+
+        Raises:
+            UnknownNameError: A stage names what is not there; near misses are listed.
+            TypeError: There is neither a judge nor a simulation.
+        """
+        super().__init__(env)
+        self.judge = judge or _judge_of(self.base)
+        """Who says which stage is reached."""
+        self._max_stage = self.base.definition.max_stage
+        self._subinstructions: dict[int, str] = {}
+        self._is_explained = False
+        self._is_judged = False
+
+    def explain_stages(self, on: bool = True) -> None:
+        """Be able to say in `unmet` why the next stage is not reached.
+
+        What earlier steps tell, such as how high something was let go, is known of steps from here
+        on.
+        """
+        if explain := getattr(self.judge, "explain", None):
+            explain(on)
+            self._is_explained = on
+
+    @property
+    def unmet(self) -> Words | None:
+        """Why the last step did not reach the next stage, where `explain_stages` prepared it.
+
+        Short sentences, one for each constraint of the next stage that does not hold: "block is
+        20 mm above mat, not at most 12 mm". None if the last step failed, or nothing was stepped
+        yet, or the judge gives no reasons, as a person does.
+        """
+        is_known = self._is_explained and self._is_judged
+        return getattr(self.judge, "unmet", None) if is_known else None
+
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
+        """Begin an episode at stage 0."""
+        self._is_judged = False
+        observation, info = self.env.reset(seed=seed, options=options)
+        self.judge.begin()
+        self._subinstructions = self.base.subinstructions
+        self._report(info)
+        return observation, info
+
+    def step(self, action: Any) -> Transition:
+        """Advance one control step and have it judged."""
+        self._is_judged = False
+        observation, _, terminated, truncated, info = self.env.step(action)
+        self.judge.judge()
+        self._is_judged = True
+        success = self._report(info)
+        reward = self.judge.stage / self._max_stage
+        return observation, reward, terminated or success, truncated, info
+
+    def save_state(self) -> EpisodeState:
+        """The state of the wrapped environment, with stage and memories."""
+        return replace(super().save_state(), progress=self.judge.get_state())
+
+    def restore_state(self, state: EpisodeState) -> Start:
+        """Continue from a saved state, at its stage.
+
+        Raises:
+            StateError: The state was saved without stages.
+        """
+        progress = required(state.progress, "stages")
+        self._is_judged = False
+        observation, info = super().restore_state(state)
+        self.judge.set_state(progress)
+        self._subinstructions = self.base.subinstructions
+        self._report(info)
+        return observation, info
+
+    def _report(self, info: Info) -> bool:
+        """Add what is known about progress to info, and return whether the task is solved."""
+        stage = self.judge.stage
+        success = stage == self._max_stage
+        info["success"] = success
+        info["is_success"] = success
+        info["success_at_end"] = self.judge.final_holds
+        info["stage"] = stage
+        info["max_stage"] = self._max_stage
+        # Once the task is solved, what was to be done last is still the answer.
+        standing = min(getattr(self.judge, "standing", stage), self._max_stage - 1)
+        info["current_subinstruction"] = self._subinstructions[standing]
+        info["stage_to_subinstructions"] = self._subinstructions.copy()
+        return success
+
+
+def _judge_of(base: Any) -> Judge:
+    """The judge that a simulated environment makes."""
+    if not hasattr(base, "make_judge"):
+        raise TypeError(
+            f"Expected a simulated environment or a judge, got {type(base).__name__} without one."
+        )
+    return base.make_judge()
+
+
+class TimeLimit(DuoWrapper):
+    """Truncates an episode, and refuses steps after its end, however it ended.
+
+    It belongs inside action chunks: then it counts control steps, not chunks.
+    """
+
+    def __init__(self, env: gym.Env, horizon: int) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            horizon: Control steps after which an episode is cut off.
+
+        Raises:
+            ValueError: The horizon is not positive.
+        """
+        if horizon < 1:
+            raise ValueError(f"A horizon is at least one control step, got {horizon}.")
+        super().__init__(env, horizon=horizon)
+        self._horizon = self._limit = horizon
+        self._steps = 0
+        self._over = False
+
+    @property
+    def _max_episode_steps(self) -> int:
+        """Control steps after which an episode is cut off."""
+        return self._horizon
+
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
+        """Begin an episode and count from zero."""
+        result = self.env.reset(seed=seed, options=options)
+        self._limit, self._steps, self._over = self._horizon, 0, False
+        return result
+
+    def play_on(self, limit: int) -> None:
+        """Let an episode that the horizon has cut off go on, up to so many control steps in all."""
+        self._limit, self._over = limit, False
+
+    def allow_step_after_end(self) -> None:
+        """Allow one more step after the end, which says again that the episode is over.
+
+        For a recording that goes on after success, and for the replay of one.
+        """
+        self._over = False
+
+    def save_state(self) -> EpisodeState:
+        """The state of the wrapped environment, with the steps so far."""
+        return replace(super().save_state(), steps=self._steps, over=self._over)
+
+    def restore_state(self, state: EpisodeState) -> Start:
+        """Continue from a saved state, and count on.
+
+        Raises:
+            StateError: The state was saved without a time limit.
+        """
+        steps = required(state.steps, "time limit")
+        result = super().restore_state(state)
+        self._limit, self._steps, self._over = self._horizon, steps, state.over
+        return result
+
+    def step(self, action: Any) -> Transition:
+        """Advance one control step; the last one of the horizon is truncated.
+
+        Raises:
+            ResetNeededError: The episode is over.
+        """
+        if self._over:
+            raise ResetNeededError("The episode is over; call reset to begin another one.")
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self._steps += 1
+        truncated = truncated or self._steps >= self._limit
+        self._over = terminated or truncated
+        return observation, float(reward), terminated, truncated, info

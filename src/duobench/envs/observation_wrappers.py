@@ -1,0 +1,236 @@
+"""What else an observation holds: images, object states; and sensing that is worse than usual."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+import gymnasium as gym
+import numpy as np
+
+from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.duo_env import Observation, ResetOptions, Start, Transition, base_of
+from duobench.envs.episode_state import EpisodeState
+from duobench.envs.wrapper import DuoWrapper, ObservingWrapper
+from duobench.errors import check_known
+from duobench.randomness import EVAL
+from duobench.robot.cameras import check_image_size
+from duobench.shifts import levels
+from duobench.shifts.levels import level_for
+from duobench.shifts.samples import EpisodeKey
+from duobench.shifts.shift import SENSING, Shift
+from duobench.tasks.object_state import ENVIRONMENT_STATE, LARGEST
+from duobench.types import POLICY_CAMERAS, Array
+
+if TYPE_CHECKING:
+    from duobench.envs.sim_env import SimEnv
+    from duobench.sim.backend import SimBackend
+
+PIXELS = "pixels"
+"""Key of the images in an observation."""
+
+
+class Cameras(ObservingWrapper):
+    """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
+
+    It belongs outside action chunks: one image of each camera is rendered for each step and each
+    reset, nothing before the first reset. `set_rendering` leaves images out that nobody looks
+    at; `env.get_wrapper_attr` finds it through any wrappers.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        cameras: Sequence[str] = POLICY_CAMERAS,
+        image_size: tuple[int, int] = IMAGE_SIZE,
+    ) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `DuoEnv`, wrapped or not.
+            cameras: Names of cameras.
+            image_size: Height and width in pixels, at most the native 720 x 1280. An image shows
+                the whole native field of view whatever its size.
+
+        Raises:
+            UnknownNameError: There is no such camera.
+            RenderingError: The size is larger than the native one, or not positive.
+        """
+        for name in cameras:
+            check_known("camera", name, POLICY_CAMERAS)
+        self._cameras = tuple(cameras)
+        self._is_rendering = True
+        height, width = self._shape = image_size
+        check_image_size(height, width)
+
+        def image() -> gym.spaces.Box:
+            return gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)
+
+        images = gym.spaces.Dict({name: image() for name in cameras})
+        super().__init__(env, PIXELS, images, cameras=self._cameras, image_size=image_size)
+
+    def set_rendering(self, is_on: bool) -> None:
+        """Switch images on or off; while they are off, an observation has no `pixels`."""
+        self._is_rendering = is_on
+
+    def observe(self, observation: Observation) -> Observation:
+        """The observation with an image of each camera, unless nobody looks at them."""
+        if not self._is_rendering:
+            return observation
+        return {**observation, PIXELS: self.base.backend.images(self._cameras, self._shape)}
+
+
+class ObjectStates(ObservingWrapper):
+    """Adds `environment_state` to the observation: the numbers (n,) of `Task.object_state`.
+
+    They are privileged: read from the simulation, not seen. `object_state_names` says what each is.
+    """
+
+    def __init__(self, env: gym.Env) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A `SimEnv`, wrapped or not.
+
+        Raises:
+            TypeError: There is no simulation inside.
+        """
+        base = base_of(env)
+        if not hasattr(base, "simulation"):  # asked without loading one
+            raise TypeError(
+                "Object states are read from a simulation, and there is none in a "
+                f"{type(base).__name__}."
+            )
+        self._simulation = cast("SimEnv", base).simulation
+        self._state = base.definition.object_state
+        numbers = gym.spaces.Box(-LARGEST, LARGEST, (len(self._state.names),), dtype=np.float32)
+        super().__init__(env, ENVIRONMENT_STATE, numbers)
+
+    @property
+    def object_state_names(self) -> tuple[str, ...]:
+        """What each number of `environment_state` is."""
+        return self._state.names
+
+    def observe(self, observation: Observation) -> Observation:
+        """The observation with the numbers of the current state."""
+        return {**observation, ENVIRONMENT_STATE: self._state.read(self._simulation)}
+
+
+MAX_AGE = 30
+"""Most frames that a camera drops in a row; the next one always comes."""
+NOISY = {"agent_pos": levels.JOINT_NOISE, "environment_state": levels.POSE_NOISE}
+_FRAMES = "frames"
+"""Beside the noise, so that which frames are dropped does not depend on what else is observed."""
+_TOOL = 7
+"""Numbers of one tool's pose, the first three of which are its position."""
+
+
+class Sensing(DuoWrapper):
+    """Gives observations as worse sensors would, from the seed of the layout; physics stay.
+
+    Every camera takes a frame each control step, and drops it with a probability: then it shows the
+    state of the last frame that it did not drop. Joint positions, openings, positions of tools and
+    the numbers of objects have Gaussian noise that is new at every step. What an episode meets does
+    not depend on who asks for images, or when. Noise in images belongs to the look.
+    """
+
+    def __init__(self, env: gym.Env, shift: Shift) -> None:
+        """Wrap an environment.
+
+        Args:
+            env: A simulated environment with its cameras, if it has any.
+            shift: How bad the sensors are.
+
+        Raises:
+            TypeError: There is no simulation inside.
+        """
+        from duobench.envs.sim_env import sim_of
+
+        super().__init__(env, shift=shift)
+        self._level = level_for(shift, SENSING, self.task)
+        self._base = sim_of(env)
+        self._generator = self._frames = np.random.default_rng(0)
+        self._ages: dict[str, int] = {}
+        self._past: deque[Array] = deque(maxlen=MAX_AGE + 1)
+        self._past_backend: SimBackend | None = None
+
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
+        """Begin an episode; its first frames are not dropped."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        split = info.get("split") or EVAL
+        key = EpisodeKey(task=self.task, seed=info.get("seed") or 0, split=split)
+        self._generator, self._frames = key.generator(SENSING), key.generator(_FRAMES)
+        self._begin()
+        return self._sensed(observation), info
+
+    def step(self, action: Any) -> Transition:
+        """Advance one step, and see what sensors show of it."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self._past.append(self._base.simulation.get_state())
+        # Every camera has its number, also one that nobody looks through.
+        chances = self._frames.uniform(size=len(POLICY_CAMERAS)).tolist()
+        for camera, chance in zip(POLICY_CAMERAS, chances, strict=True):
+            is_dropped = chance < levels.DROPPED_SHARE[self._level]
+            age = self._ages[camera]
+            self._ages[camera] = age + 1 if is_dropped and age < MAX_AGE else 0
+        return self._sensed(observation), float(reward), terminated, truncated, info
+
+    def restore_state(self, state: EpisodeState) -> Start:
+        """Continue from a saved state, with fresh frames and other noise than the first time."""
+        observation, info = super().restore_state(state)
+        self._begin()
+        return self._sensed(observation), info
+
+    def close(self) -> None:
+        """Free the renderer of what is past."""
+        if self._past_backend is not None:
+            self._past_backend.close()
+            self._past_backend = None
+        super().close()
+
+    def _begin(self) -> None:
+        self._ages = dict.fromkeys(POLICY_CAMERAS, 0)
+        self._past.clear()
+        self._past.append(self._base.simulation.get_state())
+
+    def _sensed(self, observation: Observation) -> Observation:
+        sensed = dict(observation)
+        for name, noise in NOISY.items():
+            if name in sensed:
+                sensed[name] = self._noisy(sensed[name], noise[self._level])
+        poses = sensed["tcp_pose"].reshape(-1, _TOOL).copy()
+        poses[:, :3] = self._noisy(poses[:, :3], levels.POSE_NOISE[self._level])
+        sensed["tcp_pose"] = poses.ravel()
+        if PIXELS in sensed:
+            late = {
+                camera: self._seen(camera, age, image.shape[:2])
+                for camera, image in sensed[PIXELS].items()
+                if (age := self._ages[camera])
+            }
+            sensed[PIXELS] = {**sensed[PIXELS], **late}
+        space = self.observation_space
+        for name in (*NOISY, "tcp_pose"):
+            if name in sensed and isinstance(space, gym.spaces.Dict):
+                box = space[name]
+                if isinstance(box, gym.spaces.Box):
+                    sensed[name] = np.clip(sensed[name], box.low, box.high)
+        return sensed
+
+    def _noisy(self, numbers: Array, deviation: float) -> Array:
+        noise = self._generator.standard_normal(numbers.shape) * deviation
+        return (numbers + noise).astype(numbers.dtype)
+
+    def _seen(self, camera: str, age: int, shape: tuple[int, int]) -> Any:
+        """What a camera showed so many frames ago."""
+        if self._past_backend is None:
+            from duobench.sim.backend import SimBackend
+            from duobench.sim.simulation import Simulation
+
+            task = self._base.definition
+            self._past_backend = SimBackend(Simulation(task.props, task.overview))
+        backend = self._past_backend
+        backend.set_look(self._base.look)
+        backend.simulation.apply(self._base.layout)
+        backend.simulation.set_state(self._past[-1 - age])
+        return backend.images((camera,), shape)[camera]

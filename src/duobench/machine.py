@@ -1,0 +1,71 @@
+"""The machine that a process is on: what to install there, which addresses are its own, its parent.
+
+The name of this package on the index is not that of the import: `duobench` there is the package of
+the authors of the paper.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+DISTRIBUTION = "duobench-fr3"
+"""What pip calls this package."""
+OPENGL_PACKAGES = "libegl1 libopengl0 libgl1 libgl1-mesa-dri"
+"""Packages of Debian and Ubuntu with which EGL renders offscreen, on a processor too."""
+OSMESA_PACKAGES = "libosmesa6"
+"""The same for OSMesa, which always renders on the processor."""
+FIRST_PYTHON = {"lerobot": (3, 12)}
+"""The oldest Python that can have an extra, where it is not that of the package."""
+
+
+def install_extra(extra: str) -> str:
+    """The sentence that says how to install an extra in the Python that is running.
+
+    Args:
+        extra: Its name, such as "serve".
+    """
+    first = FIRST_PYTHON.get(extra, (0, 0))
+    if sys.version_info[:2] < first:
+        running = f"{sys.version_info.major}.{sys.version_info.minor}"
+        return (
+            f"This is Python {running}, and the extra {extra} needs Python {first[0]}.{first[1]} "
+            f"or newer; there: pip install '{DISTRIBUTION}[{extra}]'."
+        )
+    return f"Install it: pip install '{DISTRIBUTION}[{extra}]'."
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address is reached from its own machine only.
+
+    Args:
+        host: A name, or an address with or without brackets.
+    """
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+_LOOK_S = 0.1
+"""How often a process looks whether its parent still lives, in seconds."""
+
+
+def watch_parent(parent: int, end: Callable[[], object]) -> None:
+    """Call a function in a thread as soon as the parent of this process is gone, however it went.
+
+    Args:
+        parent: Number of the process that has started this one.
+        end: What to do then: end this process, and what it has started.
+    """
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_LOOK_S)
+        end()
+
+    threading.Thread(target=watch, daemon=True).start()

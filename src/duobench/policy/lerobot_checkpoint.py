@@ -1,0 +1,320 @@
+"""A checkpoint of LeRobot: its name, its files, and what it sees and controls; without torch."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl
+
+from duobench.envs import action_labels
+from duobench.envs.action_labels import LABELS, ActionLabels
+from duobench.envs.action_modes import JOINT
+from duobench.errors import PolicyError, check_known
+from duobench.lerobot_keys import (
+    ACTION,
+    FEATURE_NAMES,
+    IMAGE_PREFIX,
+    LAST,
+    OBJECT_STATE,
+    STATE,
+    SUITE,
+    feature_names,
+)
+from duobench.randomness import SUITE_VERSION
+from duobench.types import FLAT_SIZE, POLICY_CAMERAS
+
+CONFIG, WEIGHTS = "config.json", "model.safetensors"
+PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")
+ADAPTER = "adapter_config.json"
+"""What low-rank adapters are saved with, in place of the weights."""
+_TRAINING = "train_config.json"
+"""What LeRobot's trainer saves with a checkpoint: where the data set was, nothing that changes what
+the policy does."""
+_EMPTY = f"{IMAGE_PREFIX}empty_camera_"
+"""Placeholders that a model fills itself."""
+CHUNKED = ("act", "pi0", "pi05", "smolvla", "xvla")
+"""Kinds of policies that predict `chunk_size` actions from one observation."""
+DIFFUSION = "diffusion"
+"""The kind that sees the last `n_obs_steps` observations."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Address:
+    """What `lerobot:PATH_OR_ID?steps=30&device=cpu&dtype=float32` says."""
+
+    checkpoint: str
+    """Folder of a checkpoint, or its id on the Hub."""
+    steps: int | None = None
+    """Actions executed of each chunk; None takes the usual 30, or all that there are."""
+    device: str | None = None
+    """What the model runs on, as torch names it; None takes the best that is there."""
+    dtype: str | None = None
+    """Numbers of the weights, "float32" or "bfloat16"; None takes those of the checkpoint."""
+    action: str | None = None
+    """Mode that its actions are meant for, as an export names it; None takes what the names of its
+    data set say."""
+
+
+def parse(text: str) -> Address:
+    """Read what stands after `lerobot:`.
+
+    Args:
+        text: A folder or an id, then perhaps `?` and options, joined by `&`.
+
+    Raises:
+        UnknownNameError: There is no such option.
+        PolicyError: There is no checkpoint, or a value is invalid.
+
+    Example:
+        >>> parse("runs/act/checkpoints/last/pretrained_model?steps=10").steps
+        10
+    """
+    checkpoint, _, query = text.partition("?")
+    if not checkpoint:
+        raise PolicyError(
+            "A LeRobot policy is lerobot:PATH_OR_ID, the folder of a checkpoint or its id on the "
+            "Hub, such as lerobot:runs/act/checkpoints/last/pretrained_model."
+        )
+    known = [field.name for field in fields(Address) if field.name != "checkpoint"]
+    options: dict[str, str] = {}
+    for name, value in parse_qsl(query, keep_blank_values=True):
+        check_known("option of a LeRobot policy", name, known)
+        if not value or name in options:
+            raise PolicyError(f"Option {name!r} of a LeRobot policy needs one value: {text!r}.")
+        options[name] = value
+    steps = options.pop("steps", None)
+    if steps is not None and not (steps.isascii() and steps.isdigit() and int(steps) > 0):
+        raise PolicyError(f"The steps of a LeRobot policy are 1 or more, got {steps!r}.")
+    return Address(checkpoint=checkpoint, steps=None if steps is None else int(steps), **options)
+
+
+def find(checkpoint: str) -> Path:
+    """The folder of a checkpoint; one on the Hub is downloaded.
+
+    Args:
+        checkpoint: A folder, or an id `user/name` on the Hub.
+
+    Raises:
+        PolicyError: It is neither, cannot be downloaded, or files are missing.
+    """
+    path = Path(checkpoint).expanduser()
+    if path.is_dir():
+        return _complete(path, checkpoint)
+    is_id = checkpoint.count("/") == 1 and not checkpoint.startswith((".", "/", "~"))
+    if not is_id:
+        raise PolicyError(
+            f"There is no folder {checkpoint}, and it is no id on the Hub, which is user/name."
+        )
+    from huggingface_hub import snapshot_download  # pyright: ignore[reportMissingImports]
+
+    try:
+        folder = snapshot_download(checkpoint, allow_patterns=["*.json", "*.safetensors"])
+    except (OSError, ValueError) as error:  # the errors of its connections are OSErrors
+        raise PolicyError(
+            f"There is no folder {checkpoint}, and no checkpoint of that id was downloaded: {error}"
+        ) from error
+    return _complete(Path(folder), checkpoint)
+
+
+def content_hash(folder: Path) -> str:
+    """SHA-256 over the names and contents of configuration, weights and processors."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.iterdir(), key=lambda path: path.name):
+        if path.suffix in {".json", ".safetensors"} and path.name != _TRAINING:
+            with path.open("rb") as file:
+                content = hashlib.file_digest(file, "sha256").hexdigest()
+            digest.update(f"{path.name} {content}\n".encode())
+    return digest.hexdigest()
+
+
+def read(path: Path) -> Mapping[str, Any]:
+    """A JSON object from a file; an empty one where there is none.
+
+    Raises:
+        PolicyError: It cannot be read.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise PolicyError(f"Cannot read {path}: {error}") from error
+    return content if isinstance(content, Mapping) else {}
+
+
+def _complete(folder: Path, checkpoint: str) -> Path:
+    if (folder / ADAPTER).exists():
+        raise PolicyError(
+            f"{checkpoint} holds adapters alone ({ADAPTER}); merge them into the weights of the "
+            "base and save the whole policy."
+        )
+    missing = [name for name in (CONFIG, WEIGHTS) if not (folder / name).exists()]
+    if missing:
+        last = folder / LAST
+        hint = f" Did you mean {Path(checkpoint) / LAST}?" if last.is_dir() else ""
+        raise PolicyError(f"{checkpoint} is no LeRobot policy: no {', '.join(missing)}.{hint}")
+    suite = read(folder / FEATURE_NAMES).get(SUITE)
+    if suite not in (None, SUITE_VERSION):
+        raise PolicyError(
+            f"{checkpoint} was trained on suite {suite}; this version plays suite {SUITE_VERSION}, "
+            "whose episodes and scores are others. Train it again."
+        )
+    missing = [name for name in PROCESSORS if not (folder / name).exists()]
+    if missing:
+        raise PolicyError(
+            f"{checkpoint} has no {', '.join(missing)}: it was saved by an older LeRobot. Convert "
+            "it with LeRobot's module lerobot.processor.migrate_policy_normalization."
+        )
+    return folder
+
+
+def inputs(
+    config: Any, rename_map: Mapping[str, str]
+) -> tuple[tuple[str, ...], tuple[int, int] | None]:
+    """What a checkpoint sees, in the names of this benchmark.
+
+    Args:
+        config: Its configuration, LeRobot's `PreTrainedConfig`.
+        rename_map: From names of the environment to names in the checkpoint, as its processor has
+            it.
+
+    Returns:
+        Cameras of the environment, each shown as `observation.images.<camera>`; height and width of
+        their images, None without cameras.
+
+    Raises:
+        PolicyError: It sees or controls what this benchmark does not have.
+    """
+    _check_vectors(config)
+    original = {new: old for old, new in rename_map.items()}
+    shapes: dict[str, tuple[int, int]] = {}
+    for key, feature in config.image_features.items():
+        if not key.startswith(_EMPTY):
+            _, height, width = feature.shape
+            shapes[original.get(str(key), str(key))] = height, width
+    problems = [problem for key in shapes if (problem := _camera_problem(key))]
+    if problems:
+        raise PolicyError(
+            f"The checkpoint sees {'; '.join(problems)}. The cameras are "
+            f"{', '.join(IMAGE_PREFIX + name for name in POLICY_CAMERAS)}: train with these names, "
+            "or with LeRobot's rename_map from them, which is saved in the checkpoint."
+        )
+    sizes = set(shapes.values())
+    if len(sizes) > 1:
+        listed = ", ".join(f"{key} {h}x{w}" for key, (h, w) in shapes.items())
+        raise PolicyError(f"All images have one size here; the checkpoint's differ: {listed}.")
+    return tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes), next(iter(sizes), None)
+
+
+def horizon(config: Any) -> int:
+    """Actions that a checkpoint predicts, from the current observation on.
+
+    Raises:
+        PolicyError: It is of a kind that is not supported, or must act at every step.
+    """
+    if getattr(config, "temporal_ensemble_coeff", None) is not None:
+        raise PolicyError(
+            "The checkpoint averages overlapping chunks (temporal_ensemble_coeff), which must be "
+            "called at every step; chunks are executed here. To execute them as they are, set it "
+            "to null in the checkpoint's config.json."
+        )
+    if config.type == DIFFUSION:
+        return config.horizon - config.n_obs_steps + 1
+    if config.type not in CHUNKED:
+        raise PolicyError(
+            f"A LeRobot policy of type {config.type!r} is not supported; "
+            f"{', '.join(sorted((*CHUNKED, DIFFUSION)))} are."
+        )
+    return config.chunk_size
+
+
+def _check_vectors(config: Any) -> None:
+    known = {STATE, OBJECT_STATE, *config.image_features}
+    if other := sorted(set(config.input_features or {}) - known):
+        raise PolicyError(
+            f"The checkpoint also sees {', '.join(other)}; there are only {STATE}, {OBJECT_STATE} "
+            "and images."
+        )
+    state = config.robot_state_feature
+    if state is not None and tuple(state.shape) != (FLAT_SIZE,):
+        raise PolicyError(
+            f"The checkpoint's {STATE} has shape {tuple(state.shape)}, this benchmark's "
+            f"({FLAT_SIZE},): seven joints and the gripper of the left arm, then of the right one."
+        )
+
+
+def object_numbers(config: Any) -> int:
+    """How many numbers of objects a checkpoint sees; 0 where it sees none."""
+    feature = (config.input_features or {}).get(OBJECT_STATE)
+    return 0 if feature is None else int(feature.shape[0])
+
+
+def _camera_problem(key: str) -> str | None:
+    """The name of images that do not exist, with a near miss; None if they do."""
+    name = key.removeprefix(IMAGE_PREFIX)
+    if key != name and name in POLICY_CAMERAS:
+        return None
+    near = difflib.get_close_matches(name, POLICY_CAMERAS, n=1)
+    return f"{key!r}" + "".join(f" (did you mean {IMAGE_PREFIX}{camera}?)" for camera in near)
+
+
+def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
+    """What the numbers of a checkpoint's actions are.
+
+    Their names stand beside the checkpoint, where `duobench train` writes them, or else in the
+    data set, as long as it is where it was. Sixteen numbers without names are joint targets.
+
+    Args:
+        folder: The folder of the checkpoint.
+        size: How many numbers an action has.
+        mode: The mode that they are meant for, whatever the names say.
+
+    Raises:
+        PolicyError: They are not known, or are not as many.
+        UnknownNameError: There is no such mode of labels.
+    """
+    if mode is not None:
+        check_known("action mode of an export", mode, LABELS)
+        return _fitting(LABELS[mode], size, f"mode {mode!r}")
+    names = _names(folder)
+    if names is None and size == len(JOINT.names):
+        return LABELS[JOINT.name]
+    if names is None:
+        raise PolicyError(
+            f"The checkpoint's actions have {size} numbers, and nothing says what they are: there "
+            f"is no {FEATURE_NAMES} in {folder}, and no data set where {_TRAINING} says. Name the "
+            "mode, as in lerobot:PATH?action=cartesian."
+        )
+    labels = action_labels.find(names)
+    if labels is None:
+        raise PolicyError(
+            f"The checkpoint's actions are {', '.join(map(str, names))}, which no action mode has. "
+            "If they are the numbers of one under other names, say which, as in "
+            "lerobot:PATH?action=joint."
+        )
+    return _fitting(labels, size, "its data set")
+
+
+def _fitting(labels: ActionLabels, size: int, source: str) -> ActionLabels:
+    if len(labels.names) != size:
+        raise PolicyError(
+            f"The checkpoint's actions have {size} numbers, those of {source} "
+            f"{len(labels.names)}: {', '.join(labels.names)}."
+        )
+    return labels
+
+
+def _names(folder: Path) -> list[Any] | None:
+    beside = read(folder / FEATURE_NAMES)
+    if beside:
+        return beside.get(ACTION)
+    dataset = read(folder / _TRAINING).get("dataset")
+    root = dataset.get("root") if isinstance(dataset, Mapping) else None
+    if not isinstance(root, str):
+        return None
+    return feature_names(read(Path(root) / "meta/info.json"), ACTION)

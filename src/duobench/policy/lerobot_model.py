@@ -1,0 +1,346 @@
+"""A LeRobot checkpoint as a policy, with its own processors; it needs LeRobot and torch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch  # pyright: ignore[reportMissingImports]
+from lerobot.configs import PreTrainedConfig  # pyright: ignore[reportMissingImports]
+from lerobot.policies import (  # pyright: ignore[reportMissingImports]
+    get_policy_class,
+    make_pre_post_processors,
+)
+from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports]
+    auto_select_torch_device,
+    is_torch_device_available,
+)
+from safetensors import safe_open  # pyright: ignore[reportMissingImports]
+from torch.overrides import TorchFunctionMode  # pyright: ignore[reportMissingImports]
+
+from duobench.errors import PolicyError
+from duobench.lerobot_keys import EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
+from duobench.policy import lerobot_checkpoint as checkpoint
+from duobench.policy.batch import NOISE_STREAM, Chunk, Observation, Session
+from duobench.policy.lerobot_checkpoint import DIFFUSION, horizon, inputs, labels_of, object_numbers
+from duobench.policy.policy import PolicyMetadata
+from duobench.tasks.object_state import ENVIRONMENT_STATE
+
+_RENAMING = "rename_observations_processor"
+_DTYPES = ("bfloat16", "float32")
+_NORMAL = (torch.randn, torch.randn_like, torch.normal)
+_PREFIX = "model."
+"""What published weights leave out of their names."""
+_MOST_NAMED = 3
+
+
+@dataclass(kw_only=True, slots=True)
+class LeRobotSession(Session):
+    """One episode of a LeRobot policy."""
+
+    seen: tuple[Observation, ...] = ()
+    """The last observations, for a model that sees more than one."""
+    left: Chunk | None = None
+    """Actions of the last chunk that are executed one by one, so that what lies between them is
+    seen."""
+
+
+class LeRobotPolicy:
+    """A checkpoint of LeRobot that answers with chunks, for one episode or several at a time.
+
+    The model is asked for a chunk with `predict_action_chunk`; the queues inside LeRobot's policies
+    stay empty, so that the state of an episode is in its session alone. A model that sees the last
+    n observations is shown n consecutive ones, as in training: the last n - 1 actions of a chunk
+    are given one at a time.
+    """
+
+    def __init__(self, text: str) -> None:
+        """Load a checkpoint.
+
+        Args:
+            text: What stands after `lerobot:` in its name; see `lerobot_checkpoint.Address`.
+
+        Raises:
+            PolicyError: It cannot be loaded, or does not fit this benchmark.
+            UnknownNameError: There is no such option.
+        """
+        address = checkpoint.parse(text)
+        folder = checkpoint.find(address.checkpoint)
+        device = _device(address.device)
+        config = PreTrainedConfig.from_pretrained(folder)
+        action = config.action_feature
+        size = 0 if action is None else int(action.shape[0])
+        self._labels = labels_of(folder, size, address.action)
+        longest = horizon(config)
+        self._steps = _steps(address.steps, longest)
+        self._past = config.n_obs_steps if config.type == DIFFUSION else None
+        if self._past is not None:
+            config.n_action_steps = longest  # it predicts no more than it is going to execute
+            if self._steps < self._past:
+                raise PolicyError(
+                    f"The checkpoint sees {self._past} observations at a time, so at least that "
+                    f"many of its actions are executed, not {self._steps}."
+                )
+        _configure(config, folder, device, address.dtype)
+        self._model = get_policy_class(config.type).from_pretrained(
+            folder, config=config, strict=True
+        )
+        _check_loaded(self._model, folder / checkpoint.WEIGHTS)
+        self._before, self._after = make_pre_post_processors(
+            config,
+            pretrained_path=str(folder),
+            preprocessor_overrides={"device_processor": {"device": device}},
+        )
+        self._precision = (
+            torch.autocast(device_type=torch.device(device).type)
+            if config.use_amp
+            else nullcontext()
+        )
+        self._cameras, image_size = inputs(config, _rename_map(self._before))
+        self._object_numbers = object_numbers(config)
+        mode = self._labels.mode.name
+        self.metadata = PolicyMetadata(
+            name=f"lerobot {config.type}",
+            cameras=self._cameras,
+            object_state=self._object_numbers > 0,
+            image_size=image_size,
+            action_mode=mode,
+            version=_version(folder, self._steps, mode, self._model, device, config.use_amp),
+            horizon=None if self._past is not None else self._steps,
+            dtype=_dtype(self._model),
+            device=torch.device(device).type,
+        )
+        """What it expects, and a version that names checkpoint, numbers and device."""
+
+    def begin(self, instruction: str, seed: int) -> LeRobotSession:
+        """Begin an episode, beside those that are under way."""
+        return LeRobotSession(instruction=instruction, seed=seed)
+
+    def act_batch(
+        self, sessions: Sequence[LeRobotSession], observations: Sequence[Observation]
+    ) -> list[Chunk]:
+        """The next actions in each episode.
+
+        Args:
+            sessions: What `begin` returned.
+            observations: As in `Policy.act`, one for each session.
+
+        Returns:
+            One chunk (H, n) for each, in the action mode that the metadata name.
+        """
+        pairs = [
+            (session, self._window(session, observation))
+            for session, observation in zip(sessions, observations, strict=True)
+        ]
+        pending = [pair for pair in pairs if pair[0].left is None]
+        chunks = iter(self._predict(pending) if pending else ())
+        one_by_one = (self._past or 1) - 1
+        answers = []
+        for session, window in pairs:
+            if session.left is None:
+                chunk = next(chunks)
+                answer, left = np.split(chunk, [len(chunk) - one_by_one])
+            else:
+                answer, left = np.split(session.left, [1])
+            session.left = left if len(left) else None
+            session.seen = window[1:]
+            answers.append(answer)
+        return answers
+
+    def _window(self, session: LeRobotSession, observation: Observation) -> tuple[Observation, ...]:
+        """The observations that the model sees, the current one last."""
+        past = self._past or 1
+        before = session.seen or (observation,) * (past - 1)
+        return (*before, observation)[-past:]
+
+    def _predict(
+        self, pending: Sequence[tuple[LeRobotSession, tuple[Observation, ...]]]
+    ) -> list[Chunk]:
+        """One call of the model: the actions (steps, n) that are executed of each chunk."""
+        sessions, windows = zip(*pending, strict=True)
+        batch: dict[str, Any] = {
+            STATE: self._stacked(windows, lambda seen: np.asarray(seen["agent_pos"], np.float32))
+        }
+        if self._object_numbers:
+            batch[OBJECT_STATE] = self._stacked(windows, self._objects)
+        for camera in self._cameras:
+            images = self._stacked(windows, lambda seen, name=camera: seen["pixels"][name])
+            channels_first = images.movedim(-1, -3).contiguous().float()
+            batch[IMAGE_PREFIX + camera] = channels_first / 255
+        batch["task"] = [session.instruction for session in sessions]
+        keys = [(session.seed, session.call) for session in sessions]
+        with torch.inference_mode(), self._precision, EpisodeNoise(keys):
+            actions = self._model.predict_action_chunk(self._before(batch))
+        actions = self._after(actions[:, : self._steps])
+        return [self._labels.to_actions(rows) for rows in actions.float().cpu().numpy()]
+
+    def _objects(self, seen: Observation) -> Chunk:
+        """Where the objects are; tasks differ in how many numbers that is."""
+        numbers = np.asarray(seen[ENVIRONMENT_STATE], np.float32)
+        if len(numbers) != self._object_numbers:
+            raise PolicyError(
+                f"The checkpoint sees {self._object_numbers} numbers of objects, this task has "
+                f"{len(numbers)}: it learned another task."
+            )
+        return numbers
+
+    def _stacked(self, windows: Sequence[tuple[Observation, ...]], value: Any) -> Any:
+        """A tensor (B, ...), or (B, n, ...) for a model that sees n observations."""
+        rows = [np.stack([value(seen) for seen in window]) for window in windows]
+        stacked = torch.from_numpy(np.stack(rows))
+        return stacked if self._past is not None else stacked[:, 0]
+
+
+def _device(wanted: str | None) -> str:
+    if wanted is None:
+        return str(auto_select_torch_device())
+    try:
+        is_there = is_torch_device_available(str(torch.device(wanted).type))
+    except (RuntimeError, ValueError) as error:
+        raise PolicyError(f"torch knows no device {wanted!r}: {error}") from error
+    if not is_there:
+        raise PolicyError(f"There is no device {wanted!r} here; cpu always works.")
+    return wanted
+
+
+def _steps(wanted: int | None, longest: int) -> int:
+    if wanted is not None and wanted > longest:
+        raise PolicyError(f"The checkpoint predicts {longest} actions, not {wanted}.")
+    return wanted or min(EXECUTED, longest)
+
+
+def _configure(config: Any, folder: Path, device: str, dtype: str | None) -> None:
+    """Say in the configuration where and in which numbers the model runs."""
+    config.pretrained_path, config.device = folder, device
+    if hasattr(config, "pretrained_backbone_weights"):
+        config.pretrained_backbone_weights = None  # they are in the checkpoint
+    if hasattr(config, "compile_model"):
+        config.compile_model = False  # a compiled model samples its noise out of sight
+    if torch.device(device).type == "cuda":
+        torch.backends.cudnn.deterministic = True
+        torch.backends.cudnn.benchmark = False
+    if dtype is None:
+        return
+    known = _DTYPES if hasattr(config, "dtype") else _DTYPES[1:]
+    if dtype not in known:
+        raise PolicyError(
+            f"A checkpoint of type {config.type} runs in {' or '.join(known)}, not in {dtype!r}."
+        )
+    if hasattr(config, "dtype"):
+        config.dtype = dtype
+
+
+def _rename_map(processor: Any) -> Mapping[str, str]:
+    """From names of the environment to those of the checkpoint, as it was trained."""
+    maps = [
+        step.rename_map
+        for step in processor.steps
+        if getattr(step, "_registry_name", None) == _RENAMING
+    ]
+    return maps[0] if maps else {}
+
+
+def _dtype(model: Any) -> str:
+    return "+".join(sorted({str(v.dtype).removeprefix("torch.") for v in model.parameters()}))
+
+
+def _version(folder: Path, steps: int, mode: str, model: Any, device: str, amp: bool) -> str:
+    """What a run must not change: checkpoint, actions executed, numbers, device, libraries."""
+    where = torch.device(device)
+    card = f" ({torch.cuda.get_device_name(where)})" if where.type == "cuda" else ""
+    return (
+        f"checkpoint {checkpoint.content_hash(folder)[:16]}, {steps} {mode} actions a chunk, "
+        f"{_dtype(model)}{' with autocast' if amp else ''} on {where.type}{card}, "
+        f"lerobot {version('lerobot')}, torch {torch.__version__}"
+    )
+
+
+class EpisodeNoise(TorchFunctionMode):
+    """While active, normal noise for a batch is made row by row, each from its own generator.
+
+    Models differ in whether they take noise as an argument and how often they sample: diffusion
+    does in every denoising step, X-VLA takes none. All of them sample with torch and put the batch
+    first, so noise is replaced there. It is made on the processor by NumPy, so that it is the same
+    on every device.
+    """
+
+    def __init__(self, keys: Sequence[tuple[int, int]]) -> None:
+        """Begin a call of the model.
+
+        Args:
+            keys: Seed of the episode and number of the call in it, for each row of the batch.
+        """
+        super().__init__()
+        self._generators = [np.random.default_rng((NOISE_STREAM, *key)) for key in keys]
+        # Whatever else a model samples follows from the whole batch, at least.
+        seeds = np.random.SeedSequence([number for key in keys for number in key])
+        torch.manual_seed(int(seeds.generate_state(1)[0]))
+
+    def __torch_function__(
+        self, func: Any, types: Any, args: tuple[Any, ...] = (), kwargs: Any = None
+    ) -> Any:
+        """Call a function of torch, and replace the noise that it returns."""
+        kwargs = kwargs or {}
+        result = func(*args, **kwargs)
+        if func not in _NORMAL or not result.ndim or len(result) != len(self._generators):
+            return result
+        rows = [
+            generator.standard_normal(result.shape[1:], dtype=np.float32)
+            for generator in self._generators
+        ]
+        noise = torch.from_numpy(np.stack(rows)).to(result)
+        if func is torch.normal:
+            mean, std = _parameters(args, kwargs)
+            return noise * std + mean
+        return noise
+
+
+def _parameters(args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[Any, Any]:
+    """Mean and standard deviation of a call of `torch.normal`."""
+    named = dict(zip(("mean", "std"), args, strict=False)) | kwargs
+    return named.get("mean", 0.0), named.get("std", 1.0)
+
+
+def _check_loaded(model: Any, file: Path) -> None:
+    """Compare a model with the file of its weights, by the first row of every tensor.
+
+    LeRobot's π0 and π0.5 go on with random weights where loading fails, and only print a warning.
+
+    Args:
+        model: A policy of LeRobot.
+        file: The safetensors file that it was loaded from.
+
+    Raises:
+        PolicyError: Weights of the model are not in the file, or have other values.
+    """
+    state = model.state_dict()
+    with safe_open(file, framework="pt") as weights:
+        names = {name if name in state else _PREFIX + name: name for name in weights.keys()}  # noqa: SIM118 - no mapping
+        wrong = [
+            own
+            for own, name in names.items()
+            if own in state and not _is_equal(state[own], weights.get_slice(name))
+        ]
+    there = {state[name].data_ptr() for name in names if name in state}  # some share memory
+    wrong += [
+        name for name, value in state.items() if name not in names and value.data_ptr() not in there
+    ]
+    if wrong:
+        listed = ", ".join(wrong[:_MOST_NAMED]) + (" …" if len(wrong) > _MOST_NAMED else "")
+        raise PolicyError(
+            f"{len(wrong)} of {len(state)} weights of the model are not those of {file}: {listed}. "
+            "The file belongs to another configuration or another version of LeRobot."
+        )
+
+
+def _is_equal(own: Any, saved: Any) -> bool:
+    if list(own.shape) != saved.get_shape():
+        return False
+    first = saved[:1] if own.ndim else saved[...]
+    row = own[:1] if own.ndim else own
+    return torch.equal(row.cpu(), first.to(row.dtype))

@@ -1,0 +1,41 @@
+"""Where VLAgents is missing or of another version, a sentence says so; nothing else needs it."""
+
+from importlib.metadata import PackageNotFoundError
+
+import pytest
+
+from duobench.errors import DuoBenchError
+from duobench.interop import vlagents
+from duobench.policy import make
+
+
+def install(monkeypatch: pytest.MonkeyPatch, **versions: str) -> None:
+    def version(name: str) -> str:
+        if name not in versions:
+            raise PackageNotFoundError(name)
+        return versions[name]
+
+    monkeypatch.setattr(vlagents, "version", version)
+
+
+@pytest.mark.parametrize(
+    ("versions", "told"),
+    [
+        ({}, "vlagents is not installed"),
+        ({"vlagents": "0.2.0", "rpyc": "6.0.2"}, "vlagents 0.2.0 is installed"),
+        ({"vlagents": "0.4.0", "rpyc": "6.0.2"}, "vlagents 0.4.0 is installed"),
+        ({"vlagents": "0.30.0", "rpyc": "6.0.2"}, "vlagents 0.30.0 is installed"),
+        ({"vlagents": "0.3.0", "rpyc": "5.3.1"}, "rpyc 5.3.1 is installed"),
+    ],
+)
+def test_other_versions_are_refused_by_name(
+    monkeypatch: pytest.MonkeyPatch, versions: dict[str, str], told: str
+) -> None:
+    install(monkeypatch, **versions)
+    with pytest.raises(DuoBenchError, match=f"{told}.*pip install"):
+        make("duobench.interop.vlagents:served_agent")
+
+
+def test_version_that_is_spoken_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    install(monkeypatch, vlagents="0.3.1", rpyc="6.0.2")
+    vlagents.check_versions()

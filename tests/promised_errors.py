@@ -1,0 +1,129 @@
+"""Errors that a user is likely to meet, in the words that they are promised in.
+
+`errors.json` holds the words; `python -m tests.promised_errors` writes them anew. Elsewhere tests
+ask for the class of an error, and for a word of it where one class stands for several.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import duobench
+from duobench.data import ExportOptions
+from duobench.envs import EnvConfig
+from duobench.evaluation.policies import PolicyChoice
+from duobench.experts.expert import find_script
+from duobench.hardware.rig import Rig
+from duobench.looks.catalog import look
+from duobench.policy import make as make_policy
+from duobench.shifts import shift
+from duobench.spatial import SE3
+from duobench.tasks import Task, catalog
+
+WORDS = Path(__file__).with_name("errors.json")
+TASK = catalog.get("bin_sort")
+
+
+def env(**options: Any) -> Any:
+    return duobench.make("bin_sort", **{"cameras": False, **options})
+
+
+def step(action: Any, **options: Any) -> None:
+    played = env(**options)
+    played.reset(seed=0)
+    played.step(action)
+
+
+def reset(**options: Any) -> None:
+    env().reset(options=options)
+
+
+def task(**changes: Any) -> Task:
+    return replace(TASK, **changes)
+
+
+def begun(name: str) -> Path:
+    """A file with what nobody can read."""
+    path = Path(tempfile.mkdtemp()) / name
+    path.write_text('{"schema": 999}')
+    return path
+
+
+Trigger = Callable[[], object]
+TRIGGERS: Mapping[str, Trigger] = {
+    "task: misspelt": lambda: catalog.get("bin-sort"),
+    "task: misspelt id of an environment": lambda: catalog.get("duobench/bin-sort-v1"),
+    "task: version of an environment": lambda: catalog.get("duobench/bin_sort-v2"),
+    "task: module that is not there": lambda: catalog.get("no_such_module:TASK"),
+    "task: attribute that is not there": lambda: catalog.get("duobench.tasks.bin_sort:TSAK"),
+    "task: package that is not there": lambda: catalog.get("no_such.module:TASK"),
+    "task: attribute that is no task": lambda: catalog.get("duobench.tasks.bin_sort:COLOURS"),
+    "task: module without tasks": lambda: catalog.get("json:TASK"),
+    "task: no attribute": lambda: catalog.get(":TASK"),
+    "task: placement of no prop": lambda: task(placements={"cub": TASK.placements["white_cube"]}),
+    "task: no stages": lambda: task(stages=()),
+    "task: title that cannot be written": lambda: task(title="w\udcff"),
+    "task: instruction that cannot be written": lambda: task(instruction="w\udcff"),
+    "task: stage that cannot be written": lambda: task(
+        stages=(replace(TASK.stages[0], name="w\udcff"),)
+    ),
+    "task: accepts no layout": lambda: next(task(accept=lambda _: False).layouts(0)),
+    "expert: none": lambda: find_script(task(id="my_sort", expert=None)),
+    "expert: module that is not there": lambda: find_script(
+        task(id="my_sort", expert="nowhere:script")
+    ),
+    "expert: misspelt script": lambda: find_script(
+        task(id="my_sort", expert="duobench.experts.scripts.bin_sort:scrpt")
+    ),
+    "expert: variety": lambda: PolicyChoice.parse("expert:hmuan"),
+    "environment: option": lambda: env(acton_mode="joint"),
+    "environment: action mode": lambda: env(action_mode="joints"),
+    "environment: look": lambda: env(look="dark_woood"),
+    "environment: camera": lambda: env(cameras=("haed",)),
+    "environment: image size": lambda: env(cameras=True, image_size=(0, 224)),
+    "environment: horizon": lambda: env(horizon=0),
+    "environment: chunk": lambda: env(chunk=0),
+    "environment: split": lambda: env(split="test"),
+    "environment: rate": lambda: EnvConfig(control_rate_hz=20.0),
+    "environment: step before reset": lambda: env().step(np.zeros(16, np.float32)),
+    "action: shape": lambda: step(np.zeros(14, np.float32)),
+    "action: not finite": lambda: step(np.full(16, np.nan, np.float32)),
+    "action: quaternion": lambda: step(np.zeros(16, np.float32), action_mode="cartesian"),
+    "reset: option": lambda: reset(layuot={}),
+    "reset: layout of another task": lambda: reset(layout={"poses": {}, "variants": {}}),
+    "policy: misspelt": lambda: make_policy("rnadom"),
+    "policy: misspelt expert": lambda: PolicyChoice.parse("exprt"),
+    "policy: module that is not there": lambda: make_policy("no_such_module:POLICY"),
+    "look: misspelt": lambda: look("dark_woood"),
+    "shift: misspelt": lambda: shift.Shift.parse("camrea-3"),
+    "shift: level": lambda: shift.Shift.parse("camera-9"),
+    "transform: quaternion": lambda: SE3.from_wxyz((0, 0, 0, 0), (0, 0, 0)),
+    "data: cameras of an export": lambda: ExportOptions(cameras=("haed",)),
+    "rig: file that is not there": lambda: Rig.read(Path("nowhere.json")),
+    "rig: file that is none": lambda: Rig.read(begun("rig.json")),
+}
+
+
+def words(trigger: Trigger) -> str:
+    """The class and the words of the error, without folders of this machine."""
+    try:
+        trigger()
+    except Exception as error:  # noqa: BLE001 - which one it is, is what is compared
+        return re.sub(r"/[^ ]*/(?=rig.json)", "", f"{type(error).__name__}: {error}")
+    return "nothing was raised"
+
+
+def found() -> dict[str, str]:
+    return {name: words(trigger) for name, trigger in TRIGGERS.items()}
+
+
+if __name__ == "__main__":
+    WORDS.write_text(json.dumps(found(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

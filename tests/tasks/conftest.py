@@ -1,0 +1,12 @@
+"""What tests of single tasks share."""
+
+import pytest
+
+from duobench.tasks import catalog
+from tests.task_harness import TaskHarness
+
+
+@pytest.fixture(scope="module")
+def bench(request: pytest.FixtureRequest) -> TaskHarness:
+    """The task that a module is named after."""
+    return TaskHarness(catalog.get(request.module.__name__.rpartition("test_")[2]))

@@ -1,0 +1,96 @@
+"""What pages and messages tell people to install, they get: this package, and no other."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+from duobench.machine import DISTRIBUTION, OPENGL_PACKAGES, install_extra
+from tests.test_repository import ROOT, tracked
+
+COMMAND = re.compile(r"pip install((?: +(?:'[^'\n]+'|[^\s'\"`]+))+)")
+WORD = re.compile(r"'([^'\n]+)'|([^\s']+)")
+UNREAD = ("tests", "CHANGELOG.md")
+OTHERS = (
+    "lerobot",
+    "vlagents",
+    "rpyc",
+    "vla-eval",
+    "openpi-client",
+    "pandas",
+    "polars",
+    "duckdb",
+    "torch",
+    "pyarrow",
+)
+"""Packages of others that pages and messages name."""
+
+
+def commands() -> dict[str, set[str]]:
+    """Every `pip install` of a page or a message: its arguments, and the files that have it."""
+    found: dict[str, set[str]] = {}
+    for path in tracked():
+        if path.suffix in {".md", ".py"} and path.parts[len(ROOT.parts)] not in UNREAD:
+            for match in COMMAND.finditer(path.read_text(encoding="utf-8")):
+                for quoted, bare in WORD.findall(match[1]):
+                    found.setdefault(quoted or bare, set()).add(path.name)
+    return found
+
+
+def is_ours(word: str) -> bool:
+    """Whether a word is this package: a clone of it, or its name."""
+    return word.startswith((".", DISTRIBUTION)) and not word.startswith("./")
+
+
+OURS = sorted(word for word in commands() if is_ours(word))
+
+
+def test_every_other_word_is_of_a_package_of_others() -> None:
+    words = {word for word in commands() if not is_ours(word) and word[0] not in "-./{"}
+    assert {Requirement(word).name for word in words} <= set(OTHERS), words
+
+
+@pytest.mark.parametrize("word", [*OURS, f"{DISTRIBUTION}[serve]"])
+def test_what_is_named_installs_this_package(word: str, wheel: Path, tmp_path: Path) -> None:
+    """In a new folder, without dependencies, from an index that has this package alone."""
+    offline = ["--no-deps", "--no-build-isolation", "--no-index", "--find-links", str(wheel.parent)]
+    command = [sys.executable, "-m", "pip", "install", "--pre", word, *offline]
+    told = subprocess.run(
+        [*command, "--target", str(tmp_path / "site")], cwd=ROOT, check=True, capture_output=True
+    )
+    assert b"does not provide the extra" not in told.stdout + told.stderr
+    assert (tmp_path / "site" / "duobench" / "machine.py").read_bytes() == (
+        ROOT / "src" / "duobench" / "machine.py"
+    ).read_bytes()
+    (name,) = {path.name.partition("-")[0] for path in (tmp_path / "site").glob("*.dist-info")}
+    assert name.replace("_", "-") == DISTRIBUTION
+
+
+def test_messages_name_extras_that_exist() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["name"] == DISTRIBUTION
+    for extra in ("lerobot",):
+        assert extra in project["optional-dependencies"]
+        assert f"{DISTRIBUTION}[{extra}]" in install_extra(extra)
+
+
+def test_extra_that_this_python_cannot_have_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Version(tuple[int, ...]):
+        major, minor = 3, 11
+
+    monkeypatch.setattr(sys, "version_info", Version((3, 11, 7)))
+    assert install_extra("lerobot").startswith(
+        "This is Python 3.11, and the extra lerobot needs Py"
+    )
+    monkeypatch.setattr(sys, "version_info", Version((3, 12, 0)))
+    assert install_extra("lerobot").startswith("Install it: pip install")
+
+
+def test_libraries_of_opengl_are_the_same_everywhere() -> None:
+    """Those of README and of the script that prepares a bare machine are the constant's."""
+    for path in (ROOT / "README.md", ROOT / ".ci" / "run"):
+        assert OPENGL_PACKAGES in path.read_text(encoding="utf-8"), path
