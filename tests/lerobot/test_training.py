@@ -20,7 +20,7 @@ import duobench
 from duobench.cli import main
 from duobench.data.dataset import DataSet
 from duobench.data.lerobot.export import export_lerobot
-from duobench.data.lerobot.folder import ExportOptions
+from duobench.data.lerobot.options import ExportOptions
 from duobench.data.recorder import Recorder
 from duobench.policy import make
 from tests.lerobot import checkpoints
