@@ -9,15 +9,15 @@ import duobench
 from duobench.envs.sim_env import sim_of
 from duobench.replay.render import MOST_REPLAYS as MOST
 from duobench.replay.render import choose_few, make_replays
+from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
-from duobench.results.metrics import Results
 from duobench.results.report import write_report
-from duobench.results.source import read_source
+from duobench.results.scores import Results
 from duobench.results.suite import find_tasks
 from duobench.web import track
 from duobench.web.geometry import Geometry
 from tests.evaluation import toy_tasks
-from tests.results.samples import SORT, TURN, sample_record, sample_run
+from tests.results.samples import SORT, TURN, key, sample_record, sample_run
 
 Play = Callable[..., tuple[RunFolder, Results]]
 WAVE = find_tasks([toy_tasks.WAVE_NAME])
@@ -42,7 +42,7 @@ def test_replay_shows_where_everything_was(play: Play) -> None:
     run, (record,) = read_source(folder.path)
     replays = make_replays(folder, run, [record], import_tasks=True)
     assert (replays.made, replays.there, replays.impossible) == ((record,), (), ())
-    path = folder.replay("wave", 0)
+    path = folder.replay(key(folder, "wave", 0))
     assert path is not None
     shown = track.decode(path.read_bytes())
     assert len(shown) == record.steps + 1
@@ -79,8 +79,8 @@ def test_replays_that_are_there_stay_and_the_page_has_them(play: Play) -> None:
     opened = [f'data-replay="replay-{each.task}-{each.episode}"' for each in records]
     assert [page.count(each) > 0 for each in opened] == [True, True, *[False] * len(records[2:])]
     assert "data-replay" not in without
-    folder.discard(records[0])
-    assert folder.replay(records[0].task, records[0].episode) is None
+    folder.discard(records[0].key)
+    assert folder.replay(records[0].key) is None
 
 
 @pytest.mark.parametrize(
@@ -98,4 +98,4 @@ def test_what_cannot_be_shown_is_told_and_leaves_nothing(
     replays = make_replays(folder, run, [replace(record, **changes)], import_tasks=True)
     ((_, reason),) = replays.impossible
     assert why in reason
-    assert folder.replay("wave", 0) is None
+    assert folder.replay(key(folder, "wave", 0)) is None

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import FileError
+from duobench.errors import FileError, OtherRunError
 from duobench.randomness import episode_seed, policy_seed
 from duobench.replay.verify import Verdict, Verification, verify
+from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
-from duobench.results.source import read_source
 from duobench.results.suite import Suite, find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import test_sent
@@ -22,10 +22,12 @@ from tests.evaluation.forging import (
     Edit,
     copied,
     flipped_bit,
+    redescribed,
     rewritten,
     targets_of,
     with_targets,
 )
+from tests.results.samples import key
 
 TASK = "bin_sort"
 SECOND = 1
@@ -49,7 +51,7 @@ def verified(runs: dict[str, RunFolder], tmp_path: Path) -> Any:
 
     def forge(edit: Edit, policy: str = "expert", *, sealed: bool = True) -> Verification:
         folder = copied(runs[policy], tmp_path / "forged")
-        rewritten(folder.record(TASK, SECOND), edit, sealed=sealed)
+        rewritten(folder.record(key(folder, TASK, SECOND)), edit, sealed=sealed)
         return verify(folder)
 
     return forge
@@ -59,7 +61,7 @@ def only_contradiction(found: Verification) -> str:
     """Why the edited record is contradicted, where no other one is."""
     assert not found.is_verified
     (wrong,) = found.of(Verdict.CONTRADICTED)
-    assert (wrong.task, wrong.episode) == (TASK, SECOND)
+    assert (wrong.key.task, wrong.key.episode) == (TASK, SECOND)
     assert len(found.of(Verdict.EXACT)) == len(found.findings) - 1
     return wrong.reason
 
@@ -213,7 +215,7 @@ def test_spaces_and_the_order_of_keys_are_no_edit(
     runs: dict[str, RunFolder], tmp_path: Path
 ) -> None:
     folder = copied(runs["hold"], tmp_path / "run")
-    path = folder.record(TASK, 0)
+    path = folder.record(key(folder, TASK, 0))
     document = json.loads(path.read_text())
     path.write_text(json.dumps(dict(reversed(document.items())), indent=8))
     assert read_source(folder.path) == read_source(runs["hold"].path)
@@ -221,20 +223,22 @@ def test_spaces_and_the_order_of_keys_are_no_edit(
 
 def test_record_of_another_run_is_found(runs: dict[str, RunFolder], tmp_path: Path) -> None:
     folder = copied(runs["hold"], tmp_path / "forged")
-    shutil.copy(runs["expert"].record(TASK, SECOND), folder.record(TASK, SECOND))
-    assert "does not belong to this run: its policy" in only_contradiction(verify(folder))
+    other = runs["expert"]
+    shutil.copy(other.record(key(other, TASK, SECOND)), folder.record(key(folder, TASK, SECOND)))
+    with pytest.raises(OtherRunError, match=r"another run than run\.json .*: its policy is expert"):
+        verify(folder)
 
 
 def test_record_under_another_index_is_found(runs: dict[str, RunFolder], tmp_path: Path) -> None:
     folder = copied(runs["hold"], tmp_path / "forged")
-    shutil.copy(folder.record(TASK, 0), folder.record(TASK, SECOND))
+    shutil.copy(folder.record(key(folder, TASK, 0)), folder.record(key(folder, TASK, SECOND)))
     assert "its episode is 0, expected was 1" in only_contradiction(verify(folder))
 
     def disguised(record: Document) -> None:
         record["episode"], record["seed"] = SECOND, episode_seed(TASK, SECOND)
         record["policy_seed"] = policy_seed(TASK, record["seed"])
 
-    rewritten(folder.record(TASK, SECOND), disguised)
+    rewritten(folder.record(key(folder, TASK, SECOND)), disguised)
     reason = only_contradiction(verify(folder))
     assert "start of" in reason
     assert "physics at the start" in reason
@@ -252,6 +256,9 @@ def test_run_that_describes_its_tasks_wrongly_is_found(
     with pytest.raises(FileError, match=r"run\.json: Its checksum does not fit"):
         verify(folder)
     rewritten(folder.description, easier)
+    with pytest.raises(OtherRunError, match="something else differs"):
+        verify(folder)
+    redescribed(folder, easier)
     found = verify(folder)
     assert "its category is sequential handoff, not" in found.objections[0]
     assert not found.is_verified
@@ -261,8 +268,8 @@ def test_task_with_a_name_of_the_benchmark_is_that_of_the_benchmark(
     runs: dict[str, RunFolder], tmp_path: Path
 ) -> None:
     folder = copied(runs["hold"], tmp_path / "forged")
-    rewritten(
-        folder.description,
+    redescribed(
+        folder,
         lambda run: run["suite"]["tasks"][0].update(reference="tests.evaluation.toy_tasks:NOD"),
     )
     assert verify(folder, import_tasks=True).is_verified
@@ -278,11 +285,11 @@ def test_episode_with_an_error_is_checked_up_to_it(play: Play) -> None:
     assert verdicts == [Verdict.ERROR] * 2 + [Verdict.EXACT] * 2
     assert found.is_verified
     rewritten(
-        folder.record("wave", 1),
+        folder.record(key(folder, "wave", 1)),
         changed(stage_changes=[[2, 1]], final_stage=1),
     )
     (wrong,) = verify(folder, import_tasks=True).of(Verdict.CONTRADICTED)
-    assert (wrong.task, wrong.episode) == ("wave", 1)
+    assert (wrong.key.task, wrong.key.episode) == ("wave", 1)
 
 
 @pytest.mark.parametrize(
@@ -290,7 +297,7 @@ def test_episode_with_an_error_is_checked_up_to_it(play: Play) -> None:
     [
         ({"sent": None, "error": "PolicyTimeoutError: 120 s\n"}, "Its policy was stopped"),
         ({"sent": None, "start": None, "error": "boom\n"}, "failed before the episode began"),
-        ({"sent": None}, "no joint targets, as records before schema 4"),
+        ({"sent": None}, "no joint targets"),
     ],
 )
 def test_record_without_targets_is_counted_apart(
@@ -304,9 +311,9 @@ def test_record_without_targets_is_counted_apart(
 
 def test_run_of_another_suite_is_not_verifiable(runs: dict[str, RunFolder], tmp_path: Path) -> None:
     folder = copied(runs["hold"], tmp_path / "old")
-    rewritten(folder.description, lambda run: run["suite"].update(version="3"))
+    redescribed(folder, lambda run: run["suite"].update(version="3"))
     for index in range(2):
-        rewritten(folder.record(TASK, index), changed(suite_version="3"))
+        rewritten(folder.record(key(folder, TASK, index)), changed(suite_version="3"))
     found = verify(folder)
     assert {one.verdict for one in found.findings} == {Verdict.UNVERIFIABLE}
     assert "suite 3" in found.findings[0].reason
@@ -318,21 +325,21 @@ def test_other_versions_agree_in_stages_and_say_why_not_in_bits(
 ) -> None:
     folder = copied(runs["hold"], tmp_path / "elsewhere")
     older: Edit = lambda document: document["versions"].update(numpy="2.0.0")  # noqa: E731
-    rewritten(folder.description, older)
+    redescribed(folder, older)
     for index in range(2):
-        rewritten(folder.record(TASK, index), older)
-    rewritten(folder.record(TASK, SECOND), other_hash("end", "physics"))
+        rewritten(folder.record(key(folder, TASK, index)), older)
+    rewritten(folder.record(key(folder, TASK, SECOND)), other_hash("end", "physics"))
     found = verify(folder)
     assert [one.verdict for one in found.findings] == [Verdict.EXACT, Verdict.STAGES]
     assert "instead of 2.0.0: physics at the end" in found.findings[1].reason
     assert found.is_verified
-    rewritten(folder.record(TASK, SECOND), added_stage)
+    rewritten(folder.record(key(folder, TASK, SECOND)), added_stage)
     assert not verify(folder).is_verified
 
 
 def test_unfinished_run_says_what_is_missing(runs: dict[str, RunFolder], tmp_path: Path) -> None:
     folder = copied(runs["expert"], tmp_path / "part")
-    folder.record(TASK, 0).unlink()
+    folder.record(key(folder, TASK, 0)).unlink()
     found = verify(folder)
     assert found.missing == 1
     assert found.is_verified

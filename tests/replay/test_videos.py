@@ -7,12 +7,12 @@ import pytest
 
 from duobench.errors import EvaluationError, UnknownNameError
 from duobench.replay.render import choose, make_videos
+from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
-from duobench.results.metrics import Results
-from duobench.results.source import read_source
+from duobench.results.scores import Results
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks
-from tests.results.samples import SORT, TURN, sample_record, sample_run
+from tests.results.samples import SORT, TURN, key, sample_record, sample_run
 
 Play = Callable[..., tuple[RunFolder, Results]]
 RUN = sample_run(tasks=(SORT, TURN), episodes=3)
@@ -74,7 +74,7 @@ def made_anew(folder: RunFolder, **changes: Any) -> tuple[Any, list[tuple[int, i
 
 def test_video_made_later_is_that_of_the_evaluation(play: Play) -> None:
     folder, _ = play("Glances", episodes=1, videos=1)
-    paths = sorted(folder.path.glob("videos/*/*.webm"))
+    paths = sorted(folder.path.glob("videos/*/*/*.webm"))
     before = [path.read_bytes() for path in paths]
     assert len(before) == 2
     for path in paths:
@@ -87,7 +87,7 @@ def test_video_made_later_is_that_of_the_evaluation(play: Play) -> None:
 
 def test_video_that_is_there_stays(play: Play) -> None:
     folder, _ = play("random", episodes=2, videos=0)
-    path = folder.video("nod", 1)
+    path = folder.video(key(folder, "nod", 1))
     path.parent.mkdir(parents=True)
     path.write_bytes(b"mine")
     videos, told = made_anew(folder)
@@ -101,7 +101,7 @@ def test_video_that_is_there_stays(play: Play) -> None:
 def test_images_are_shown_also_where_chunks_are_of_unknown_length(play: Play) -> None:
     folder, _ = play("Sees", episodes=1, videos=0)
     made_anew(folder)
-    with av.open(folder.video("wave", 0)) as container:
+    with av.open(folder.video(key(folder, "wave", 0))) as container:
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert frames[0].shape == (480, 640 + 320, 3)
     assert len(frames) == 13
@@ -114,7 +114,7 @@ def test_episode_that_failed_with_an_error_is_shown_up_to_it(play: Play) -> None
     steps = [record.steps for record in videos.made]
     assert len(steps) == 2
     for record in videos.made:
-        with av.open(folder.video(record.task, 0)) as container:
+        with av.open(folder.video(key(folder, record.task, 0))) as container:
             assert len(list(container.decode(video=0))) == 1 + record.steps // 2
 
 
@@ -129,7 +129,7 @@ def test_what_cannot_be_shown_is_told_and_leaves_no_video(play: Play) -> None:
         videos, told = made_anew(folder, **changes)
         assert [(each.episode, why in reason) for each, reason in videos.impossible] == [(0, True)]
         assert told == [(0, 1), (1, 1)]
-        assert not folder.video(record.task, 0).exists()
+        assert not folder.video(key(folder, record.task, 0)).exists()
 
 
 def test_run_of_another_suite_is_refused(play: Play) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from duobench.errors import OtherRunError, PolicyError
 from duobench.policy import Batching
-from duobench.results.reporting.times import read_notes
+from duobench.results.journal import read_notes
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.runners.test_batches import episodes, named

@@ -23,12 +23,13 @@ from pathlib import Path
 from rich.console import Console
 from duobench.results.folder import RunFolder
 from duobench.cli.shared.table import results_table
+from duobench.results.report import read_parts
 from duobench.runners.evaluate import evaluate
 from tests.evaluation.conftest import small_suite
 
 folder, workers, policy = RunFolder(Path(sys.argv[1])), int(sys.argv[2]), sys.argv[3]
-results = evaluate(policy, small_suite(episodes=EPISODES), folder, videos=1, workers=workers)
-Console(width=130).print(results_table(folder.read_run(), results))
+evaluate(policy, small_suite(episodes=EPISODES), folder, videos=1, workers=workers)
+Console(width=130).print(results_table(read_parts(folder)[0]))
 """
 EPISODES = 4
 
@@ -61,14 +62,14 @@ def test_killed_run_goes_on_to_the_same_table(script: Path, tmp_path: Path) -> N
 
     records = RunFolder(killed).path / "records"
     with start(script, killed, 2) as process:
-        wait_until(lambda: len(list(records.glob("*/*.json"))) >= 2, "two records")
+        wait_until(lambda: len(list(records.glob("*/*/*.json"))) >= 2, "two records")
         workers = children(process.pid)
         process.send_signal(signal.SIGKILL)
         process.communicate()
     assert process.returncode == -signal.SIGKILL
     assert workers
     wait_until(lambda: not any(map(is_running, workers)), "the end of orphaned workers")
-    kept = {path: path.stat().st_mtime_ns for path in records.glob("*/*.json")}
+    kept = {path: path.stat().st_mtime_ns for path in records.glob("*/*/*.json")}
     assert 2 <= len(kept) < 2 * EPISODES
 
     with start(script, killed, 2) as process:
@@ -89,7 +90,7 @@ def test_interrupted_run_stops_and_keeps_what_is_finished(script: Path, tmp_path
     folder = tmp_path / "run"
     with start(script, folder, 2) as process:
         records = folder / "records"
-        wait_until(lambda: list(records.glob("*/*.json")), "a record")
+        wait_until(lambda: list(records.glob("*/*/*.json")), "a record")
         workers = children(process.pid)
         process.send_signal(signal.SIGINT)
         process.communicate()

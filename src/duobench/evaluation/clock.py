@@ -13,8 +13,8 @@ import gymnasium as gym
 
 from duobench.envs.duo_env import base_of
 from duobench.errors import PolicyTimeoutError
+from duobench.results.journal import EpisodeTimes
 from duobench.results.limits import TimeLimits
-from duobench.results.reporting.times import EpisodeTimes
 
 _EPISODE, _ANSWER, _STEPS = range(3)
 _NO_FILE = -1

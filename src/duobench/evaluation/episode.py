@@ -36,10 +36,10 @@ from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, episode_seed
+from duobench.results.journal import EpisodeTimes
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
-from duobench.results.reporting.times import EpisodeTimes
-from duobench.results.run import Run
+from duobench.results.run import Candidate, Run
 from duobench.results.suite import Episode, Suite, TaskInfo
 from duobench.shifts.shift import Shift
 from duobench.sim.rendering import describe
@@ -85,8 +85,6 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     limits: TimeLimits = TimeLimits()
     videos: int = 0
     """How many episodes of each task, from the first on, have a video."""
-    command: str = ""
-    """The command that started it, if there is one."""
     recording: RecordingPlan | None = None
     """Whether episodes are recorded."""
 
@@ -175,24 +173,24 @@ class EpisodeRunner:
             instructions=job.recording.instructions if job.recording else FIXED,
             split=job.recording.split if job.recording else EVAL,
             look=job.suite.look,
-            shift=job.suite.shift,
         )
         renderer = describe().renderer if config.cameras else None
-        self.run = Run(
+        candidate = Candidate(
             policy=job.policy.name.text,
-            suite=job.suite,
-            videos=job.videos,
-            limits=job.limits,
             metadata=metadata,
             config=config,
-            versions=package_versions(),
             batching=source.batching,
-            command=job.command,
+        )
+        self.run = Run(
+            candidates=(candidate,),
+            suite=job.suite,
+            limits=job.limits,
+            versions=package_versions(),
         )
         """What is played, and by what; the same for every episode."""
         is_expert = job.policy.name.kind is PolicyKind.EXPERT
         kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
-        self._actor = Actor(kind=kind, name=self.run.policy, version=metadata.version)
+        self._actor = Actor(kind=kind, name=candidate.policy, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
         """Versions of everything that a result may depend on."""
 
@@ -312,7 +310,7 @@ class EpisodeRunner:
 
     def _prepare(self, episode: Episode) -> tuple[gym.Env, Policy]:
         """Environment and policy of a task and a shift; those of another are closed first."""
-        task, config = episode.task, replace(self.run.config, shift=episode.shift)
+        task, config = episode.task, replace(self.run.candidate.config, shift=episode.shift)
         if self._env is None or self._policy is None or self._made != (task, episode.shift):
             self._close_environment()
             try:

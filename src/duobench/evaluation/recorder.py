@@ -11,10 +11,9 @@ import gymnasium as gym
 from duobench.envs.episode_state import EpisodeState
 from duobench.errors import escaped
 from duobench.randomness import SUITE_VERSION
-from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes
+from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes, pack_targets
 from duobench.results.run import Run
 from duobench.results.suite import Episode
-from duobench.results.targets import pack_targets
 from duobench.types import Array
 
 if TYPE_CHECKING:
@@ -91,10 +90,17 @@ class EpisodeRecorder:
         """Highest stage so far."""
         return self._stage_changes[-1][1] if self._stage_changes else 0
 
-    def record(self, run: Run, versions: Mapping[str, str | None]) -> EpisodeRecord:
-        """The record so far, in a run, with versions of all that the result may depend on."""
+    def record(
+        self, run: Run, versions: Mapping[str, str | None], policy: str = ""
+    ) -> EpisodeRecord:
+        """The record so far, in a run, with versions of all that the result may depend on.
+
+        Of several policies of the run, the one that plays is named.
+        """
         task, last = self._episode.task, self._last
+        candidate = run.of(policy) if policy else run.candidate
         return EpisodeRecord(
+            run=run.hash,
             suite_version=SUITE_VERSION,
             suite=run.suite.label,
             execution=run.suite.execution_of(task.id, self._episode.shift),
@@ -102,9 +108,9 @@ class EpisodeRecorder:
             episode=self._episode.index,
             seed=self._episode.seed,
             policy_seed=self._episode.policy_seed,
-            policy=run.policy,
-            policy_version=run.metadata.version,
-            config=replace(run.config, shift=self._episode.shift),
+            policy=candidate.policy,
+            policy_version=candidate.metadata.version,
+            config=replace(candidate.config, shift=self._episode.shift),
             instruction=self._instruction,
             success=self.stage == task.max_stage,
             success_at_end=bool(last and last.info["success_at_end"]),

@@ -174,7 +174,7 @@ class RecordPlayer(Player):
         watching = (recorder, _Sendable(record, targets), *watchers)
         for _ in self.play(env, targets, watching, seed=episode.seed, chunk=chunk):
             pass
-        replay = recorder.record(self._run, record.versions)
+        replay = recorder.record(self._run, record.versions, record.policy)
         if record.error is None:
             return replay
         return replace(
@@ -266,5 +266,5 @@ def why_not(record: EpisodeRecord) -> str:
     if record.sent is None and record.error is not None:
         return "Its policy was stopped, so that its joint targets are not known."
     if record.sent is None:
-        return "It has no joint targets, as records before schema 4."
+        return "It has no joint targets."
     return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ from duobench.replay.claims import disagreements
 from duobench.replay.player import Latest, RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, TrajectoryRecorder
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
 
 FAILURES, ALL = "failures", "all"
@@ -40,23 +40,25 @@ _OF_AN_EPISODE = (EvaluationError, ActionError, BackendError, UnknownNameError, 
 def choose(run: Run, records: Iterable[EpisodeRecord], words: Sequence[str]) -> list[EpisodeRecord]:
     """The finished episodes that words choose, in the order of the run.
 
-    Words are "failures", "all" or "TASK:EPISODE", such as "bin_sort:3"; several add up.
+    Words are "failures", "all" or "TASK:EPISODE", such as "bin_sort:3", under all conditions;
+    several add up.
 
     Raises:
         EvaluationError: A word is none of these, or names an episode that is not finished.
         UnknownNameError: A word names a task that is not in the run.
     """
-    by_place = {(record.task, record.episode): record for record in records}
-    chosen: set[tuple[str, int]] = set()
+    finished = {record.key: record for record in records}
+    chosen: set[Key] = set()
     for word in words:
         if word in {FAILURES, ALL}:
-            chosen |= {place for place, each in by_place.items() if word == ALL or not each.success}
+            chosen |= {key for key, each in finished.items() if word == ALL or not each.success}
         else:
-            chosen.add(_place(run, by_place, word))
-    return [record for place, record in by_place.items() if place in chosen]
+            place = _place(run, {(key.task, key.episode) for key in finished}, word)
+            chosen |= {key for key in finished if (key.task, key.episode) == place}
+    return [record for key, record in finished.items() if key in chosen]
 
 
-def _place(run: Run, finished: Iterable[tuple[str, int]], word: str) -> tuple[str, int]:
+def _place(run: Run, finished: Container[tuple[str, int]], word: str) -> tuple[str, int]:
     """Task and index that "TASK:EPISODE" stands for."""
     name, colon, index = word.rpartition(":")
     if not (colon and index.isascii() and index.isdecimal()):
@@ -75,15 +77,15 @@ def choose_few(
 ) -> list[EpisodeRecord]:
     """As `choose`, but "failures" and "all" choose few of many, of all kinds.
 
-    The first episode of each task and last stage comes first, then the second, until there are
-    `MOST_REPLAYS`.
+    The first episode of each task, condition and last stage comes first, then the second, until
+    there are `MOST_REPLAYS`.
     """
     several = {FAILURES, ALL}
     named = choose(run, records, [word for word in words if word not in several])
-    seen: Counter[tuple[str, int]] = Counter()
+    seen: Counter[tuple[str, str, int]] = Counter()
     ranked: list[tuple[int, EpisodeRecord]] = []
     for record in choose(run, records, [word for word in words if word in several]):
-        kind = (record.task, record.final_stage)
+        kind = (record.task, record.condition.name, record.final_stage)
         ranked.append((seen[kind], record))
         seen[kind] += 1
     few = [record for _, record in sorted(ranked, key=lambda one: one[0])][:MOST_REPLAYS]
@@ -135,7 +137,7 @@ def make_videos(
             f"The run is of suite {run.suite.version}; this version plays suite {SUITE_VERSION}, "
             "in which what was sent leads elsewhere. Make videos with the version that played it."
         )
-    is_there = [folder.video(each.task, each.episode).exists() for each in records]
+    is_there = [folder.video(each.key).exists() for each in records]
     with closing(EpisodeRenderer(folder, run, import_tasks=import_tasks)) as renderer:
         return render_missing(run, records, is_there, renderer.make_video, progress)
 
@@ -152,7 +154,7 @@ def make_replays(
 
     See `make_videos`; nothing is rendered for them, and those of another suite are impossible.
     """
-    is_there = [folder.replay(each.task, each.episode) is not None for each in records]
+    is_there = [folder.replay(each.key) is not None for each in records]
     with closing(EpisodeRenderer(folder, run, import_tasks=import_tasks)) as renderer:
         return render_missing(run, records, is_there, renderer.make_replay, progress)
 
@@ -188,7 +190,7 @@ class EpisodeRenderer:
     def __init__(self, folder: RunFolder, run: Run, *, import_tasks: bool = False) -> None:
         self._folder = folder
         self._player = RecordPlayer(run, import_tasks=import_tasks)
-        chunk, execution = run.metadata.horizon, run.suite.execution
+        chunk, execution = run.candidate.metadata.horizon, run.suite.execution
         self._chunk = chunk and min(chunk, execution.execute or chunk)
         self._overview: Latest[Overview] = Latest()
         self._scenes = SceneCache()
@@ -202,7 +204,7 @@ class EpisodeRenderer:
         recorder = VideoRecorder(overview.image, picture)
         self._replay(record, recorder, has_images=True)
         if video := recorder.video():
-            write(self._folder.video(record.task, record.episode), video)
+            write(self._folder.video(record.key), video)
 
     def make_replay(self, record: EpisodeRecord) -> None:
         """Make the replay in 3D of an episode, under the same condition."""
@@ -211,7 +213,7 @@ class EpisodeRenderer:
         self._replay(record, recorder)
         found = recorder.trajectory()
         write(self._folder.scene(found.scene), found.scene_data)
-        write(self._folder.new_replay(record.task, record.episode, found.scene), found.track)
+        write(self._folder.new_replay(record.key, found.scene), found.track)
 
     def _replay(self, record: EpisodeRecord, watcher: Watcher, *, has_images: bool = False) -> None:
         chunk = (self._chunk or FRAME_EVERY) if has_images else None

@@ -19,10 +19,10 @@ from duobench.looks.look import Look
 from duobench.replay.claims import disagreements
 from duobench.replay.player import Latest, RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
-from duobench.results.reader import DESCRIPTION as RUN
-from duobench.results.reader import RunReader
+from duobench.results.bundle import open_source
+from duobench.results.folder import DESCRIPTION as RUN
+from duobench.results.folder import RunReader
 from duobench.results.records import EpisodeRecord
-from duobench.results.source import open_source
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.web import track
@@ -164,14 +164,15 @@ class RunSource:
     ) -> None:
         self._look = as_look(look)
         played = run.read_run()
-        self.title = f"{run.path.name}: {played.title}"
+        titles = ", ".join(candidate.title for candidate in played.candidates)
+        self.title = f"{run.path.name}: {titles}"
         """Name of the folder, and the policy."""
         known = {task.id for task in played.suite.tasks}
         wanted = {catalog.plain(task) for task in tasks} or known
         for task in wanted:
             check_known("task in the run", task, known)
         self._records = {
-            f"{record.task}/{record.episode}": record
+            _item_name(record, with_condition=len(played.conditions) > 1): record
             for record in run.read_records(played)
             if record.task in wanted
         }
@@ -240,6 +241,11 @@ def _recorded(name: str, path: Path) -> Item:
     state = SUCCESS if succeeded else FAILURE
     detail = f"{actor}: {state}{stage}"
     return Item(id=name, title=name.replace("/", " "), detail=detail, state=state)
+
+
+def _item_name(record: EpisodeRecord, *, with_condition: bool) -> str:
+    condition = f"{record.condition.name}/" if with_condition else ""
+    return f"{record.task}/{condition}{record.episode}"
 
 
 def _finished(name: str, record: EpisodeRecord) -> Item:

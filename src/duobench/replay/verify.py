@@ -14,11 +14,17 @@ from enum import StrEnum
 from functools import partial
 
 from duobench.data.processes import Progress, run_all
-from duobench.errors import DuoBenchError, ImportPathError, UnknownNameError, escaped
+from duobench.errors import (
+    DuoBenchError,
+    ImportPathError,
+    OtherRunError,
+    UnknownNameError,
+    escaped,
+)
 from duobench.replay.claims import differing_bits, disagreements
 from duobench.replay.player import RecordPlayer, actual_task, why_not
-from duobench.results.reader import RunReader
-from duobench.results.records import EpisodeRecord
+from duobench.results.folder import RunReader
+from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
 from duobench.versions import differing_arithmetic
 
@@ -42,8 +48,8 @@ class Verdict(StrEnum):
 class Finding:
     """What was found out about one record."""
 
-    task: str
-    episode: int
+    key: Key
+    """Which."""
     verdict: Verdict
     reason: str = ""
     """Why it is not verifiable or not equal to the bit, or what the record says and what its
@@ -89,7 +95,7 @@ def verify(
     MuJoCo and NumPy on x86-64 processors with AVX2, elsewhere in stages and outcome alone.
 
     Args:
-        source: The run; see `duobench.results.source.open_source`.
+        source: The run; see `duobench.results.bundle.open_source`.
         workers: Processes that verify side by side; 0 verifies in this process. See `run_all`.
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
             the modules that the run names. Their episodes are not verifiable without.
@@ -105,41 +111,39 @@ def verify(
     """
     run = source.read_run()
     unknown, objections = _check_tasks(run, import_tasks)
-    findings: dict[tuple[str, int], Finding] = {}
+    findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
-    for episode in source.finished(run):
-        key = episode.task.id, episode.index
+    for key in source.finished(run):
         try:
-            record = source.read_record(run, episode)
+            record = source.read_record(run, key)
+        except OtherRunError:
+            raise
         except DuoBenchError as error:
-            findings[key] = _finding(*key, Verdict.CONTRADICTED, str(error))
+            findings[key] = _finding(key, Verdict.CONTRADICTED, str(error))
             continue
         if wrong := _other_versions(run, record):
-            findings[key] = _finding(*key, Verdict.CONTRADICTED, wrong)
+            findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
         elif reason := unknown.get(record.task) or why_not(record):
-            findings[key] = _finding(*key, Verdict.UNVERIFIABLE, reason)
+            findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)
         else:
             jobs.append(record)
-    order = [*findings, *((record.task, record.episode) for record in jobs)]
+    order = [*findings, *(record.key for record in jobs)]
     progress(len(findings), len(order))
     check = partial(_checker, run, import_tasks)
     with closing(run_all(check, jobs, workers)) as results:
         for finding in results:
-            findings[finding.task, finding.episode] = finding
+            findings[finding.key] = finding
             progress(len(findings), len(order))
-    places = {task.id: number for number, task in enumerate(run.suite.tasks)}
+    places = {key: number for number, key in enumerate(source.finished(run))}
     return Verification(
         run=run,
-        findings=tuple(
-            findings[key] for key in sorted(order, key=lambda key: (places[key[0]], key[1]))
-        ),
+        findings=tuple(findings[key] for key in sorted(order, key=places.__getitem__)),
         objections=tuple(objections),
     )
 
 
-def _finding(task: str, episode: int, verdict: Verdict, reason: str = "") -> Finding:
-    line = " ".join(escaped(reason).split())
-    return Finding(task=task, episode=episode, verdict=verdict, reason=line)
+def _finding(key: Key, verdict: Verdict, reason: str = "") -> Finding:
+    return Finding(key=key, verdict=verdict, reason=" ".join(escaped(reason).split()))
 
 
 def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[str]]:
@@ -175,7 +179,7 @@ def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]
     player = RecordPlayer(run, import_tasks=import_tasks)
 
     def check(record: EpisodeRecord) -> Finding:
-        return _finding(record.task, record.episode, *_judged(record, player))
+        return _finding(record.key, *_judged(record, player))
 
     return check
 

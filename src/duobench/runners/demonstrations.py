@@ -22,7 +22,7 @@ from duobench.evaluation.rollout import Observer
 from duobench.files import begin_or_continue, encode, locked, read, remove_temporary, write
 from duobench.randomness import TRAIN
 from duobench.results.limits import TimeLimits
-from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
+from duobench.results.run import RUN_SCHEMA, Run
 from duobench.results.suite import Episode, Suite, TaskInfo
 from duobench.runners.executor import executor_for
 from duobench.types import CONTROL_HZ
@@ -57,6 +57,9 @@ class Attempts:
     """All of them, by task and index."""
 
     attempts: tuple[Attempt, ...] = ()
+    """In order."""
+    command: str = ""
+    """The command that played the last of them; empty if there was none."""
 
 
 def record(  # noqa: PLR0913
@@ -91,7 +94,7 @@ def record(  # noqa: PLR0913
         limits: How long the policy may take.
         workers: Processes that play side by side; with 0 this process plays.
         observers: Called about the progress, in this process.
-        command: The command that starts the recording, for its description.
+        command: The command that starts the recording, for the list of attempts.
 
     Returns:
         Every episode that was played, by task and index.
@@ -114,7 +117,6 @@ def record(  # noqa: PLR0913
         policy=PolicyChoice.parse(policy),
         suite=Suite(tasks=tuple(tasks), episodes=episodes),
         limits=limits or TimeLimits(),
-        command=command,
         recording=plan,
     )
     executor = executor_for(job, workers)
@@ -131,8 +133,8 @@ def record(  # noqa: PLR0913
             for result in executor.play(missing):
                 attempt = _write(data, result)
                 log[attempt.task, attempt.episode] = attempt
-                played = encode(Attempts(attempts=tuple(sorted(log.values()))), ATTEMPTS_SCHEMA)
-                write(data.path / ATTEMPTS, played)
+                played = Attempts(attempts=tuple(sorted(log.values())), command=command)
+                write(data.path / ATTEMPTS, encode(played, ATTEMPTS_SCHEMA))
                 for observer in observers:
                     observer.on_episode(attempt)
             if executor.unplayed:
@@ -155,7 +157,6 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
         path,
         run,
         RUN_SCHEMA,
-        oldest=OLDEST_RUN_SCHEMA,
         what="recording",
         foreign=f"{EPISODES}/*/*{SUFFIX}",
         advice=_ADVICE,

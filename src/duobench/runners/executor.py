@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Protocol
 
@@ -39,8 +39,12 @@ class Executor(Protocol):
         """
         ...
 
-    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
+    def play(
+        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = ...
+    ) -> Iterator[EpisodeResult]:
         """Play episodes in any order, each exactly once; what cannot be played is `unplayed`.
+
+        Whenever an attempt at an episode is going to begin, `begun` is told.
 
         Raises:
             MachineryError: What they need is not there.
@@ -84,12 +88,15 @@ class LocalExecutor:
         if not self._job.policy.is_scripted:
             self._prepared.rehearse(episode)
 
-    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
+    def play(
+        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = lambda _episode: None
+    ) -> Iterator[EpisodeResult]:
         """Play episodes in their order."""
         runner = self._prepared
         for episode in episodes:
             result = None
             while result is None:
+                begun(episode)
                 try:
                     result = runner.play(episode)
                 except MachineryError as fault:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from duobench import errors
@@ -62,6 +62,7 @@ class ProcessExecutor:
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
         self._at_horizon: dict[Episode, EpisodeRecord] = {}
+        self._begun: Callable[[Episode], None] = lambda _episode: None
 
     @property
     def unplayed(self) -> dict[Episode, str]:
@@ -87,9 +88,12 @@ class ProcessExecutor:
             for _ in self._poll():
                 pass
 
-    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
+    def play(
+        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = lambda _episode: None
+    ) -> Iterator[EpisodeResult]:
         """Play episodes; those of a task go to as few workers as keeps all of them busy."""
         self._schedule.add(episodes)
+        self._begun = begun
         while self._schedule.left or self._pool.playing:
             self._dispatch()
             yield from self._poll()
@@ -123,7 +127,9 @@ class ProcessExecutor:
         self._pool.start(1 if isolated else min(self._schedule.left + playing, self._most))
         for worker in self._pool.workers:
             if worker.is_ready and worker.episode is None and self._schedule.left:
-                worker.play(self._schedule.next(worker.task))
+                episode = self._schedule.next(worker.task)
+                self._begun(episode)
+                worker.play(episode)
                 if isolated:
                     return
 
