@@ -51,10 +51,8 @@ AT_HOME = {
     "duobench.policy.lerobot_model": ("torch", "lerobot"),
     "duobench.teleop.leaders.lerobot_source": ("lerobot",),
     "duobench.hardware": ("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
-    "duobench.runners.ray_children": ("ray",),
     "duobench.runners.ray_cluster": ("ray",),
-    "duobench.runners.ray_executor": ("ray",),
-    "duobench.runners.ray_host": ("ray",),
+    "duobench.runners.ray_process": ("ray",),
     "duobench.interop.vla_eval": ("vla_eval",),
     "duobench.interop.vlagents_bridge": ("vlagents",),
 }

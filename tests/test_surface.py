@@ -41,7 +41,7 @@ SURFACE = {
         SessionPolicy ZeroPolicy as_chunk check_fits make noise
     """,
     "duobench.replay": """
-        Divergence Finding Replayer Verdict Verification replay_all verify
+        Divergence Finding Verdict Verification replay verify
     """,
     "duobench.runners": """
         Attempt Executor LocalExecutor ProcessExecutor evaluate record

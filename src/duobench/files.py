@@ -9,6 +9,7 @@ import json
 import math
 import os
 import re
+import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
@@ -46,6 +47,8 @@ CHECKSUM = "sha256"
 TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; what still has it after a crash is rubbish."""
 
+_LOCK_TURN_S = 0.05
+"""Seconds from one look at a lock that another process holds to the next."""
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
 """What file systems without locks answer; work there goes on unprotected."""
 
@@ -73,10 +76,26 @@ def make_folder(path: Path) -> None:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked."""
+def locked(folder: Path, *, wait_s: float = 0.0) -> Iterator[None]:
+    """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked.
+
+    Args:
+        folder: The folder.
+        wait_s: Seconds to wait until another process has let go of it.
+
+    Raises:
+        OutputError: If the folder cannot be made.
+        LockedError: If another process is writing into it.
+    """
     make_folder(folder)
-    handles = [os.open(folder, os.O_RDONLY)]
+    with held(folder, wait_s=wait_s):
+        yield
+
+
+@contextmanager
+def held(path: Path, *, wait_s: float = 0.0) -> Iterator[None]:
+    """Hold the lock of a file or a folder that is there while a block lasts; see `locked`."""
+    handles = [os.open(path, os.O_RDONLY)]
 
     def release() -> None:
         while handles:
@@ -85,23 +104,48 @@ def locked(folder: Path) -> Iterator[None]:
     # A child that a policy forks would keep the lock for as long as it lives.
     os.register_at_fork(after_in_child=release)
     try:
-        lock(handles[0], folder)
+        lock(handles[0], path, wait_s=wait_s)
         yield
     finally:
         release()
 
 
-def lock(handle: int, path: Path) -> None:
-    """Lock an open file or folder; the operating system drops the lock with the process."""
+def is_locked(path: Path) -> bool:
+    """Whether a process holds the lock of a file or folder."""
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise LockedError(
-            f"Another process is writing into {path}; wait until {_holder(handle)} is done."
-        ) from error
-    except OSError as error:
-        if error.errno not in _NO_LOCKS:
-            raise
+        with held(path):
+            return False
+    except LockedError:
+        return True
+
+
+def lock(handle: int, path: Path, *, wait_s: float = 0.0) -> None:
+    """Lock an open file or folder; the operating system drops the lock with the process.
+
+    Args:
+        handle: What is open.
+        path: Its path, for messages.
+        wait_s: Seconds to wait until another process has let go of it.
+
+    Raises:
+        LockedError: If another process has locked it.
+    """
+    until = time.monotonic() + wait_s
+    while True:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            if time.monotonic() >= until:
+                raise LockedError(
+                    f"Another process is writing into {path}; wait until {_holder(handle)} is done."
+                ) from error
+            time.sleep(_LOCK_TURN_S)
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+            return
+        else:
+            return
 
 
 def _holder(handle: int) -> str:

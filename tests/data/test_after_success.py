@@ -10,7 +10,7 @@ from duobench.data import DataSet, Recorder, Recording
 from duobench.envs import ResetNeededError
 from duobench.errors import OptionError
 from duobench.evaluation import find_tasks
-from duobench.replay import Replayer
+from duobench.replay import replay
 from duobench.runners import record
 from tests.data.tools import ended
 from tests.envs.tools import wave
@@ -70,7 +70,7 @@ def test_an_episode_goes_on_after_success_and_beyond_the_horizon(
     outcome = ended(rows)
     assert (outcome.success, outcome.cut, outcome.success_step) == (True, False, success)
     assert rows.info.last_hash == env.state_hash()
-    assert Replayer(NUDGE).replay(rows).is_exact
+    assert next(replay(NUDGE, [rows])).is_exact
     assert [each[1:] for each in play(env)] == [each[1:] for each in ends], "again after a reset"
     env.close()
 
@@ -101,7 +101,7 @@ def test_what_is_cut_after_success_says_so_and_is_recovered(tmp_path: Path, succ
         outcome = ended(rows)
         assert (outcome.success, outcome.cut, outcome.success_step) == (True, True, success)
         assert success <= len(rows) < success + STEPS
-    assert Replayer(NUDGE).replay(recovered).is_exact
+    assert next(replay(NUDGE, [recovered])).is_exact
 
 
 @pytest.mark.parametrize("seconds", [-0.1, float("nan"), float("inf")])

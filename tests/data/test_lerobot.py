@@ -15,7 +15,8 @@ from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.arrange import merge
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.export import export_lerobot
-from duobench.data.lerobot.folder import ActionSource, ExportFolder, ExportOptions, Pairing
+from duobench.data.lerobot.folder import ExportFolder
+from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.errors import DataError, OtherRunError, OutputError, RenderingError, UnknownNameError
 from duobench.files import locked
 from tests.data.tools import HORIZON, TASK, ended, play, recorder

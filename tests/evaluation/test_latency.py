@@ -105,7 +105,7 @@ def test_latency_and_cut_are_in_what_decides_a_result_and_are_verified(play: Pla
             play("random", episodes=1, execution=other)
     assert verify(folder, import_tasks=True).of(Verdict.EXACT)
     rewritten(folder.path / "run.json", lambda run: run["suite"]["execution"].update(latency=9))
-    for path in folder.path.glob("records/*/*.json"):
+    for path in folder.path.glob("records/*/*/*.json"):
         rewritten(path, lambda record: record["execution"].update(latency=9))
     found = verify(folder, import_tasks=True).of(Verdict.CONTRADICTED)
     assert len(found) == 2

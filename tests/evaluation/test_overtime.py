@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from duobench.runners.shifts import evaluate_shifts
 
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.policies import PolicyChoice
@@ -12,9 +13,8 @@ from duobench.policy import Batching
 from duobench.replay.verify import Verdict, verify
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
+from duobench.results.shard import Shard
 from duobench.results.suite import find_tasks
-from duobench.results.suites.shard import Shard
-from duobench.runners.shifts import evaluate_shifts
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import Play, small_suite
@@ -26,7 +26,7 @@ NEW = ("late_success", "sha256")
 
 def records(folder: RunFolder) -> dict[str, dict[str, Any]]:
     """What the records of a run say, by their names."""
-    paths = sorted(folder.path.glob("records/*/*.json"))
+    paths = sorted(folder.path.glob("records/*/*/*.json"))
     return {f"{path.parent.name}/{path.stem}": json.loads(path.read_text()) for path in paths}
 
 
@@ -52,7 +52,7 @@ def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play: 
     assert second is not None
     assert third is not None
     assert toy_tasks.HORIZON < second < third <= 36
-    for path in plain.path.glob("videos/*/*"):
+    for path in plain.path.glob("videos/*/*/*"):
         assert (folder.path / path.relative_to(plain.path)).read_bytes() == path.read_bytes()
     score = results.overall
     assert (score.successes, score.late_successes, score.errors) == (1, 2, 0)

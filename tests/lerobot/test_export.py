@@ -13,7 +13,7 @@ import duobench
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.lerobot.export import export_lerobot
-from duobench.data.lerobot.folder import ExportOptions
+from duobench.data.lerobot.options import ExportOptions
 from duobench.data.recorder import Recorder
 from duobench.data.recording import Recording
 from duobench.envs.action_labels import POSE_LABELS

@@ -84,7 +84,7 @@ def test_lerobot_eval_finds_what_our_runner_finds(
     run: Path, checkpoint: Path, tmp_path: Path, batch: int
 ) -> None:
     found = evaluate(checkpoint, tmp_path / "out", f"--eval.batch_size={batch}")
-    records = [json.loads(path.read_text()) for path in sorted(run.rglob("records/*/*.json"))]
+    records = [json.loads(path.read_text()) for path in sorted(run.rglob("records/*/*/*.json"))]
     assert [record["seed"] for record in records] == [
         episode_seed("swing", number) for number in range(EPISODES)
     ]

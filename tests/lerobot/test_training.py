@@ -20,7 +20,7 @@ import duobench
 from duobench.cli import main
 from duobench.data.dataset import DataSet
 from duobench.data.lerobot.export import export_lerobot
-from duobench.data.lerobot.folder import ExportOptions
+from duobench.data.lerobot.options import ExportOptions
 from duobench.data.recorder import Recorder
 from duobench.policy import make
 from tests.lerobot import checkpoints
@@ -69,7 +69,7 @@ def test_a_small_act_trains_goes_on_and_plays(
     run = tmp_path / "run"
     play = ["eval", "--policy", f"lerobot:{last}?device=cpu", "--tasks", "swing_task:TASK"]
     main([*play, "--episodes", "1", "--workers", "0", "--videos", "0", "--out", str(run)])
-    (record,) = run.rglob("records/*/*.json")
+    (record,) = run.rglob("records/*/*/*.json")
     assert json.loads(record.read_text())["steps"] == LENGTH
 
 

@@ -8,10 +8,10 @@ from PIL import Image
 
 from dev.tools.pages import DESKTOP, PHONE, VIEWS, View, measure, paper, screenshot, violations
 from duobench.policy import PolicyMetadata
+from duobench.results.journal import PARTS, EpisodeTimes
 from duobench.results.report import write_report
-from duobench.results.reporting.times import PARTS, EpisodeTimes
 from duobench.video import VP9, write_video
-from tests.results.samples import SORT, TURN, sample_folder, sample_record, sample_run
+from tests.results.samples import SORT, TURN, key, sample_folder, sample_record, sample_run
 
 AXE = Path(os.environ["DUOBENCH_AXE"])
 FRAMES = [np.full((96, 128, 3), shade, np.uint8) for shade in (20, 80, 140)]
@@ -34,7 +34,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for record in records:
         folder.note_timing(record, EpisodeTimes(total=9, **dict.fromkeys(PARTS, 1.0)), workers=2)
     for episode in (0, 1):
-        path = folder.video(SORT.id, episode)
+        path = folder.video(key(folder, SORT.id, episode))
         path.parent.mkdir(parents=True, exist_ok=True)
         write_video(FRAMES, path, VP9, Fraction(15))
     write_report(folder)

@@ -9,12 +9,11 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.results.source import read_source
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
 from duobench.rig_sessions.trials_log import LogKind
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import POLICIES, STEPS, Stand
+from tests.rig_sessions.operator import POLICIES, STEPS, Stand, records
 
 LAST = 5
 
@@ -135,7 +134,7 @@ def test_keys_judge_and_undo(window: Browser, led: Led) -> None:
         page.keyboard.press("Tab")
         page.click("#finish")
         shown(page, "#over")
-    (record,) = read_source(led.stand.folder.run("A").path)[1]
+    (record,) = records(led.stand.folder)["A"]
     assert record.final_stage == 1
     assert record.judged is not None
     assert record.judged.note == "2 was close"
@@ -193,7 +192,7 @@ def test_stages_are_corrected_from_the_film(window: Browser, led: Led) -> None:
         until(page, "document.querySelectorAll('.presses li').length == 3")
         page.click("#finish")
         shown(page, "#over")
-    (record,) = read_source(led.stand.folder.run("A").path)[1]
+    (record,) = records(led.stand.folder)["A"]
     assert record.stage_changes == ((12, 3),)
     assert record.judged is not None
     assert [(press.stage, press.step) for press in record.judged.presses] == [

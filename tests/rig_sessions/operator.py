@@ -13,6 +13,7 @@ from duobench.errors import DuoBenchError
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
+from duobench.results.records import EpisodeRecord
 from duobench.results.suite import TaskInfo, find_tasks
 from duobench.rig_sessions.trials import TrialsSession, open_session
 from duobench.rig_sessions.trials_folder import TrialsFolder
@@ -122,6 +123,15 @@ class Stand:
         except DuoBenchError:
             self.ending.close()
             raise
+
+
+def records(folder: TrialsFolder) -> dict[str, list[EpisodeRecord]]:
+    """The records of each policy, by its letter."""
+    plan, found = folder.read_plan(), folder.run.read_records(folder.run.read_run())
+    return {
+        plan.letter(number): [each for each in found if each.policy == candidate.policy]
+        for number, candidate in enumerate(plan.policies)
+    }
 
 
 @contextmanager

@@ -7,12 +7,9 @@ import pytest
 from duobench.data import DataSet, find_problems
 from duobench.hardware.doctor import Check, Outcome, write_checks
 from duobench.hardware.rig import Rig
-from duobench.results.records import EpisodeRecord
-from duobench.results.source import read_source
-from duobench.rig_sessions.trials_folder import TrialsFolder
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import POLICY_CAMERAS
-from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, run
+from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, records, run
 
 EPISODES = 2
 JUDGED = [2, 0, 3, 1]
@@ -29,11 +26,6 @@ def script(operator: Operator) -> None:
         operator.finish()
 
 
-def records(folder: TrialsFolder) -> list[EpisodeRecord]:
-    found = [record for letter in "AB" for record in read_source(folder.run(letter).path)[1]]
-    return sorted(found, key=lambda record: (record.episode, record.policy))
-
-
 def test_trials_that_count_are_recorded_as_they_were_judged(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path / "data")
     stand = Stand(tmp_path / "trials", POLICIES, episodes=EPISODES, data=data)
@@ -42,7 +34,8 @@ def test_trials_that_count_are_recorded_as_they_were_judged(tmp_path: Path) -> N
     assert find_problems(data) == []
     recordings = list(data.recordings())
     kept = [each for each in recordings if each.info.outcome and each.info.outcome.kept]
-    played = {(record.policy, record.seed): record for record in records(stand.folder)}
+    judged = [record for found in records(stand.folder).values() for record in found]
+    played = {(record.policy, record.seed): record for record in judged}
     assert len(kept) == len(played) == len(JUDGED)
     for recording in kept:
         actor = recording.info.actor

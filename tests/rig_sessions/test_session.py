@@ -10,14 +10,13 @@ from duobench.errors import EvaluationError, LockedError, OtherRunError, PolicyE
 from duobench.files import locked
 from duobench.hardware.devices import FaultKind
 from duobench.results.records import EpisodeRecord
-from duobench.results.source import read_source
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
 from duobench.rig_sessions.trials_folder import CUT, TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_log import LogEntry, LogKind
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import Side
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, run
+from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, records, run
 from tests.web.pages import open_page
 
 LAST = 5
@@ -25,7 +24,7 @@ ONE = [(f"{toys.MODULE}:Patient", "")]
 
 
 def only_record(stand: Stand) -> EpisodeRecord:
-    (record,) = read_source(stand.folder.run("A").path)[1]
+    (record,) = records(stand.folder)["A"]
     return record
 
 
@@ -90,7 +89,7 @@ def test_reflex_counts_against_the_policy(tmp_path: Path) -> None:
     assert "cartesian_reflex" in record.judged.stopped
     report = write_trials_report(stand.folder)
     assert report.policies[0].reflexes == 1
-    assert "cartesian_reflex" in stand.folder.run("A").page.read_text()
+    assert "cartesian_reflex" in stand.folder.run.page.read_text()
 
 
 def test_operator_holds_the_arms_at_once(tmp_path: Path) -> None:
@@ -195,7 +194,7 @@ def test_late_press_counts_and_policy_that_raises_has_failed(tmp_path: Path) -> 
 
     with stand.ending:
         assert run(stand, script)
-    (good,), (broken,) = (read_source(stand.folder.run(letter).path)[1] for letter in "AB")
+    (good,), (broken,) = records(stand.folder).values()
     assert good.stage_changes == ((STEPS, 1),)
     assert (broken.steps, broken.final_stage) == (toys.CHUNK, 1)
     assert "out of ideas" in (broken.error or "")
@@ -272,21 +271,21 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
     with stand.ending:
         assert run(stand, script)
     assert reasons(stand.folder) == [CUT]
-    stages = {read_source(stand.folder.run(letter).path)[1][0].final_stage for letter in "AB"}
+    stages = {record.final_stage for (record,) in records(stand.folder).values()}
     assert stages == {1, 2}
 
 
 def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
     stand = Stand(tmp_path / "t", ONE, episodes=1)
     stand.ending.close()
-    with pytest.raises(OtherRunError, match="policies"):
+    with pytest.raises(OtherRunError, match="this one has policy"):
         Stand(tmp_path / "t", POLICIES, episodes=1)
     Stand(tmp_path / "t", ONE, episodes=2).ending.close()
     with pytest.raises(OtherRunError, match="episodes 1 instead of 2"):
         Stand(tmp_path / "t", ONE, episodes=1)
     with pytest.raises(PolicyError, match="reads the simulation"):
         Stand(tmp_path / "u", [("expert", "")])
-    with pytest.raises(EvaluationError, match="Named more than once"):
+    with pytest.raises(EvaluationError, match="same name"):
         Stand(tmp_path / "u", [*ONE, *ONE])
     (tmp_path / "v").mkdir()
     (tmp_path / "v" / "thesis.txt").write_text("mine")
@@ -306,7 +305,8 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
         stand = Stand(tmp_path / "t", ONE, episodes=1)
         with stand.ending:
             assert run(stand, script)
-        stand.folder.run("A").record("bin_sort", 0).unlink()
+        (record,) = records(stand.folder)["A"]
+        stand.folder.run.record(record.key).unlink()
     assert TrialsProgress.of(stand.folder.read_log()).attempts == {0: 2}
 
 

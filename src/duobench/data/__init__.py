@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from duobench.data.images import ImageSource as ImageSource
     from duobench.data.lerobot.export import Exported as Exported
     from duobench.data.lerobot.export import export_lerobot as export_lerobot
-    from duobench.data.lerobot.folder import ActionSource as ActionSource
-    from duobench.data.lerobot.folder import ExportOptions as ExportOptions
-    from duobench.data.lerobot.folder import Pairing as Pairing
+    from duobench.data.lerobot.options import ActionSource as ActionSource
+    from duobench.data.lerobot.options import ExportOptions as ExportOptions
+    from duobench.data.lerobot.options import Pairing as Pairing
     from duobench.data.page import write_page as write_page
     from duobench.data.recorder import Recorder as Recorder
     from duobench.data.recording import Recording as Recording

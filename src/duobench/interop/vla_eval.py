@@ -20,8 +20,7 @@ from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
 from duobench.envs.execution import Step
 from duobench.errors import OptionError, PolicyError, check_known
-from duobench.interop.episodes import Episodes
-from duobench.interop.vla_eval_options import Resolution, format_for, tasks_by_id
+from duobench.interop.episodes import Episodes, Resolution, format_for, tasks_by_id
 from duobench.policy.serving.vla_eval import action_spec, observation_spec
 from duobench.tasks import catalog
 

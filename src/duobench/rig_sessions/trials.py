@@ -24,7 +24,7 @@ from duobench.hardware.env import make_real_env
 from duobench.hardware.judge import HumanJudge
 from duobench.results.limits import TimeLimits
 from duobench.results.records import REAL, EpisodeRecord, Judged
-from duobench.results.run import Run
+from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite, TaskInfo
 from duobench.rig_sessions.cameras import Film, jpeg
 from duobench.rig_sessions.overlay import Overlay
@@ -38,7 +38,7 @@ from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.rig_sessions.status_page import SILENCE_S, StatusPage
 from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialLog
-from duobench.rig_sessions.trials_plan import Candidate, RigEpisode, TrialsPlan, shuffled
+from duobench.rig_sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
 from duobench.versions import package_versions, record_versions
@@ -83,18 +83,17 @@ class TrialsSession(RigSession):
     ) -> None:
         super().__init__(duo, HumanJudge(plan.task.max_stage, duo.clock.now))
         self._folder, self._plan, self._overlay, self._wall = folder, plan, overlay, wall
-        self._runs = [
-            _run_of(plan, candidate, source, command)
-            for candidate, source in zip(plan.policies, sources, strict=True)
-        ]
         self._runners = [
-            self._runner(run, source, data) for run, source in zip(self._runs, sources, strict=True)
+            self._runner(candidate, source, data)
+            for candidate, source in zip(plan.policies, sources, strict=True)
         ]
         self._log: TrialLog = folder.open_log(wall())
         self._progress = TrialsProgress.of(self._log.entries)
         self._trial: RigEpisode | None = None
         self._attempt = 0
-        self._begun: set[int] = set()
+        with folder.run.writer() as journal:
+            folder.run.begin(plan.run)
+            journal.start(command, 1)
         self.view = self._page = StatusPage(self, server, overlay, silence_s)
 
     def run(self) -> bool:
@@ -147,7 +146,7 @@ class TrialsSession(RigSession):
         self._trial = trial
         self._attempt = self._progress.attempts.get(trial.number, 0) + 1
         self.begin()
-        episode = self._plan.episode(trial.episode)
+        episode = self._plan.episode(trial)
         layout = self._overlay.layout(episode.seed, episode.split)
         self._page.begin(layout, self._about(trial, layout))
         name = f"episode {trial.episode}"
@@ -198,8 +197,9 @@ class TrialsSession(RigSession):
     def _record(
         self, trial: RigEpisode, recorder: EpisodeRecorder, played: PlayedEpisode
     ) -> EpisodeRecord:
-        run, labels = self._runs[trial.policy], self.judge.labels
-        plain = recorder.record(run, record_versions(None))
+        labels = self.judge.labels
+        policy = self._plan.policies[trial.policy].policy
+        plain = recorder.record(self._plan.run, record_versions(None), policy)
         success = labels.stage == plain.max_stage
         record = replace(
             plain,
@@ -209,7 +209,7 @@ class TrialsSession(RigSession):
             success_at_end=success and self.at_end is not False,
             unmet=None,
             domain=REAL,
-            rig=run.rig,
+            rig=self._plan.run.rig,
             judged=Judged(
                 rater=self._plan.rater,
                 presses=labels.all,
@@ -222,18 +222,16 @@ class TrialsSession(RigSession):
         return record if played.error is None else record.broken(played.error, played.steps)
 
     def _keep(self, trial: RigEpisode, record: EpisodeRecord, video: bytes | None) -> None:
-        run_folder = self._folder.run(self._plan.letter(trial.policy))
-        if not run_folder.description.exists() or trial.policy not in self._begun:
-            run_folder.begin(self._runs[trial.policy])
-            self._begun.add(trial.policy)
-        run_folder.write(record, video)
+        self._folder.run.write(record, video)
         self._runners[trial.policy].settle(counts=True)
         self.write(LogKind.VALID)
         self._progress = TrialsProgress.of(self._log.entries)
         self.message = ""
 
-    def _runner(self, run: Run, source: PolicySource, data: DataSet | None) -> PolicyRunner:
-        config, metadata = run.config, source.metadata
+    def _runner(
+        self, candidate: Candidate, source: PolicySource, data: DataSet | None
+    ) -> PolicyRunner:
+        config, metadata = candidate.config, source.metadata
         env = make_real_env(
             self.duo,
             self._plan.task.reference,
@@ -249,14 +247,11 @@ class TrialsSession(RigSession):
         return PolicyRunner(env, source)
 
 
-def _run_of(plan: TrialsPlan, candidate: Candidate, source: PolicySource, command: str) -> Run:
-    metadata = candidate.metadata
-    usual = catalog.get(plan.task.reference).horizon
-    return Run(
-        policy=candidate.spec,
-        suite=Suite(tasks=(plan.task,), episodes=plan.episodes, first_episode=plan.first_episode),
-        videos=plan.episodes,
-        limits=TimeLimits(),
+def _candidate(name: str, trained_on: str, source: PolicySource, task: TaskInfo) -> Candidate:
+    metadata = source.metadata
+    usual = catalog.get(task.reference).horizon
+    return Candidate(
+        policy=name,
         metadata=metadata,
         config=EnvConfig(
             cameras=metadata.cameras,
@@ -264,14 +259,10 @@ def _run_of(plan: TrialsPlan, candidate: Candidate, source: PolicySource, comman
             action_mode=metadata.action_mode,
             control_rate_hz=metadata.control_rate_hz,
             image_size=metadata.image_size or IMAGE_SIZE,
-            horizon=None if plan.task.horizon == usual else plan.task.horizon,
+            horizon=None if task.horizon == usual else task.horizon,
         ),
-        versions=package_versions(),
         batching=source.batching,
-        command=command,
-        domain=REAL,
-        rig=plan.rig,
-        trained_on=candidate.trained_on,
+        trained_on=trained_on,
     )
 
 
@@ -320,20 +311,16 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
     for name, trained_on in policies:
         sources[name] = source = find_rig_policy(name, (task,))
         ending.callback(source.close)
-        candidates.append(Candidate(spec=name, metadata=source.metadata, trained_on=trained_on))
-    plan = folder.begin(
-        TrialsPlan(
-            task=task,
-            policies=shuffled(tuple(candidates), order_seed) if blind else tuple(candidates),
-            rig=duo.rig.hash,
-            rater=rater,
-            episodes=episodes,
-            first_episode=first_episode,
-            order_seed=order_seed,
-            blind=blind,
-            versions=package_versions(),
-        )
+        candidates.append(_candidate(name, trained_on, source, task))
+    run = Run(
+        candidates=shuffled(tuple(candidates), order_seed) if blind else tuple(candidates),
+        suite=Suite(tasks=(task,), episodes=episodes, first_episode=first_episode),
+        limits=TimeLimits(),
+        versions=package_versions(),
+        domain=REAL,
+        rig=duo.rig.hash,
     )
+    plan = folder.begin(TrialsPlan(run=run, rater=rater, order_seed=order_seed, blind=blind))
     duo.start()
     duo.rig.write(folder.rig)
     definition = cast("Task", catalog.get(task.reference))
@@ -342,7 +329,7 @@ def open_session(  # noqa: PLR0913 - everything that can be chosen
     session = TrialsSession(
         folder,
         plan,
-        [sources[candidate.spec] for candidate in plan.policies],
+        [sources[candidate.policy] for candidate in plan.policies],
         duo,
         overlay,
         server,

@@ -1,12 +1,12 @@
-"""The folder of an evaluation on real arms: its plan, its log, and a run for each policy."""
+"""The folder of an evaluation on real arms: its plan, its log, and the run of its policies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from duobench.errors import EvaluationError, OtherRunError
+from duobench.errors import EvaluationError
 from duobench.files import begin_or_continue, encode, read, write
 from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
 from duobench.results.folder import RunFolder
@@ -61,11 +61,8 @@ class TrialsFolder:
         self.rig = self.path / "rig.json"
         """The rig's file, as it was."""
         self.page = self.path / "index.html"
-        self.comparison = self.path / "comparison"
-
-    def run(self, letter: str) -> RunFolder:
-        """Folder of a policy's run."""
-        return RunFolder(self.path / "runs" / letter)
+        self.run = RunFolder(self.path / "run")
+        """Records, films and report of all policies."""
 
     def placed(self, trial: int, attempt: int) -> Path:
         """What the head camera saw when the objects were placed."""
@@ -91,15 +88,7 @@ class TrialsFolder:
             OutputError: Nothing can be written.
         """
         if self.description.exists():
-            before = self.read_plan()
-            if found := plan.differences(before):
-                raise OtherRunError(
-                    f"{self.path} holds another evaluation on real arms; this one has "
-                    f"{'; '.join(found)}."
-                )
-            plan = replace(before, episodes=plan.episodes)
-            write(self.description, encode(plan, PLAN_SCHEMA))
-            return plan
+            plan = plan.ordered_as(self.read_plan())
         begin_or_continue(
             self.path,
             self.description,
@@ -108,6 +97,7 @@ class TrialsFolder:
             what="evaluation on real arms",
             kept=(DOCTOR_FILE,),
         )
+        write(self.description, encode(plan, PLAN_SCHEMA))
         return plan
 
     def read_plan(self) -> TrialsPlan:
@@ -168,4 +158,5 @@ class TrialsFolder:
         ]
 
     def _record(self, plan: TrialsPlan, trial: RigEpisode) -> Path:
-        return self.run(plan.letter(trial.policy)).record(plan.task.id, trial.episode)
+        policy = plan.policies[trial.policy].policy
+        return self.run.record(plan.run.key(plan.episode(trial), policy))

@@ -6,8 +6,7 @@ decides, so that light, wear and the operator's skill change for all of them ali
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from string import ascii_uppercase
 from typing import ClassVar
 
@@ -15,34 +14,16 @@ import numpy as np
 
 from duobench.errors import EvaluationError
 from duobench.files import differences
-from duobench.policy import PolicyMetadata
-from duobench.results.run import TRAININGS
+from duobench.results.run import Candidate, Run
 from duobench.results.suite import Episode, TaskInfo
 
-PLAN_SCHEMA = 1
+PLAN_SCHEMA = 2
 """Version of the plan's fields."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Candidate:
-    """One of the policies."""
-
-    spec: str
-    metadata: PolicyMetadata
-    """What it says about itself, with its version."""
-    trained_on: str = ""
-    """What it was trained on: "sim", "real" or "mixed"; empty if nobody said."""
-
-    def __post_init__(self) -> None:
-        if self.trained_on not in ("", *TRAININGS):
-            raise EvaluationError(
-                f"A policy is trained on {', '.join(TRAININGS)}; got {self.trained_on!r}."
-            )
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class RigEpisode:
-    """One policy in one episode."""
+    """One policy in one episode: a trial."""
 
     number: int
     """Place in the plan, from 0 on."""
@@ -57,85 +38,69 @@ class TrialsPlan:
     """Everything that decides what is played, and in which order."""
 
     CHECKED_FROM: ClassVar[int] = 1
-    task: TaskInfo
-    policies: tuple[Candidate, ...]
-    """The policies, in the order of their letters A, B, ..."""
-    rig: str
-    """SHA-256 of the rig."""
+    run: Run
+    """What is played, on one task; its policies in the order of their letters A, B, ..."""
     rater: str
     """Who judges, by a pseudonym."""
-    episodes: int = 15
-    """Episodes of each policy [paper: 15 rollouts a task]."""
-    first_episode: int = 0
     order_seed: int = 0
     """Decides the order in which policies take turns."""
     blind: bool = False
     """Whether the page shows letters in place of names until the end."""
-    versions: Mapping[str, str]
-    """Versions of the packages that scores depend on."""
 
     def __post_init__(self) -> None:
-        if self.episodes < 1 or self.first_episode < 0:
+        if len(self.run.candidates) > len(ascii_uppercase):
             raise EvaluationError(
-                "A plan has at least one episode, counted from 0; got "
-                f"{self.episodes} from {self.first_episode}."
-            )
-        if not 1 <= len(self.policies) <= len(ascii_uppercase):
-            raise EvaluationError(
-                f"A plan has 1 to {len(ascii_uppercase)} policies, got {len(self.policies)}."
-            )
-        names = [policy.spec for policy in self.policies]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise EvaluationError(
-                f"Named more than once: {', '.join(twice)}. Name each policy once."
+                f"A plan has 1 to {len(ascii_uppercase)} policies, got {len(self.run.candidates)}."
             )
         if not self.rater.strip():
             raise EvaluationError("Whoever judges has a name, or a pseudonym.")
 
+    @property
+    def task(self) -> TaskInfo:
+        """What is to be done."""
+        (task,) = self.run.suite.tasks
+        return task
+
+    @property
+    def policies(self) -> tuple[Candidate, ...]:
+        """The policies, in the order of their letters."""
+        return self.run.candidates
+
     def trials(self) -> list[RigEpisode]:
         """Every trial in the order in which they are played, episode by episode."""
         trials: list[RigEpisode] = []
-        for episode in range(self.first_episode, self.first_episode + self.episodes):
+        for episode in self.run.suite.indices:
             rng = np.random.default_rng((self.order_seed, episode))
             for policy in rng.permutation(len(self.policies)).tolist():
                 trials.append(RigEpisode(number=len(trials), policy=policy, episode=episode))
         return trials
 
     def letter(self, policy: int) -> str:
-        """Letter of a policy, which is also the name of its run's folder."""
+        """Letter of a policy."""
         return ascii_uppercase[policy]
 
     def shown_name(self, policy: int) -> str:
         """How the page calls a policy while trials are played."""
         letter = self.letter(policy)
-        return f"Policy {letter}" if self.blind else f"{letter}: {self.policies[policy].spec}"
+        return f"Policy {letter}" if self.blind else f"{letter}: {self.policies[policy].policy}"
 
-    def episode(self, index: int) -> Episode:
-        """An episode of the suite."""
-        return Episode(task=self.task, index=index)
+    def episode(self, trial: RigEpisode) -> Episode:
+        """The episode of a trial."""
+        return Episode(task=self.task, index=trial.episode)
+
+    def ordered_as(self, before: TrialsPlan) -> TrialsPlan:
+        """This plan with rater, order and letters of one that is there already."""
+        order = [each.policy for each in before.policies]
+        policies = self.policies
+        if sorted(order) == sorted(each.policy for each in policies):
+            policies = tuple(sorted(policies, key=lambda each: order.index(each.policy)))
+        run = replace(self.run, candidates=policies)
+        return replace(self, run=run, rater=before.rater, order_seed=before.order_seed)
 
     def differences(self, other: TrialsPlan) -> list[str]:
-        """What another plan has differently, field by field; it may have fewer episodes.
-
-        Seed of the order and letters are those of the plan that is there.
-        """
-        return differences(self._facts(), other._facts()) + (
-            [f"episodes {self.episodes} instead of {other.episodes} or more"]
-            if self.episodes < other.episodes
-            else []
-        )
-
-    def _facts(self) -> dict[str, object]:
-        policies = {policy.spec: policy for policy in self.policies}
-        return {
-            "task": self.task,
-            "policies": " ".join(sorted(policies)),
-            **{f"policy {name}": policies[name] for name in sorted(policies)},
-            "rig": self.rig,
-            "first episode": self.first_episode,
-            "blind": self.blind,
-            **{f"version of {name}": value for name, value in self.versions.items()},
-        }
+        """What another plan has differently, field by field; it may have fewer episodes."""
+        facts = {"blind": self.blind}, {"blind": other.blind}
+        return self.run.differences(other.run) + differences(*facts)
 
 
 def shuffled(policies: tuple[Candidate, ...], seed: int) -> tuple[Candidate, ...]:

@@ -9,11 +9,12 @@ from typing import Any
 from duobench.files import write
 from duobench.hardware.doctor.checks import Report
 from duobench.pages import render
-from duobench.results import metrics
-from duobench.results.compare import compare, write_comparison
-from duobench.results.comparison import words
-from duobench.results.metrics import Score
-from duobench.results.report import write_report
+from duobench.results import scores
+from duobench.results.compare import compare_parts
+from duobench.results.folder import CONDITIONS
+from duobench.results.report import read_parts, write_report
+from duobench.results.scores import RunPart, Score
+from duobench.results.tables import verdict
 from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_plan import TrialsPlan
 
@@ -24,6 +25,8 @@ class PolicyResult:
 
     letter: str
     policy: str
+    page: str
+    """Folder of its report, in that of the run."""
     trained_on: str
     score: Score
     reflexes: int
@@ -82,26 +85,27 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
     missing = len(folder.remaining(plan, progress))
     is_shown = not (plan.blind and missing)
     policies: list[PolicyResult] = []
-    for number, policy in enumerate(plan.policies):
-        run_folder = folder.run(plan.letter(number))
-        if not (is_shown and run_folder.has_records):
+    parts: list[RunPart] = []
+    if is_shown and folder.run.has_records:
+        write_report(folder.run)
+        parts = read_parts(folder.run)
+    for number, part in enumerate(parts):
+        if not part.records:
             continue
-        results = write_report(run_folder)
-        records = [record for one in results.tasks for record in one.records]
         policies.append(
             PolicyResult(
                 letter=plan.letter(number),
-                policy=policy.spec,
-                trained_on=policy.trained_on,
-                score=results.overall,
-                reflexes=sum(bool(each.judged and each.judged.reflex) for each in records),
+                policy=part.candidate.policy,
+                page=f"{CONDITIONS}/{part.condition.name}/" if len(parts) > 1 else "",
+                trained_on=part.candidate.trained_on,
+                score=part.results.overall,
+                reflexes=sum(bool(each.judged and each.judged.reflex) for each in part.records),
             )
         )
     verdicts: list[str] = []
     if len(policies) > 1:
-        comparison = compare([str(folder.run(one.letter).path) for one in policies])
-        write_comparison(comparison, folder.comparison)
-        verdicts = [words.verdict(pair) for pair in comparison.pairs]
+        comparison = compare_parts(part for part in parts if part.records)
+        verdicts = [verdict(pair) for pair in comparison.pairs]
     reasons = Counter(reason for each in progress.invalid.values() for reason in each)
     report = TrialsReport(
         plan=plan,
@@ -121,5 +125,5 @@ def _page(report: TrialsReport) -> str:
         "trials.html.j2",
         report=report,
         plan=report.plan,
-        metrics=metrics,
+        scores=scores,
     )

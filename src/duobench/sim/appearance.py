@@ -206,7 +206,7 @@ class Appearance:
         self.look = look
         materials = resolve_materials(model, look)
         self.textures = materials.textures
-        """What the materials after those of the model show; see `sim.uploads`."""
+        """What the materials after those of the model show; see `sim.offscreen.upload`."""
         self._by_geom = materials.by_geom
         self._pieces = [_as_geom(piece) for piece in pieces(look.clutter, look.seed)]
         self._first_material, self._first_texture = model.nmat, model.ntex

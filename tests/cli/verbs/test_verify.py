@@ -7,9 +7,10 @@ import pytest
 
 from duobench.cli import main
 from duobench.files import write
+from duobench.results.folder import RunFolder
 from tests.evaluation import toy_tasks
 from tests.evaluation.forging import rewritten
-from tests.results.samples import without_times
+from tests.results.samples import key, without_times
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def test_bundle_is_verified_and_reported_as_its_run(
     page = run.with_name("report") / "index.html"
     assert without_times(page.read_text()) == without_times((run / "index.html").read_text())
     main(["report", str(bundle), "--out", str(run.with_name("report"))])
-    with pytest.raises(SystemExit, match="holds no report of a bundle"):
+    with pytest.raises(SystemExit, match="holds a run, and no report of a bundle"):
         main(["report", str(bundle), "--out", str(run)])
     with pytest.raises(SystemExit, match="say with --out where"):
         main(["report", str(bundle)])
@@ -51,11 +52,16 @@ def test_report_of_a_bundle_has_videos_too(run: Path, capsys: pytest.CaptureFixt
     for said in ("1 video made\n", "0 videos made, 1 there before"):
         main(["report", str(run.with_name("run.duobench.zip")), *words])
         assert said in _out(capsys)
-    assert 'src="videos/bin_sort/00001.webm"' in (out / "index.html").read_text()
+    assert (
+        'src="videos/bin_sort/hold.sim.none.default/00001.webm"' in (out / "index.html").read_text()
+    )
 
 
 def test_disagreement_is_one_line_and_fails(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rewritten(run / "records" / "bin_sort" / "00001.json", lambda record: record.update(steps=9))
+    rewritten(
+        RunFolder(run).record(key(RunFolder(run), "bin_sort", 1)),
+        lambda record: record.update(steps=9),
+    )
     with pytest.raises(SystemExit) as left:
         main(["verify", str(run), "--workers", "0"])
     assert left.value.code == 1
@@ -70,7 +76,7 @@ def test_unfinished_run_and_tasks_of_others_are_said(
     run = tmp_path / "run"
     words = ["--tasks", toy_tasks.NOD_NAME, "--episodes", "6", "--videos", "0", "--workers", "0"]
     main(["eval", "--policy", "hold", "--out", str(run), *words])
-    (run / "records" / "nod" / "00005.json").unlink()
+    RunFolder(run).record(key(RunFolder(run), "nod", 5)).unlink()
     with pytest.raises(SystemExit):
         main(["verify", str(run), "--workers", "0"])
     out = _out(capsys)

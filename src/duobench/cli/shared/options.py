@@ -12,7 +12,7 @@ _ELSEWHERE: Mapping[str, str] = {"out": "DIR", "server": "URL", "key_file": "FIL
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
 _NO_MATTER = (
     *("workers", "retry_broken", "wait", "watch", "watch_port"),
-    *("executor", "address", "policy_gpus"),
+    *("executor", "address", "policy_gpus", "shard"),
 )
 """Options that no result depends on."""
 

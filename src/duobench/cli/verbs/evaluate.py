@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
@@ -17,13 +17,11 @@ from duobench.errors import EvaluationError, OptionError, PolicyError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.evaluation.policies import PolicyChoice
     from duobench.policy.batch import Batching
     from duobench.policy.serving.address import RemoteServer
-    from duobench.results.metrics import Results
-    from duobench.results.run import Run
-    from duobench.results.suite import Suite
-    from duobench.results.suites.shard import Shard
+    from duobench.results.folder import RunFolder
+    from duobench.results.scores import Results
+    from duobench.results.shard import Shard
     from duobench.runners.ray_cluster import Cluster
     from duobench.shifts.shift import Shift
 
@@ -105,8 +103,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         overtime: Play an episode without success on after its horizon, until it has had so many
             horizons in all, such as 1.5; the report has a column of what succeeds then. Scores and
             records end at the horizon.
-        shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1;
-            it has a folder of its own in --out. See docs/scale.md.
+        shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1.
+            All parts go into one --out, or into several whose contents are copied into one
+            afterwards. See docs/scale.md.
         shift: Play under one shift, such as look-3; see docs/robustness.md.
         axes: Of the suite robust, these axes alone: look, camera, layout, physics, instruction,
             sensing, latency, all.
@@ -121,16 +120,14 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
-    from duobench.cli.shared.advice import advising, for_evaluation, relative
+    from duobench.cli.shared.advice import advising, for_evaluation
     from duobench.cli.shared.progress import EpisodesPlayed, display
     from duobench.evaluation.policies import PolicyChoice
     from duobench.results.folder import RunFolder
     from duobench.results.limits import TimeLimits
-    from duobench.results.suites.catalog import PAPER_EXECUTE, make_suite
-    from duobench.results.suites.merged import shard_folder
-    from duobench.results.suites.shard import Shard
+    from duobench.results.shard import WHOLE, Shard
+    from duobench.results.suites import PAPER_EXECUTE, make_suite
     from duobench.runners.evaluate import evaluate as play
-    from duobench.shifts.shift import Shift
 
     batching = _batching(batch, max_batch)
     _check_old_names(policy, layout)
@@ -143,33 +140,17 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         execute=execute,
         latency=latency,
         overtime=overtime,
-        shift=Shift.parse(shift),
+        shifts=_shifts(suite, shift, axes, levels),
     )
     asked = played.execution.execute or PAPER_EXECUTE
     remote = _remote(policy, server, format, asked, wait, key_file)
     choice = PolicyChoice.parse(policy, batching=batching, server=remote)
     limits = TimeLimits(act_timeout=act_timeout, episode_timeout=episode_timeout)
-    part = None if shard is None else Shard.parse(shard)
-    conditions = _conditions(played, axes, levels)
+    part = WHOLE if shard is None else Shard.parse(shard)
     screen = console()
     if workers == 0 and not choice.is_scripted:
         screen.print("The policy plays in the process of the simulator, which it can see and move.")
-    if conditions:
-        if unplayed_count_as_failures:
-            raise OptionError("--unplayed-count-as-failures does not go with --suite robust.")
-        run_shifts = partial(
-            _evaluate_shifts, choice, played, out, conditions, screen, shard=part, command=command
-        )
-        run_shifts(
-            limits=limits,
-            workers=workers,
-            videos=videos or 0,
-            retry_broken=retry_broken,
-            fresh=fresh,
-            cluster=_cluster(executor, address, policy_gpus),
-        )
-        return
-    folder = RunFolder(out if part is None else shard_folder(out, part))
+    folder = RunFolder(out)
     advised = advising(partial(for_evaluation, folder, policy))
     with (
         advised,
@@ -180,10 +161,10 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             choice,
             played,
             folder,
-            videos=1 if videos is None else videos,
+            videos=int(len(played.shifts) == 1) if videos is None else videos,
             limits=limits,
             workers=workers,
-            observers=[EpisodesPlayed(shown)],
+            observers=[EpisodesPlayed(shown, part)],
             retry_broken=retry_broken,
             fresh=fresh,
             unplayed_count_as_failures=unplayed_count_as_failures,
@@ -191,7 +172,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             shard=part,
             cluster=_cluster(executor, address, policy_gpus),
         )
-    _show(folder.read_run(), results, relative(folder.page), screen)
+    _show(folder, part, results, screen)
 
 
 def _cluster(executor: Literal["processes", "ray"], address: str, gpus: float) -> Cluster | None:
@@ -204,22 +185,25 @@ def _cluster(executor: Literal["processes", "ray"], address: str, gpus: float) -
     return None
 
 
-def _conditions(suite: Suite, axes: Sequence[str], levels: Sequence[int]) -> list[Shift]:
-    """The shifts under which a suite is played; none if it has no conditions."""
+def _shifts(
+    suite: str | None, shift: str, axes: Sequence[str], levels: Sequence[int]
+) -> list[Shift]:
+    """The shifts that options choose; none where the suite decides."""
     from duobench.errors import check_known
-    from duobench.results.suites.catalog import SUITES
+    from duobench.results.suites import SUITES
     from duobench.shifts.shift import AXES, NO_AXIS, Shift
 
-    shifts = SUITES[suite.name].shifts if suite.name in SUITES else ()
+    chosen = Shift.parse(shift)
+    shifts = SUITES[suite].shifts if suite is not None and suite in SUITES else ()
     if len(shifts) < 2:  # noqa: PLR2004 - the usual episodes alone
         if axes or levels:
             raise OptionError("--axes and --levels go with --suite robust; see --shift.")
-        return []
+        return [chosen]
     for axis in axes:
         check_known("axis of a shift", axis, AXES)
     for level in levels:
         Shift(axis=AXES[0], level=level)
-    if suite.shift.axis != NO_AXIS:
+    if chosen.axis != NO_AXIS:
         raise OptionError("--suite robust has shifts of its own; --shift is for other suites.")
     return [
         each
@@ -229,56 +213,27 @@ def _conditions(suite: Suite, axes: Sequence[str], levels: Sequence[int]) -> lis
     ]
 
 
-def _evaluate_shifts(
-    choice: PolicyChoice,
-    suite: Suite,
-    out: Path,
-    conditions: Sequence[Shift],
-    screen: Console,
-    *,
-    shard: Shard | None,
-    **options: Any,
-) -> None:
-    """Play a suite under shifts, and report it; the exit code is 1 if an episode has an error."""
-    from duobench.cli.shared.advice import advising, for_evaluation, relative
-    from duobench.cli.shared.progress import EpisodesPlayed, display
-    from duobench.results.folder import RunFolder
-    from duobench.results.report import read_results
-    from duobench.results.robustness.conditions import read_robustness
-    from duobench.results.robustness.report import write_robustness
-    from duobench.runners.shifts import evaluate_shifts
-
-    advised = advising(partial(for_evaluation, RunFolder(out), choice.name.text))
-    with advised, raising(screen), display(screen, "episode") as shown:
-        observers = [EpisodesPlayed(shown, len(conditions))]
-        folders = evaluate_shifts(
-            choice, suite, out, conditions, observers=observers, shard=shard, **options
-        )
-        if shard is None:
-            screen.print(f"Report: {relative(write_robustness([read_robustness(out)], out))}")
-        else:
-            screen.print(f"Shard {shard} is finished; duobench report {out} shows all together.")
-    errors = sum(read_results(folder)[1].overall.errors for folder in folders.values())
-    if errors:
-        screen.print(
-            f"{counted(errors, 'episode')} failed with an error; the reports of the conditions "
-            "have the tracebacks. --retry-broken plays them again."
-        )
-        sys.exit(1)
-
-
-def _show(run: Run, results: Results, page: Path, screen: Console) -> None:
+def _show(folder: RunFolder, shard: Shard, results: Results, screen: Console) -> None:
     """Print the results; the exit code is 1 if an episode failed with an error."""
+    from duobench.cli.shared.advice import relative
     from duobench.cli.shared.table import results_table
+    from duobench.results.report import read_parts
 
-    screen.print(results_table(run, results))
-    screen.print(f"Report: {page}")
-    if results.overall.errors:
+    parts = read_parts(folder)
+    run, overall = parts[0].run, results.overall
+    if shard.is_whole and len(parts) == 1:
+        screen.print(results_table(parts[0]))
+    if shard.is_whole or sum(part.results.overall.episodes for part in parts) == run.size:
+        screen.print(f"Report: {relative(folder.page)}")
+    else:
+        whole = f"duobench report {relative(folder.path)}"
+        screen.print(f"Shard {shard} is finished; {whole} shows all together.")
+    if overall.errors:
         changed = "a policy that was changed needs another --out, or --fresh"
-        if results.overall.errors == results.overall.episodes:
+        if overall.errors == overall.episodes:
             changed = "without it they are played again too, once the policy was changed"
         screen.print(
-            f"{counted(results.overall.errors, 'episode')} failed with an error; the report has "
+            f"{counted(overall.errors, 'episode')} failed with an error; the report has "
             "the tracebacks. To play them again, give the same command with --retry-broken; "
             f"{changed}.",
         )

@@ -10,7 +10,7 @@ from duobench.cli.shared.advice import AdvisedError, advising
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.interrupt import raising
 from duobench.cli.verbs.data import opened
-from duobench.data.lerobot.folder import ExportOptions
+from duobench.data.lerobot.options import ExportOptions
 from duobench.errors import DuoBenchError, SeveralTasksError
 
 _DEFAULTS = ExportOptions()

@@ -15,7 +15,7 @@ from duobench.errors import DuoBenchError, OtherRunError
 
 if TYPE_CHECKING:
     from duobench.data.processes import Progress
-    from duobench.results.leaderboard.board import Entry
+    from duobench.results.leaderboard import BoardEntry
 
 
 def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1) -> None:
@@ -55,8 +55,8 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
     screen.print(f"Leaderboard: {page}, {counted(len(board.entries), 'policy run')}")
 
 
-def _result(entry: Entry) -> str:
-    from duobench.results.metrics import interval_percent, percent
+def _result(entry: BoardEntry) -> str:
+    from duobench.results.scores import interval_percent, percent
 
     overall = entry.results.overall
     rate, interval = percent(overall.success_rate), interval_percent(overall)

@@ -53,7 +53,7 @@ def replay(
 
 def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
     from duobench.data import Recording
-    from duobench.replay import replay_all
+    from duobench.replay import replay as play_again
     from duobench.tasks import catalog
 
     screen = console()
@@ -62,7 +62,7 @@ def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
     for task in tasks or data.tasks:
         paths = data.episodes_of([catalog.get(task).id])
         results = []
-        for path, result in zip(paths, replay_all(task, map(Recording.read, paths)), strict=True):
+        for path, result in zip(paths, play_again(task, map(Recording.read, paths)), strict=True):
             results.append(result)
             if not result.is_exact:
                 screen.print(
@@ -95,7 +95,7 @@ def _by_states(
     look: str,
 ) -> None:
     from duobench.data import ImageSource, Recording
-    from duobench.evaluation.recorder import FRAME_RATE
+    from duobench.evaluation.video import FRAME_RATE
     from duobench.files import replacing
     from duobench.results.folder import VIDEO_SUFFIX
     from duobench.tasks import catalog
@@ -119,7 +119,7 @@ def _frames(source: ImageSource, recording: Recording) -> Iterator[Image]:
     """The images of all cameras side by side, for a video."""
     import numpy as np
 
-    from duobench.evaluation.recorder import FRAME_EVERY
+    from duobench.evaluation.video import FRAME_EVERY
 
     for row in range(0, len(recording) + 1, FRAME_EVERY):
         yield np.concatenate(list(source.images(recording, row).values()), axis=1)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.shared.advice import conditions_of, find_runs
+from duobench.cli.shared.advice import find_run
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
 
@@ -16,46 +18,37 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from duobench.replay.verify import Finding, Verification
+    from duobench.results.records import Condition
 
 NAMED = 3
 """Episodes that are named of those that are not verifiable for one reason."""
 
 
 def verify(
-    source: tyro.conf.Positional[tuple[Path, ...]], workers: int = 1, import_tasks: bool = False
+    source: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool = False
 ) -> None:
     """Play the joint targets in the records of a run again, without its policy, and compare.
 
     The exit code is 1 if anything comes out differently, or if nothing could be verified.
 
     Args:
-        source: Folder of the run, a file that duobench bundle has written, or the folders of all
-            shards of a run, or the folder that they, or the
-            conditions of the suite robust, lie in.
+        source: Folder of the run, or a file that duobench bundle has written.
         workers: Processes that verify side by side.
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the run names.
     """
-    find_runs(source)
+    find_run(source)
     load_engine()
     from duobench.cli.shared.progress import display
     from duobench.replay.verify import verify as verify_run
-    from duobench.results.source import open_sources
+    from duobench.results.bundle import open_source
 
     screen = console()
-    conditions = conditions_of(source[0]) if len(source) == 1 else []
-    is_verified = True
-    for paths in [[path] for path in conditions] or [source]:
-        if conditions:
-            screen.print(f"{paths[0]}:")
-        opened = open_sources(paths)
-        with display(screen, "episode") as shown:
-            found = verify_run(
-                opened, workers=workers, import_tasks=import_tasks, progress=shown.tell
-            )
-        _show(found, screen, import_tasks)
-        is_verified &= found.is_verified
-    if not is_verified:
+    opened = open_source(source)
+    with display(screen, "episode") as shown:
+        found = verify_run(opened, workers=workers, import_tasks=import_tasks, progress=shown.tell)
+    _show(found, screen, import_tasks)
+    if not found.is_verified:
         sys.exit(1)
 
 
@@ -64,20 +57,21 @@ def _show(found: Verification, screen: Console, import_tasks: bool) -> None:
     from duobench.replay.verify import Verdict
     from duobench.tasks import catalog
 
+    name = partial(_name, found.run.conditions)
     for sentence in found.objections:
         screen.print(f"Contradicted: {sentence}")
     for finding in found.of(Verdict.CONTRADICTED):
-        screen.print(f"Contradicted: {_name(finding)}: {finding.reason}")
+        screen.print(f"Contradicted: {name(finding)}: {finding.reason}")
     for verdict in (Verdict.STAGES, Verdict.UNVERIFIABLE):
         for reason, findings in _by_reason(found.of(verdict)).items():
-            names = ", ".join(map(_name, findings[:NAMED]))
+            names = ", ".join(name(finding) for finding in findings[:NAMED])
             more = f" and {len(findings) - NAMED} more" if len(findings) > NAMED else ""
             screen.print(f"{verdict.capitalize()}: {names}{more}: {reason}")
     counts = (f"{verdict} {len(found.of(verdict))}" for verdict in Verdict)
     screen.print(f"{counted(len(found.findings), 'episode')}: {', '.join(counts)}.")
     if found.missing:
         screen.print(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
-    foreign = {one.task for one in found.of(Verdict.UNVERIFIABLE)} - set(catalog.names())
+    foreign = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)} - set(catalog.names())
     if foreign and not import_tasks:
         screen.print("With --import-tasks its tasks are imported; that runs the code of others.")
     screen.print("Verified." if found.is_verified else "Not verified.")
@@ -90,5 +84,8 @@ def _by_reason(findings: list[Finding]) -> dict[str, list[Finding]]:
     return grouped
 
 
-def _name(finding: Finding) -> str:
-    return f"{finding.task}, episode {finding.episode}"
+def _name(conditions: Mapping[str, Condition], finding: Finding) -> str:
+    """What an episode is called, with its condition where there are several."""
+    task, condition, episode = finding.key
+    shift = f", {conditions[condition].shift}" if len(conditions) > 1 else ""
+    return f"{task}, episode {episode}{shift}"

@@ -6,7 +6,8 @@ from functools import cache
 
 import numpy as np
 
-from duobench.data.lerobot.folder import ActionSource, Residual
+from duobench.data.lerobot.folder import Residual
+from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
 from duobench.envs.action_labels import tool_labels
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT

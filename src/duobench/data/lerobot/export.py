@@ -22,17 +22,15 @@ from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
     SCHEMA,
-    ActionSource,
     EpisodeFacts,
     Export,
     ExportFolder,
-    ExportOptions,
-    Pairing,
     Residual,
     SourceEpisode,
     schema,
 )
 from duobench.data.lerobot.metadata import finish
+from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain

@@ -163,14 +163,14 @@ class PolicyHost:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class _EpisodeKey:
+class _RequestedEpisode:
     """What distinguishes one episode of a client from the next."""
 
     prompt: str = ""
     seed: int = 0
     session_id: object = None
 
-    def changed_by(self, request: dict[str, Any]) -> _EpisodeKey:
+    def changed_by(self, request: dict[str, Any]) -> _RequestedEpisode:
         """The episode that a request belongs to; takes what only says that out of it.
 
         Raises:
@@ -185,7 +185,7 @@ class _EpisodeKey:
             raise MessageError(f"A seed is a whole number from 0, got {seed!r:.40}.")
         if not isinstance(session_id, str | int | None):
             raise MessageError(f"A session_id is a text, got a {type(session_id).__name__}.")
-        return _EpisodeKey(prompt=prompt, seed=number, session_id=session_id)
+        return _RequestedEpisode(prompt=prompt, seed=number, session_id=session_id)
 
 
 class ClientSession:
@@ -195,7 +195,7 @@ class ClientSession:
         self._loop = loop
         self._answer_s = answer_s
         self._session: Session | None = None
-        self._episode = _EpisodeKey()
+        self._episode = _RequestedEpisode()
         self._received = 0.0
         self._timing: dict[str, float] = {}
 
@@ -217,7 +217,7 @@ class ClientSession:
                 f"The endpoint of a request is infer or reset, got {endpoint!r:.40}."
             )
         if endpoint == "reset":
-            await self._begin(_EpisodeKey().changed_by(request))
+            await self._begin(_RequestedEpisode().changed_by(request))
             return pack({"status": _RESET_STATUS})
         return await self._infer(request)
 
@@ -250,7 +250,7 @@ class ClientSession:
         said = {} if intended is None else {"intended": np.asarray(intended)}
         return pack({"actions": chunk, **said, "server_timing": timing})
 
-    async def _begin(self, episode: _EpisodeKey) -> Session:
+    async def _begin(self, episode: _RequestedEpisode) -> Session:
         self.close()
         future = self._loop.begin(episode.prompt, episode.seed)
         try:

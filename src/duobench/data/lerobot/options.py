@@ -1,0 +1,81 @@
+"""What can be chosen about an export."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from duobench.data.schema import Domain
+from duobench.envs.action_labels import LABELS
+from duobench.envs.action_modes import JOINT
+from duobench.envs.config import IMAGE_SIZE
+from duobench.errors import DataError, check_known
+from duobench.looks.catalog import DEFAULT, as_look
+from duobench.robot.cameras import check_image_size
+from duobench.types import POLICY_CAMERAS
+
+
+class Pairing(StrEnum):
+    """Which observation stands in a row with action t."""
+
+    CAUSAL = "causal"
+    """What was seen before the action, o_t: what a policy sees when it decides."""
+    DELAYED = "delayed"
+    """What was seen after it, o_{t+1} [paper, data sets]."""
+
+
+class ActionSource(StrEnum):
+    """Which of the recorded numbers become `action`."""
+
+    INTENDED = "intended"
+    """What the actor wanted, where it acted in joint targets or in the exported mode; else what was
+    sent."""
+    SENT = "sent"
+    """What the arms were really sent: clipped to limits, and with noise that an actor added to its
+    own actions."""
+    GIVEN = "given"
+    """What the actor wanted; tool poses that are exported in another mode are brought to joint
+    targets by inverse kinematics that starts at the observed joints of each row."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportOptions:
+    """Options of an export; the defaults suit the evaluation's environment."""
+
+    tasks: tuple[str, ...] = ()
+    """Ids of the tasks to export; all tasks of the data set if there is none."""
+    cameras: tuple[str, ...] = POLICY_CAMERAS
+    """Cameras whose images are rendered; without any, or with "none" alone, there are no images."""
+    size: tuple[int, int] = IMAGE_SIZE
+    """Height and width of the images in pixels, even numbers."""
+    look: str = DEFAULT
+    """How rendered images look, such as wood_table or random:7; see docs/looks.md."""
+    pairing: Pairing = Pairing.CAUSAL
+    """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
+    action: str = JOINT.name
+    """What the actions are meant for: joint (targets), cartesian (tool poses) or cartesian_relative
+    (changes of them), with rotations as six numbers; see docs/lerobot.md."""
+    action_source: ActionSource = ActionSource.INTENDED
+    """Which recorded numbers they are made of: what the actor wanted (intended; where it acted in
+    something else, what was sent), what was sent, or what was given, brought to joint targets."""
+    object_state: bool = False
+    """Export where the objects are too, as numbers that no camera sees."""
+    only_successes: bool = False
+    """Leave out episodes that did not succeed."""
+    domains: tuple[Domain, ...] = tuple(Domain)
+    """Export episodes from there: the simulation, real arms, or both."""
+
+    def __post_init__(self) -> None:
+        """Reject invalid values."""
+        if self.cameras == ("none",):
+            object.__setattr__(self, "cameras", ())
+        for camera in self.cameras:
+            check_known("camera", camera, POLICY_CAMERAS)
+        check_known("action mode of an export", self.action, LABELS)
+        check_image_size(*self.size)
+        as_look(self.look)
+        if any(pixels % 2 for pixels in self.size):
+            raise DataError(
+                "Height and width of images in a video are even numbers, got "
+                f"{self.size[0]}x{self.size[1]}."
+            )
