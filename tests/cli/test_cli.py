@@ -1,6 +1,5 @@
 import ast
 import html
-import inspect
 import io
 import json
 import os
@@ -10,8 +9,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from PIL import Image
@@ -19,8 +20,9 @@ from rich.console import Console
 
 from duobench import __version__
 from duobench.cli import main
+from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.console import console
-from duobench.cli.shared.options import command_line
+from duobench.cli.shared.options import command_line, options_of
 from duobench.cli.verbs.evaluate import evaluate as eval_verb
 from duobench.data import DataSet
 from duobench.files import decode, encode, locked
@@ -158,14 +160,32 @@ def test_eval_plays_on_after_the_horizon(
 
 
 def test_command_has_every_option_that_a_result_may_depend_on() -> None:
-    names = list(inspect.signature(eval_verb).parameters)
-    command = command_line("eval", eval_verb, {name: f"my {name}" for name in names})
-    for name in names:
-        value = {"out": "DIR", "server": "URL", "key_file": "FILE"}.get(name, f"'my {name}'")
-        is_there = f"--{name.replace('_', '-')} {value}" in command
+    options = list(options_of(eval_verb))
+    given: dict[str, object] = {}
+    for option in options:
+        value = f"my {option.name}"
+        if option.is_nested:
+            setattr(given.setdefault(option.argument, SimpleNamespace()), option.name, value)
+        else:
+            given[option.name] = value
+    command = command_line("eval", eval_verb, given)
+    for option in options:
+        elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE"}
+        value = elsewhere.get(option.name, f"'my {option.name}'")
         no_matter = {"workers", "wait", "retry_broken", "watch", "watch_port"}
         no_matter |= {"executor", "address", "policy_gpus", "shard"}
-        assert is_there == (name not in no_matter), name
+        assert (f"{option.flag} {value}" in command) == (option.name not in no_matter), option.name
+
+
+@pytest.mark.parametrize(
+    "verb", [*VERBS.values(), *(verb for group in GROUPS.values() for verb in group.values())]
+)
+def test_no_group_of_options_is_longer_than_ten(verb: Callable[..., None]) -> None:
+    groups: dict[str, list[str]] = {}
+    for option in options_of(verb):
+        if "Positional" not in str(option.kind):
+            groups.setdefault(option.argument if option.is_nested else "", []).append(option.flag)
+    assert {name: flags for name, flags in groups.items() if len(flags) > 10} == {}
 
 
 def test_command_of_a_served_policy_says_how_it_is_asked(tmp_path: Path) -> None:

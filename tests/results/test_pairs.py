@@ -8,7 +8,7 @@ import pytest
 from duobench.randomness import SUITE_VERSION
 from duobench.results.compare import compare
 from duobench.results.entrants import RowKind
-from duobench.results.pairs import Comparison, Pair
+from duobench.results.pairs import Pair, RunComparison
 from duobench.results.statistics import (
     barnard,
     holm,
@@ -141,7 +141,7 @@ def test_scores_of_other_suites_are_shown_and_not_tested(good: str, tmp_path: Pa
 # --- who is the best -----------------------------------------------------------------------------
 
 
-def best(comparison: Comparison) -> dict[str, list[str]]:
+def best(comparison: RunComparison) -> dict[str, list[str]]:
     return {
         row.label: [one.name for one in comparison.entrants if comparison.is_best(row, one)]
         for row in comparison.rows

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from duobench.cli import main
 from duobench.policy import PolicyMetadata
 from duobench.results.folder import RunFolder
 from duobench.results.journal import PARTS, EpisodeTimes
@@ -305,7 +306,7 @@ def test_mixed_software_stacks_are_pointed_out(tmp_path: Path) -> None:
     assert "Software python 3.13" in words
 
 
-def test_unfinished_shards_are_named(tmp_path: Path) -> None:
+def test_unfinished_shards_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = sample_run()
     shards = [Shard(number=number, count=4) for number in (1, 2, 4)]
     done = [{(key.task, key.episode) for key in run.episode_keys(shard)} for shard in shards]
@@ -320,6 +321,8 @@ def test_unfinished_shards_are_named(tmp_path: Path) -> None:
     words = Page(folder.page).words
     assert "Missing are: shard 2/4 (1 episode), shard 3/4 (3 episodes, not begun), " in words
     assert "shard 4/4 (3 episodes)." in words
+    main(["report", str(folder.path)])
+    assert "Missing are: shard 2/4 (1 episode), " in capsys.readouterr().out
 
 
 def test_run_of_several_policies_has_a_page_each_and_their_comparison(tmp_path: Path) -> None:

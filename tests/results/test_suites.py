@@ -4,9 +4,9 @@ from duobench.envs.execution import ChunkExecution
 from duobench.errors import UnknownNameError
 from duobench.results.suites import (
     SUITES,
+    SuiteChoice,
     deviations,
     latency_text,
-    make_suite,
     suite_text,
 )
 from duobench.tasks import catalog
@@ -29,7 +29,7 @@ def test_what_a_name_stands_for_does_not_change() -> None:
 
 @pytest.mark.parametrize("name", SUITES)
 def test_suite_is_what_its_name_says(name: str) -> None:
-    suite = make_suite(name)
+    suite = SuiteChoice(suite=name).make()
     assert suite.label == f"{name} {SUITES[name].revision}"
     assert [task.id for task in suite.tasks] == list(catalog.names())
     assert suite.execution == ChunkExecution(execute=30)
@@ -38,9 +38,10 @@ def test_suite_is_what_its_name_says(name: str) -> None:
 
 
 def test_what_differs_from_the_name_is_said() -> None:
-    suite = make_suite(
-        "paper", tasks=["bin_sort"], episodes=5, look="dark", execute=10, latency=3, first_episode=2
+    choice = SuiteChoice(
+        suite="paper", tasks=("bin_sort",), episodes=5, look="dark", first_episode=2
     )
+    suite = choice.make(ChunkExecution(execute=10, latency=3))
     assert suite_text(suite) == (
         "paper 1 with 1 of 11 tasks, 5 episodes instead of 100, episodes from number 2, look dark, "
         "10 actions executed of a chunk instead of 30, latency of 3 control steps (100 ms)"
@@ -49,8 +50,8 @@ def test_what_differs_from_the_name_is_said() -> None:
 
 
 def test_no_name_is_a_suite_of_ones_own() -> None:
-    suite = make_suite()
+    suite = SuiteChoice().make()
     assert (suite.label, suite.episodes, suite.execution) == ("custom", 20, ChunkExecution())
     assert deviations(suite) == []
     with pytest.raises(UnknownNameError, match=r"papr.*paper"):
-        make_suite("papr")
+        SuiteChoice(suite="papr").make()

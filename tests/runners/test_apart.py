@@ -6,7 +6,7 @@ import pytest
 
 from duobench.errors import OtherRunError, PolicyError
 from duobench.policy import Batching
-from duobench.results.journal import read_notes
+from duobench.results.journal import Ended
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import Play, assert_same_episodes, compared
 from tests.runners.test_batches import episodes, named
@@ -83,9 +83,10 @@ def test_nothing_is_removed_where_there_is_no_run(play: Play, tmp_path: Path) ->
 
 def test_time_of_the_policy_is_known_apart_from_waiting_for_it(play: Play) -> None:
     folder, results = play("Dawdles", workers=1, episodes=1)
-    for note in read_notes(folder.timing).values():
-        assert note.policy is not None
-        assert note.waiting is not None
-        assert note.policy >= 0.1 * (toy_tasks.HORIZON - 1)
-        assert note.waiting > 0
+    times = [entry.times for entry in folder.entries() if isinstance(entry, Ended)]
+    assert len(times) == 2
+    for each in times:
+        assert each is not None
+        assert each.policy >= 0.1 * (toy_tasks.HORIZON - 1)
+        assert each.waiting > 0
     assert results.overall.errors == 0

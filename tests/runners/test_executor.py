@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from duobench.errors import MachineryError, RenderingError, UnplayedError
+from duobench.results.journal import Ended
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.runners import process
@@ -79,7 +80,7 @@ def test_result_that_nobody_asked_for_is_dropped(
     assert list((tmp_path / "marks").iterdir())
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 4)
-    assert len(folder.timing.read_text().splitlines()) == 4
+    assert sum(isinstance(entry, Ended) for entry in folder.entries()) == 4
 
 
 def test_policy_that_spoils_its_clock_fails_its_episode_alone(play: Play) -> None:

@@ -27,7 +27,7 @@ from duobench.results.entrants import (
     table_rows,
 )
 from duobench.results.pages import PAGE, check_free, write_files
-from duobench.results.pairs import Comparison, compare_pair
+from duobench.results.pairs import RunComparison, compare_pair
 from duobench.results.paper import paper_results
 from duobench.results.scores import RunPart
 
@@ -35,7 +35,7 @@ DOCUMENT = "comparison.json"
 """The comparison for programs; a folder that has it holds a comparison."""
 
 
-def compare(sources: Sequence[str]) -> Comparison:
+def compare(sources: Sequence[str]) -> RunComparison:
     """Compare runs, any two of them; nothing is written.
 
     Args:
@@ -49,19 +49,19 @@ def compare(sources: Sequence[str]) -> Comparison:
     return _compared(read_entrants(sources))
 
 
-def compare_parts(parts: Iterable[RunPart]) -> Comparison:
+def compare_parts(parts: Iterable[RunPart]) -> RunComparison:
     """Compare what was played under several conditions, such as those of one run."""
     return _compared(lettered([entrant_of(part) for part in parts]))
 
 
-def _compared(entrants: Sequence[Entrant]) -> Comparison:
+def _compared(entrants: Sequence[Entrant]) -> RunComparison:
     rows = table_rows(entrants)
     pairs = [compare_pair(a, b, rows) for a, b in combinations(entrants, 2)]
     tested = sorted((pair for pair in pairs if pair), key=lambda pair: pair.crosses_groups)
-    return Comparison(entrants=tuple(entrants), rows=rows, pairs=tuple(tested))
+    return RunComparison(entrants=tuple(entrants), rows=rows, pairs=tuple(tested))
 
 
-def write_comparison(comparison: Comparison, out: Path, *, is_beside: bool = False) -> Path:
+def write_comparison(comparison: RunComparison, out: Path, *, is_beside: bool = False) -> Path:
     """Write page, tables, figures and the JSON form of a comparison.
 
     Args:
@@ -95,7 +95,7 @@ def write_comparison(comparison: Comparison, out: Path, *, is_beside: bool = Fal
     )
 
 
-def _stages(comparison: Comparison) -> Figure:
+def _stages(comparison: RunComparison) -> Figure:
     rows = [row for row in comparison.rows if row.kind is RowKind.TASK]
     return figures.grouped_stage_bars(
         [
@@ -112,7 +112,7 @@ def _stages(comparison: Comparison) -> Figure:
     )
 
 
-def _progress(comparison: Comparison) -> Figure:
+def _progress(comparison: RunComparison) -> Figure:
     tasks = [row.tasks[0] for row in comparison.rows if row.kind is RowKind.TASK]
     runs = [
         (
@@ -125,7 +125,7 @@ def _progress(comparison: Comparison) -> Figure:
     return figures.overlaid_progress(tasks, runs)
 
 
-def _page(comparison: Comparison, svgs: Mapping[str, str]) -> str:
+def _page(comparison: RunComparison, svgs: Mapping[str, str]) -> str:
     return render(
         "duobench.results",
         "comparison.html.j2",

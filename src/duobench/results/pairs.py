@@ -249,7 +249,7 @@ def _sign(value: float) -> int:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Comparison:
+class RunComparison:
     """What two or more policies are against each other."""
 
     entrants: tuple[Entrant, ...]

@@ -6,14 +6,14 @@ What an episode of a task is belongs to the benchmark: `duobench.randomness.SUIT
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
-from duobench.envs.execution import ChunkExecution
-from duobench.errors import check_known
+from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
+from duobench.errors import OptionError, check_known
 from duobench.looks.catalog import DEFAULT
 from duobench.results.suite import CUSTOM, Suite, find_tasks
-from duobench.shifts.shift import NO_SHIFT, Shift, every_shift
+from duobench.shifts.shift import AXES, NO_SHIFT, Shift, every_shift
 from duobench.tasks import catalog
 
 DEFAULT_EPISODES = 20
@@ -58,55 +58,83 @@ SUITES: Mapping[str, NamedSuite] = {
 """Every suite by its name."""
 
 
-def make_suite(  # noqa: PLR0913
-    name: str | None = None,
-    *,
-    tasks: Sequence[str] = (),
-    episodes: int | None = None,
-    first_episode: int = 0,
-    look: str = DEFAULT,
-    execute: int | None = None,
-    latency: int = 0,
-    shifts: Sequence[Shift] = (),
-    overtime: float = 1.0,
-) -> Suite:
-    """A suite by its name, or one of one's own; what is given replaces what the name stands for.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SuiteChoice:
+    """A suite by its name, or one of one's own; what is given replaces what the name stands for."""
 
-    Args:
-        name: A key of `SUITES`; None for a suite of one's own.
-        tasks: Task ids or import paths `module:ATTRIBUTE`; none takes all of the benchmark.
-        episodes: Episodes of each task; None takes those of the name, or `DEFAULT_EPISODES`.
-        first_episode: Index of the first one.
-        look: Name of the look.
-        execute: Actions of a chunk that are executed; None takes those of the name, or all.
-        latency: Control steps from an observation to the chunk that answers it.
-        shifts: What differs from the usual episodes, condition by condition; none takes those of
-            the name.
-        overtime: Horizons after which an episode without success ends; see `Suite`.
+    suite: str | None = None
+    """paper (100 episodes of each task, 30 actions executed of a chunk), quick (10 episodes),
+    robust (20 episodes under each of 41 shifts, see docs/robustness.md), or none for your own."""
+    tasks: tuple[str, ...] = ()
+    """Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named."""
+    episodes: int | None = None
+    """Episodes of each task; without a number 20, or what the suite says."""
+    first_episode: int = 0
+    """Index of the first episode; seeds follow from task and index alone."""
+    look: str = DEFAULT
+    """Look of the images that the policy sees: wood_table, dark, random:7, ... (docs/looks.md)."""
+    shift: str = NO_SHIFT.name
+    """Play under one shift, such as look-3; see docs/robustness.md."""
+    axes: tuple[str, ...] = ()
+    """Of the suite robust, these axes alone: look, camera, layout, physics, instruction, sensing,
+    latency, all."""
+    levels: tuple[int, ...] = ()
+    """Of the suite robust, these levels alone, 1 to 5; no shift is always played."""
+    overtime: float = 1.0
+    """Play an episode without success on after its horizon, until it has had so many horizons in
+    all, such as 1.5. Scores and records end at the horizon."""
 
-    Raises:
-        UnknownNameError: There is no such suite, task or look.
-        EvaluationError: The suite would be empty.
-        OptionError: Chunks cannot be executed so.
-    """
-    if name is not None:
-        check_known("suite", name, SUITES)
-    named = None if name is None else SUITES[name]
-    usual = named.episodes if named else DEFAULT_EPISODES
-    return Suite(
-        tasks=find_tasks(tasks),
-        episodes=usual if episodes is None else episodes,
-        first_episode=first_episode,
-        look=look,
-        shifts=tuple(shifts) or (named.shifts if named else (NO_SHIFT,)),
-        overtime=overtime,
-        name=named.name if named else CUSTOM,
-        revision=named.revision if named else 1,
-        execution=ChunkExecution(
-            execute=named.execution.execute if named and execute is None else execute,
-            latency=latency,
-        ),
-    )
+    def make(self, execution: ChunkExecution = WHOLE_CHUNKS) -> Suite:
+        """The suite.
+
+        Args:
+            execution: How chunks are executed; without a number of actions as the name says.
+
+        Raises:
+            UnknownNameError: There is no such suite, task, look, shift or axis.
+            EvaluationError: The suite would be empty.
+            OptionError: Axes or levels are chosen of a suite without, or a shift of one with.
+        """
+        if self.suite is not None:
+            check_known("suite", self.suite, SUITES)
+        named = None if self.suite is None else SUITES[self.suite]
+        usual = named.episodes if named else DEFAULT_EPISODES
+        if named and execution.execute is None:
+            execution = replace(execution, execute=named.execution.execute)
+        return Suite(
+            tasks=find_tasks(self.tasks),
+            episodes=usual if self.episodes is None else self.episodes,
+            first_episode=self.first_episode,
+            look=self.look,
+            shifts=self._shifts(named.shifts if named else (NO_SHIFT,)),
+            overtime=self.overtime,
+            name=named.name if named else CUSTOM,
+            revision=named.revision if named else 1,
+            execution=execution,
+        )
+
+    def _shifts(self, usual: tuple[Shift, ...]) -> tuple[Shift, ...]:
+        """The shifts that are chosen, of those that the suite stands for."""
+        chosen = Shift.parse(self.shift)
+        if len(usual) == 1:
+            if self.axes or self.levels:
+                raise OptionError("Axes and levels are chosen of the suite robust, not of others.")
+            return (chosen,)
+        if chosen != NO_SHIFT:
+            raise OptionError("The suite robust has shifts of its own: choose axes and levels.")
+        for axis in self.axes:
+            check_known("axis of a shift", axis, AXES)
+        for level in self.levels:
+            Shift(axis=AXES[0], level=level)
+        return tuple(
+            each
+            for each in usual
+            if each == NO_SHIFT
+            or (
+                (not self.axes or each.axis in self.axes)
+                and (not self.levels or each.level in self.levels)
+            )
+        )
 
 
 def deviations(suite: Suite) -> list[str]:

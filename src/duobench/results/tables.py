@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from duobench.results.entrants import Cell, Entrant, Group, RowKind, TableRow, category_of, sections
-from duobench.results.pairs import Comparison, Pair, Test
+from duobench.results.pairs import Pair, RunComparison, Test
 from duobench.results.paper import paper_results
 from duobench.results.statistics import LEVEL
 
@@ -136,7 +136,7 @@ def _numbers(test: Test) -> str:
     return f"{counts}, {points_text(test.difference)} points (95 % {interval}, {p_phrase(test.p)})"
 
 
-def markdown(comparison: Comparison) -> str:
+def markdown(comparison: RunComparison) -> str:
     """The table as Markdown."""
     lines = ["Success rate in percent, with mean final progress (highest stage / last stage).", ""]
     for group, members in comparison.groups:
@@ -153,7 +153,7 @@ def markdown(comparison: Comparison) -> str:
     return "\n".join([*lines, "", caption(comparison)]) + "\n"
 
 
-def latex(comparison: Comparison) -> str:
+def latex(comparison: RunComparison) -> str:
     """The table as LaTeX; it needs the package booktabs."""
     columns = "l" + "c" * len(comparison.entrants)
     heads, rules, first = [], [], 2
@@ -190,7 +190,7 @@ def latex(comparison: Comparison) -> str:
     return "\n".join(lines) + "\n"
 
 
-def csv_rows(comparison: Comparison) -> list[list[object]]:
+def csv_rows(comparison: RunComparison) -> list[list[object]]:
     """The table for a spreadsheet, one line for each policy in each row, below `CSV_HEADER`."""
     lines: list[list[object]] = [[*CSV_HEADER]]
     for row in comparison.rows:
@@ -223,7 +223,7 @@ def csv_text(lines: Iterable[Iterable[object]]) -> str:
     return buffer.getvalue()
 
 
-def caption(comparison: Comparison) -> str:
+def caption(comparison: RunComparison) -> str:
     """What bold means, and what is not compared."""
     text = (
         "Bold: better than every other policy of its group, by tests at 5 % after Holm's "
@@ -243,7 +243,7 @@ def _name_of(row: TableRow) -> str:
     return row.tasks[0].id if row.kind is RowKind.TASK else row.label
 
 
-def _md_cell(comparison: Comparison, row: TableRow, entrant: Entrant) -> str:
+def _md_cell(comparison: RunComparison, row: TableRow, entrant: Entrant) -> str:
     cell = entrant.cell(row.tasks)
     if cell and comparison.is_best(row, entrant):
         return f"**{rate_text(cell)}** ({progress_text(cell)})"
@@ -261,7 +261,7 @@ def _md(text: str) -> str:
     return text
 
 
-def _tex_cell(comparison: Comparison, row: TableRow, entrant: Entrant) -> str:
+def _tex_cell(comparison: RunComparison, row: TableRow, entrant: Entrant) -> str:
     cell = entrant.cell(row.tasks)
     if cell and comparison.is_best(row, entrant):
         return rf"\textbf{{{rate_text(cell)}}} ({progress_text(cell)})"
@@ -278,7 +278,7 @@ def tex(text: str) -> str:
     return "".join(_LATEX.get(char, char) for char in text)
 
 
-def comparison_json(comparison: Comparison) -> str:
+def comparison_json(comparison: RunComparison) -> str:
     """The comparison as JSON text, numbers with six digits."""
     content = {
         "schema": COMPARISON_SCHEMA,

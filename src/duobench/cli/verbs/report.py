@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from duobench.replay.render import RenderResult
+    from duobench.results.folder import RunFolder
+    from duobench.results.scores import RunPart
 
 
 def report(
@@ -46,7 +48,7 @@ def report(
     from duobench.cli.shared.table import results_table
     from duobench.results.bundle import open_source
     from duobench.results.folder import RunFolder
-    from duobench.results.report import read_parts, write_report
+    from duobench.results.report import missing_shards, read_parts, write_report
 
     reader = open_source(source)
     if isinstance(reader, RunFolder) != (out is None):
@@ -65,33 +67,52 @@ def report(
     write_report(folder, elsewhere)
     impossible = 0
     if videos or replays:
-        load_engine()
-        from duobench.replay.render import choose, choose_few, make_replays, make_videos
-
-        run, records = parts[0].run, [record for part in parts for record in part.records]
-        for what, words, pick, make in (
-            ("video", videos, choose, make_videos),
-            ("replay", replays, choose_few, make_replays),
-        ):
-            if words:
-                chosen = pick(run, records, words)
-                todo = partial(make, folder, run, chosen, import_tasks=import_tasks)
-                impossible += _make(what, todo, screen, import_tasks)
+        impossible = _make_chosen(folder, parts, videos, replays, screen, import_tasks)
         write_report(folder, elsewhere)
+    if missing := missing_shards(folder, parts[0].run):
+        screen.print(missing)
     screen.print(f"Report: {relative(folder.page)}")
     if impossible:
         sys.exit(1)
 
 
+def _make_chosen(
+    folder: RunFolder,
+    parts: Sequence[RunPart],
+    videos: Sequence[str],
+    replays: Sequence[str],
+    screen: Console,
+    import_tasks: bool,
+) -> int:
+    """Make videos and replays of the episodes that words choose; how many cannot be made."""
+    load_engine()
+    from duobench.replay.render import choose, choose_few, make_replays, make_videos
+
+    run, records = parts[0].run, [record for part in parts for record in part.records]
+    impossible = 0
+    for what, words, pick, make in (
+        ("video", videos, choose, make_videos),
+        ("replay", replays, choose_few, make_replays),
+    ):
+        if words:
+            chosen = pick(run, records, words)
+            todo = partial(make, folder, run, chosen, import_tasks=import_tasks)
+            impossible += _make(what, todo, screen, import_tasks)
+    return impossible
+
+
 def _make(what: str, make: Callable[..., RenderResult], screen: Console, import_tasks: bool) -> int:
     """Make videos or replays, and return how many cannot be made."""
     from duobench.cli.shared.progress import display
+    from duobench.shifts.shift import NO_SHIFT
     from duobench.tasks import catalog
 
     with display(screen, what) as shown:
         found = make(progress=shown.tell)
     for record, reason in found.impossible:
-        screen.print(f"No {what} of {record.task}, episode {record.episode}: {reason}")
+        shift = record.condition.shift
+        under = "" if shift == NO_SHIFT else f", {shift}"
+        screen.print(f"No {what} of {record.task}, episode {record.episode}{under}: {reason}")
     if {record.task for record, _ in found.impossible} - set(catalog.names()) and not import_tasks:
         screen.print("With --import-tasks its tasks are imported; that runs the code of others.")
     there = f", {len(found.there)} there before" if found.there else ""
