@@ -7,10 +7,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from duobench.rig_sessions.page_cameras import CameraFeed
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
+from duobench.rig_sessions.cameras import CameraFeed
 from duobench.rig_sessions.rig_teleoperation import RigTeleopPage
 from duobench.types import POLICY_CAMERAS
 from duobench.web.page import assets
