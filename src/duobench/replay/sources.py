@@ -16,9 +16,9 @@ from duobench.envs.sim_env import SimEnv
 from duobench.errors import EvaluationError, check_known
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
-from duobench.replay.claims import disagreements
 from duobench.replay.player import Latest, RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
+from duobench.replay.verify import disagreements
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN
 from duobench.results.folder import RunReader
