@@ -21,26 +21,22 @@ class StageLabel:
     time_s: float
     """When, on the judge's clock."""
     step: int
-    """Control steps of the episode so far."""
     stage: int
     """The stage that was declared, or that holds again after an undo."""
     is_undo: bool = False
-    """Whether the latest declaration was taken back."""
 
 
 class HumanJudge:
     """The judge of `TaskStages` on real arms: the highest stage that a person declared.
 
     What is declared counts from the next control step on, so that every step has one stage.
+
+    Args:
+        max_stage: The last stage of the task.
+        now: A clock in seconds, for the log.
     """
 
     def __init__(self, max_stage: int, now: Callable[[], float] = lambda: 0.0) -> None:
-        """Begin at stage 0.
-
-        Args:
-            max_stage: The last stage of the task.
-            now: A clock in seconds, for the log.
-        """
         self._max, self._now = max_stage, now
         self._lock = threading.Lock()
         self.begin()
